@@ -1,0 +1,1 @@
+"""Agents that come with Minerva Bus, apart from the bus itself."""

@@ -1,0 +1,103 @@
+"""When a robot is at a marker, and how near it tries to come.
+
+A robot has arrived within half a metre of the marker with nothing between. A marker may hang on a
+wall, and another robot may stand before it: where half a metre cannot be had, the robot goes as
+near as it can, and has arrived where that way ends or is blocked, 1.2 m from the marker at most.
+
+One that has arrived makes way for others: it goes on to a place behind the marker, as seen from
+where it came, so that it stands neither in the door nor before the marker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from minerva_agents.robot.ground import blocked, cell_of, centre_of, sees, straightened
+from minerva_agents.robot.knowledge import Cell, Mask, free, obstacles
+from minerva_agents.robot.planning import shortest_path
+
+if TYPE_CHECKING:
+    from minerva_agents.robot.robot import ARobot
+
+REACH: Final = 0.5
+NEAR: Final = 1.2
+APPROACH: Final = "approach"
+MAKE_WAY: Final = "make way"
+
+STOP: Final = 0.4
+"""Metres from the marker that are aimed at: an error of a few centimetres does no harm."""
+
+_DISTANCES: Final = (STOP, 0.6, 0.8, 1.0, NEAR)
+_TRIES: Final = 5
+_FARTHEST: Final = 3.0
+"""Metres that a robot goes at most to make way."""
+
+PATIENCE: Final = 3
+"""Failures in a row after which a robot does with what it can get."""
+
+
+def has_arrived(robot: ARobot, place: Cell) -> bool:
+    """Whether the robot is at the marker, or as near to it as it can get."""
+    dist = math.dist(robot.position, centre_of(place)) * robot.cell
+    if robot.purpose == APPROACH and not robot.plan_rows and dist <= NEAR:
+        return True
+    return dist <= REACH and _sees(robot, place)
+
+
+def is_near(robot: ARobot, place: Cell) -> bool:
+    """Whether the robot is as near as has to do where it can come no nearer."""
+    dist = math.dist(robot.position, centre_of(place)) * robot.cell
+    return dist <= NEAR and (_sees(robot, place) or robot.failures >= PATIENCE)
+
+
+def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
+    """Cells from which to be at the marker, the best first.
+
+    Those without a view of it come last and only after some failures: they may lie in the next
+    room.
+    """
+    walls = obstacles(robot.grid)
+    for dist in _DISTANCES:
+        yield _with_view(walls, _around(walls, place, dist / robot.cell), place)
+    if robot.failures >= PATIENCE:
+        for dist in _DISTANCES:
+            yield _around(walls, place, dist / robot.cell)
+
+
+def make_way(robot: ARobot, place: Cell) -> None:
+    """Plan to go out of the way of others that want to come to the marker, if there is room."""
+    robot.forget_plan()
+    grid, room = robot.grid, robot.room
+    closed = blocked(grid, robot.position, room)
+    walls = obstacles(grid)
+    ring = _around(walls, place, NEAR / robot.cell) & ~_around(walls, place, REACH / robot.cell)
+    cells = np.argwhere(ring & free(grid) & ~closed)
+    down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
+    behind = (cells - place) @ (down, across)
+    for index in np.argsort(-behind, kind="stable")[:_TRIES].tolist():
+        row, column = cells[index].tolist()
+        path = shortest_path(closed, cell_of(robot.position), (row, column))
+        if behind[index] > 0 and path is not None and path.length * robot.cell <= _FARTHEST:
+            way = straightened(grid, robot.position, path.cells, room)
+            return robot.set_way(way, MAKE_WAY)
+    return None
+
+
+def _around(walls: Mask, place: Cell, cells: float) -> Mask:
+    rows, columns = np.ogrid[: walls.shape[0], : walls.shape[1]]
+    return (rows - place[0]) ** 2 + (columns - place[1]) ** 2 <= cells * cells
+
+
+def _with_view(walls: Mask, around: Mask, place: Cell) -> Mask:
+    found = np.zeros(walls.shape, np.bool_)
+    for row, column in np.argwhere(around & ~walls).tolist():
+        found[row, column] = sees(walls, centre_of((row, column)), centre_of(place))
+    return found
+
+
+def _sees(robot: ARobot, place: Cell) -> bool:
+    return sees(obstacles(robot.grid), robot.position, centre_of(place))

@@ -1,0 +1,60 @@
+"""How a robot decides what to do next: section 4.2.5.
+
+The paper leaves the algorithm to the user and shows two: `random` (module `wandering`) and `astar`.
+A third one is a function in `PLANNERS`. It finds the robot, with all that it knows, at the place
+where the next move begins, and returns that move; it may leave a plan in the robot's state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Final
+
+from minerva_agents.robot import astar, wandering
+from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way
+from minerva_agents.robot.following import is_open, pass_corners, step
+from minerva_agents.robot.ground import cell_of
+from minerva_agents.robot.knowledge import holds
+from minerva_agents.robot.looking import look
+from minerva_agents.robot.motion import STAY, Move
+from minerva_agents.robot.vocabulary import eReached
+from minerva_bus import Moment
+
+if TYPE_CHECKING:
+    from minerva_agents.robot.robot import ARobot
+
+PLANNERS: Final[Mapping[str, Callable[[ARobot, Moment], Move]]] = {
+    "astar": astar.decide,
+    "random": wandering.decide,
+}
+
+
+def notice(robot: ARobot) -> None:
+    """Remember what the camera has had in view in this frame, while looking for the objective."""
+    if robot.objective and robot.objective_cell() is None:
+        look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
+
+
+def decide(robot: ARobot, moment: Moment) -> Move:
+    """The robot's next move; at its objective it says so, once, and has none any more."""
+    if not holds(robot.grid, cell_of(robot.position)):
+        robot.forget_plan()  # it has lost its way, and its map with it
+        return STAY
+    pass_corners(robot)
+    if not robot.objective:
+        return _stand_or_make_way(robot, moment.dt)
+    place = robot.objective_cell()
+    if place is not None and has_arrived(robot, place):
+        moment.emit(eReached(robot.objective))
+        robot.objective = ""
+        make_way(robot, place)
+        return STAY
+    return PLANNERS[robot.planner](robot, moment) if robot.speed > 0 else STAY
+
+
+def _stand_or_make_way(robot: ARobot, dt: float) -> Move:
+    if robot.purpose != MAKE_WAY or not is_open(robot):
+        if robot.plan_rows:
+            robot.forget_plan()
+        return STAY
+    return step(robot, dt)

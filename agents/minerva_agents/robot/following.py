@@ -1,0 +1,37 @@
+"""How a robot follows its way: corner by corner, as long as nothing has turned up on it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from minerva_agents.robot.ground import is_clear
+from minerva_agents.robot.motion import STAY, Move, towards
+
+if TYPE_CHECKING:
+    from minerva_agents.robot.robot import ARobot
+
+_THERE: Final = 1e-4
+
+
+def pass_corners(robot: ARobot) -> None:
+    """Drop the corners at which the robot has arrived."""
+    way = robot.way
+    while way and math.dist(way[0], robot.position) < _THERE:
+        way.pop(0)
+    if len(way) != len(robot.plan_rows):
+        robot.set_way(way, robot.purpose)
+
+
+def is_open(robot: ARobot) -> bool:
+    """Whether there is a way on, and no obstacle has turned up on it."""
+    way = robot.way
+    return bool(way) and is_clear(robot.grid, (robot.position, *way), robot.room)
+
+
+def step(robot: ARobot, dt: float) -> Move:
+    """The next move along the way."""
+    if not robot.plan_rows:
+        return STAY
+    corner = robot.plan_rows[0], robot.plan_columns[0]
+    return towards(robot.pose, *corner, robot.cell, robot.speed * dt, dt)

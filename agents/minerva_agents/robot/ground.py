@@ -1,0 +1,147 @@
+"""Where a robot can stand and go, by what it knows: obstacles, the room around them, ways.
+
+Positions are (row, column) in cells; the centre of cell (2, 3) is (2.5, 3.5). What is unknown
+counts as free: a robot that never went there would never know.
+
+A robot keeps so far from the centres of obstacles' cells that it touches nothing wherever in such
+a cell the obstacle stands. One that has come nearer, by an error or because something came to it,
+may go anywhere but nearer still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from minerva_agents.robot.knowledge import Cell, Mask, obstacles
+from minerva_agents.robot.planning import inflate
+from minerva_bus import Cells
+
+Position: TypeAlias = tuple[float, float]
+Way: TypeAlias = Sequence[Position]
+
+_HALF_DIAGONAL: Final = 0.7072
+_SLACK: Final = 1e-6
+
+
+def room_of(radius: float, cell: float) -> float:
+    """How far, in cells, a robot stays from the centre of an obstacle's cell."""
+    return radius / cell + _HALF_DIAGONAL
+
+
+def cell_of(position: Position) -> Cell:
+    """The cell in which a position lies."""
+    return math.floor(position[0]), math.floor(position[1])
+
+
+def centre_of(cell: Cell) -> Position:
+    """The middle of a cell."""
+    return cell[0] + 0.5, cell[1] + 0.5
+
+
+def blocked(grid: Cells, at: Position, room: float) -> Mask:
+    """Where a robot that is at a position must not go."""
+    walls = obstacles(grid)
+    closed = inflate(walls, room)
+    here = cell_of(at)
+    if closed[here]:
+        _open(closed, walls, at, room)
+        closed[here] = False
+    return closed
+
+
+def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
+    """Open the cells around that are no nearer to any of the near obstacles than the robot is."""
+    reach = 2 * math.ceil(room)
+    row, column = cell_of(at)
+    corner = max(0, row - 2 * reach), max(0, column - 2 * reach)
+    window = np.s_[corner[0] : row + 2 * reach + 1, corner[1] : column + 2 * reach + 1]
+    far = walls[window].copy()
+    centres = np.argwhere(far) + corner + 0.5
+    near = centres[np.hypot(*(centres - at).T) < room]
+    far[tuple((near - corner).astype(np.intp).T)] = False
+    opened = inflate(far, room)
+    rows, columns = np.ogrid[: far.shape[0], : far.shape[1]]
+    for centre in near.tolist():
+        down, across = rows + (corner[0] + 0.5 - centre[0]), columns + (corner[1] + 0.5 - centre[1])
+        opened |= np.hypot(down, across) < math.dist(centre, at) - _SLACK
+    inner = np.s_[
+        max(0, row - corner[0] - reach) : row - corner[0] + reach + 1,
+        max(0, column - corner[1] - reach) : column - corner[1] + reach + 1,
+    ]
+    closed[window][inner] &= opened[inner]
+
+
+def is_clear(grid: Cells, way: Way, room: float) -> bool:
+    """Whether a way along straight lines stays clear of obstacles by that much room.
+
+    To an obstacle that is nearer than that where it begins it must not come nearer still.
+    """
+    return all(_is_clear(grid, *line, way[0], room) for line in pairwise(way))
+
+
+def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room: float) -> bool:
+    (row, column), (to_row, to_column) = begin, end
+    top = max(0, math.floor(min(row, to_row) - room))
+    left = max(0, math.floor(min(column, to_column) - room))
+    bottom = math.ceil(max(row, to_row) + room)
+    right = math.ceil(max(column, to_column) + room)
+    rows, columns = obstacles(grid[top:bottom, left:right]).nonzero()
+    if not rows.size:
+        return True
+    down, across = to_row - row, to_column - column
+    rows, columns = rows + (top + 0.5 - row), columns + (left + 0.5 - column)
+    along = (rows * down + columns * across) / max(down * down + across * across, _SLACK)
+    along.clip(0.0, 1.0, out=along)
+    nearest = np.hypot(rows - along * down, columns - along * across)
+    if nearest.min() > room:
+        return True
+    at_first = np.hypot(rows + (row - first[0]), columns + (column - first[1]))
+    return bool((nearest > np.minimum(at_first, room) - _SLACK).all())
+
+
+def corners(cells: Sequence[Cell]) -> list[Cell]:
+    """The first cell of a path, those where it turns, and the last."""
+    turns = [
+        here
+        for before, here, after in zip(cells, cells[1:], cells[2:], strict=False)
+        if (here[0] - before[0], here[1] - before[1]) != (after[0] - here[0], after[1] - here[1])
+    ]
+    return [cells[0], *turns, *cells[1:][-1:]]
+
+
+def straightened(grid: Cells, at: Position, cells: Sequence[Cell], room: float) -> list[Position]:
+    """The way from a position along a path of cells, with its corners cut where there is room."""
+    turns = [centre_of(cell) for cell in corners(cells)]
+    way = [] if _leaves_at_once(grid, at, turns, room) else [turns[0]]
+    here, ahead = at if not way else turns[0], turns[1:]
+    while ahead:
+        while len(ahead) > 1 and is_clear(grid, (here, ahead[1]), room):
+            ahead.pop(0)
+        here = ahead.pop(0)
+        way.append(here)
+    return way
+
+
+def _leaves_at_once(grid: Cells, at: Position, turns: Way, room: float) -> bool:
+    """Whether the first corner can be had without going to the middle of the own cell before."""
+    if len(turns) < 2:
+        return False
+    return is_clear(grid, (at, turns[1]), room) or not is_clear(grid, (at, turns[0]), room)
+
+
+def sees(walls: Mask, here: Position, there: Position) -> bool:
+    """Whether no obstacle lies between two positions; the cells of both ends do not count."""
+    down, across = there[0] - here[0], there[1] - here[1]
+    count = 2 * math.ceil(max(abs(down), abs(across))) + 1
+    ends = (cell_of(here), cell_of(there))
+    for step in range(1, count):
+        part = step / count
+        cell = cell_of((here[0] + part * down, here[1] + part * across))
+        if cell not in ends and walls[cell]:
+            return False
+    return True

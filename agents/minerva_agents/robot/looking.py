@@ -1,0 +1,96 @@
+"""What the camera has looked at, and where a search for a marker has still to look.
+
+A laser sees a whole room from its door; the camera sees only what lies ahead. So a robot that
+looks for a marker remembers which free cells its camera has had in view.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Cell, Mask, free
+from minerva_agents.robot.motion import Pose
+from minerva_bus import Cells
+
+_WINDOW: Final = 3
+"""Cells around one that decide whether there is news to be had from it."""
+
+
+def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
+    """Mark the free cells ahead as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
+    rays = 2 + int(math.radians(fov) * reach)
+    headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
+    steps = np.arange(int(reach) + 1, dtype=np.float64)
+    rows = _along(pose.row, steps, [math.cos(heading) for heading in headings])
+    columns = _along(pose.column, steps, [math.sin(heading) for heading in headings])
+    inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
+    flat = np.where(inside, rows * grid.shape[1] + columns, 0)
+    cells = grid.reshape(-1)
+    codes = cells[flat]
+    ends = (codes != FREE) & (codes < SEEN) | ~inside
+    open_cells = flat[~np.logical_or.accumulate(ends, axis=1) & (codes == FREE)]
+    cells[open_cells] = SEEN
+
+
+def forget_looks(grid: Cells) -> None:
+    """Free cells are free again and have not been looked at."""
+    grid[grid == SEEN] = FREE
+
+
+def frontier(grid: Cells) -> Mask:
+    """Free cells beside the unknown.
+
+    Gaps between two beams do not count as unknown.
+    """
+    unknown = expanses(grid == UNKNOWN)
+    beside = np.zeros(grid.shape, np.bool_)
+    beside[1:] |= unknown[:-1]
+    beside[:-1] |= unknown[1:]
+    beside[:, 1:] |= unknown[:, :-1]
+    beside[:, :-1] |= unknown[:, 1:]
+    return free(grid) & beside
+
+
+def out_of_view(grid: Cells) -> Mask:
+    """Free cells that the camera has not had in view; specks do not count."""
+    return expanses(grid == FREE)
+
+
+def expanses(mask: Mask) -> Mask:
+    """What is left of a mask without all that is less than three cells wide."""
+    return _grown(_all_around(mask))
+
+
+def is_news(grid: Cells, cell: Cell) -> bool:
+    """Whether a cell still is on the frontier or out of view."""
+    top, left = max(0, cell[0] - _WINDOW), max(0, cell[1] - _WINDOW)
+    window = grid[top : cell[0] + _WINDOW + 1, left : cell[1] + _WINDOW + 1]
+    here = cell[0] - top, cell[1] - left
+    return bool(frontier(window)[here] or out_of_view(window)[here])
+
+
+def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> NDArray[np.intp]:
+    return np.floor(np.outer(slopes, steps) + origin).astype(np.intp)
+
+
+def _all_around(mask: Mask) -> Mask:
+    """Where a cell and its eight neighbours are True; never at the rim."""
+    down = mask[:-2] & mask[1:-1] & mask[2:]
+    made = np.zeros(mask.shape, np.bool_)
+    made[1:-1, 1:-1] = down[:, :-2] & down[:, 1:-1] & down[:, 2:]
+    return made
+
+
+def _grown(mask: Mask) -> Mask:
+    """Where a cell or one of its eight neighbours is True."""
+    down = mask.copy()
+    down[1:] |= mask[:-1]
+    down[:-1] |= mask[1:]
+    made = down.copy()
+    made[:, 1:] |= down[:, :-1]
+    made[:, :-1] |= down[:, 1:]
+    return made

@@ -1,0 +1,87 @@
+"""How a robot moves: a turn on the spot and a distance forward, as the string that says so.
+
+An action is `TRotate<angle>(TMove<dist>(PRobot))`: a robot carries it out in one frame, first the
+turn, then the move along the new heading. A robot that stays is `PRobot` alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, cast
+
+from minerva_agents.robot.knowledge import at_distance
+from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
+from minerva_bus import Scene
+from minerva_bus.grammar.scene import TransformationNode, walk
+
+TURNING: Final = 180.0
+"""Degrees in a second that a robot turns at most."""
+
+_NEAR: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A turn in degrees, counter-clockwise, and then a distance forward in metres."""
+
+    turn: float = 0.0
+    dist: float = 0.0
+
+
+STAY: Final = Move()
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a robot is: a position in cells and a heading in degrees."""
+
+    row: float
+    column: float
+    angle: float
+
+    def after(self, move: Move, cell: float) -> Pose:
+        """Where the move leads; `cell` is the side of a cell in metres."""
+        angle = _wrapped(self.angle + move.turn)
+        if not move.dist:
+            return Pose(self.row, self.column, angle)
+        return Pose(*at_distance(self.row, self.column, angle, move.dist / cell), angle)
+
+
+def action_of(move: Move, name: str, radius: float) -> Scene:
+    """The string of a move."""
+    robot = PRobot(name, radius)
+    return robot if move == STAY else TRotate(move.turn)(TMove(move.dist)(robot))
+
+
+def move_of(action: Scene) -> Move:
+    """The move that an action's string stands for."""
+    turn = dist = 0.0
+    for opens, node in walk(action):
+        if opens and isinstance(node, TransformationNode):
+            if node.symbol == TRotate.name:
+                turn += cast("float", node.values[0])
+            elif node.symbol == TMove.name:
+                dist += cast("float", node.values[0])
+    return Move(turn, dist)
+
+
+def towards(pose: Pose, row: float, column: float, cell: float, farthest: float, dt: float) -> Move:
+    """The move of one frame towards a position, `farthest` metres at most.
+
+    A robot drives only once it faces the position, so it never leaves the straight way there.
+    """
+    down, across = row - pose.row, column - pose.column
+    dist = math.hypot(down, across) * cell
+    if dist < _NEAR:
+        return STAY
+    turn = _wrapped(math.degrees(math.atan2(across, down)) - pose.angle)
+    most = TURNING * dt
+    if abs(turn) > most:
+        return Move(math.copysign(most, turn))
+    return Move(turn, min(dist, farthest))
+
+
+def _wrapped(angle: float) -> float:
+    """The same direction in [-180, 180)."""
+    return angle if -180.0 <= angle < 180.0 else (angle + 180.0) % 360.0 - 180.0

@@ -1,0 +1,202 @@
+"""The robot of the paper, ARobot: its state and its evolution function λ, section 4.2.3.
+
+The activities below are the cases of λ, one for each event, in the paper's order. All that a robot
+remembers is in its state, so another process can go on with it from any frame.
+"""
+
+from __future__ import annotations
+
+from minerva_agents.robot import deciding
+from minerva_agents.robot.ground import Position, room_of
+from minerva_agents.robot.knowledge import (
+    at_distance,
+    clear_beam,
+    mark_marker,
+    mark_obstacle,
+    part_that_counts,
+    place_of,
+)
+from minerva_agents.robot.motion import STAY, Move, Pose, action_of, move_of
+from minerva_agents.robot.vocabulary import PGoal, PGrid, PPath, PRobot, TPlace
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Cells,
+    Degrees,
+    Event,
+    Metres,
+    MetresPerSecond,
+    Moment,
+    Scene,
+    on,
+    view,
+)
+
+
+class ARobot(Agent, symbol="ARobot"):
+    """A robot that looks for a marker.
+
+    The paper's attributes:
+        grid: what is known of the floor, cell by cell; see `knowledge` for the codes.
+        row, column: where the robot is in the grid, in cells; it stands in the cell of the floor.
+        angle: where it heads, counter-clockwise from the direction in which rows grow.
+        speed: how far it goes in a second.
+        objective: the marker it is to find, or empty for none.
+        action: what it carries out in this frame; ε at first.
+
+    What an implementation needs besides:
+        cell: the side of a cell.
+        x0, y0: where in the world the outer corner of cell (0, 0) lies.
+        radius: the robot's own.
+        planner: how it decides, see `deciding`.
+        markers: the names that the grid's marker codes stand for; a camera's new one is added.
+        fov, sight: how wide and how far the robot takes its camera to see.
+        plan_rows, plan_columns: the corners still ahead on its way.
+        purpose: what the way is for.
+        pause: frames for which it still waits.
+        failures: how often in a row it has found no way.
+    """
+
+    grid: Cells
+    row: float
+    column: float
+    angle: Degrees = 0.0
+    speed: MetresPerSecond = 0.0
+    objective: str = ""
+    action: Scene = EMPTY
+
+    cell: Metres = 0.1
+    x0: Metres = 0.0
+    y0: Metres = 0.0
+    radius: Metres = 0.18
+    planner: str = "astar"
+    markers: tuple[str, ...] = ()
+    fov: Degrees = 60.0
+    sight: Metres = 5.0
+    plan_rows: tuple[float, ...] = ()
+    plan_columns: tuple[float, ...] = ()
+    purpose: str = ""
+    pause: int = 0
+    failures: int = 0
+
+    @on("eLaser")
+    def sense_obstacle(self, laser: Event, moment: Moment) -> None:
+        """g': an obstacle at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
+        grid, dist = self.writable("grid"), laser.dist / self.cell
+        row, column = at_distance(self.row, self.column, self.angle + laser.angle, dist)
+        part = part_that_counts(moment.number)
+        clear_beam(grid, self.row, self.column, row, column, part)
+        mark_obstacle(grid, row, column)
+
+    @on("eCamera")
+    def sense_marker(self, camera: Event, moment: Moment) -> None:
+        """g': a marker at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
+        if camera.marker not in self.markers:
+            self.markers = (*self.markers, camera.marker)
+        marker, dist = self.markers.index(camera.marker), camera.dist / self.cell
+        row, column = at_distance(self.row, self.column, self.angle + camera.angle, dist)
+        mark_marker(self.writable("grid"), row, column, marker)
+
+    @on("eDecide")
+    def decide(self, event: Event, moment: Moment) -> None:
+        """r', c', ang', act': where the action of this frame leads, and the one for the next."""
+        if not self.action.nodes:
+            self.action = action_of(STAY, self.id, self.radius)
+            return
+        deciding.notice(self)
+        self._stand(self.pose.after(move_of(self.action), self.cell))
+        move = deciding.decide(self, moment)
+        self._act(move)
+
+    @on("eObjective")
+    def set_objective(self, order: Event, moment: Moment) -> None:
+        """o': the marker to find from now on."""
+        self.objective = order.marker
+
+    @on("eSpeed")
+    def set_speed(self, order: Event, moment: Moment) -> None:
+        """s': the speed from now on."""
+        self.speed = order.speed
+
+    @on("eCollision")
+    def collide(self, collision: Event, moment: Moment) -> None:
+        """Go back by what was not driven, remember the obstacle, make a new plan.
+
+        Physics stopped the move that `decide` has taken for done (section 5).
+        """
+        back = Move(0.0, -collision.shortfall)
+        self._stand(self.pose.after(back, self.cell))
+        touch = self.radius / self.cell + 0.5
+        mark_obstacle(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
+        self.forget_plan()
+
+    @view("eRepresent")
+    def represent(self, event: Event) -> Scene:
+        """θ: the action, carried out where the robot is."""
+        return TPlace(*self.metres(self.position), self.angle)(self.action)
+
+    @view("ePicture")
+    def picture(self, event: Event) -> Scene:
+        """θ: the robot, what it knows, its way and where its objective is."""
+        known = PGrid(self.grid, self.cell, self.x0, self.y0)
+        robot = TPlace(*self.metres(self.position), self.angle)(PRobot(self.id, self.radius))
+        return known + self._way_shown() + self._goal_shown() + robot
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is and heads."""
+        return Pose(self.row, self.column, self.angle)
+
+    @property
+    def position(self) -> Position:
+        """Where the robot is, in cells."""
+        return self.row, self.column
+
+    @property
+    def room(self) -> float:
+        """How far it keeps from obstacles, in cells."""
+        return room_of(self.radius, self.cell)
+
+    @property
+    def way(self) -> list[Position]:
+        """The corners that are still ahead."""
+        return list(zip(self.plan_rows, self.plan_columns, strict=True))
+
+    def set_way(self, way: list[Position], purpose: str) -> None:
+        """Have another way."""
+        self.plan_rows = tuple([row for row, _ in way])
+        self.plan_columns = tuple([column for _, column in way])
+        self.purpose = purpose
+
+    def forget_plan(self) -> None:
+        """Have no way any more."""
+        self.set_way([], "")
+
+    def objective_cell(self) -> tuple[int, int] | None:
+        """Where the objective's marker is, or None while it has not been seen."""
+        if self.objective not in self.markers:
+            return None
+        return place_of(self.grid, self.markers.index(self.objective))
+
+    def metres(self, position: Position) -> Position:
+        """A position of the grid in metres of the world."""
+        return self.x0 + position[0] * self.cell, self.y0 + position[1] * self.cell
+
+    def _stand(self, pose: Pose) -> None:
+        self.row, self.column, self.angle = pose.row, pose.column, pose.angle
+
+    def _act(self, move: Move) -> None:
+        if move != move_of(self.action):
+            self.action = action_of(move, self.id, self.radius)
+
+    def _way_shown(self) -> Scene:
+        if not self.plan_rows:
+            return EMPTY
+        points = [self.metres(one) for one in (self.position, *self.way)]
+        return PPath(tuple([x for x, _ in points]), tuple([y for _, y in points]))
+
+    def _goal_shown(self) -> Scene:
+        place = self.objective_cell() if self.objective else None
+        if place is None:
+            return EMPTY
+        return TPlace(*self.metres((place[0] + 0.5, place[1] + 0.5)))(PGoal())

@@ -1,0 +1,128 @@
+"""The alphabets of the robot's world: Tables 3 and 4 of the paper, and what an implementation adds.
+
+Tables 3 and 4 have PMap, PRobot, TMove, TRotate and the six events eLaser to eSpeed. Added are
+TPlace, which says where a robot or a marker stands; PMarker, for a floor shows the rooms' markers;
+PGrid, PPath and PGoal, which show what a robot knows and means to do; eCollision, by which physics
+reaches an agent (section 5); eReached, by which the robot reports; ePicture, a second view.
+
+Rows of a grid grow along the world's x, columns along its y. Lengths are metres, angles degrees,
+counter-clockwise.
+"""
+
+from minerva_bus import (
+    Cells,
+    Default,
+    Degrees,
+    Disc,
+    EventType,
+    Label,
+    Line,
+    Metres,
+    MetresPerSecond,
+    Motion,
+    Primitive,
+    Raster,
+    Transformation,
+)
+
+PMap = Primitive(
+    "PMap",
+    Raster(
+        "cells",
+        "resolution",
+        "x",
+        "y",
+        "angle",
+        colors=((-1, "#d9d4c7"), (0, "#fbfaf6"), (1, "#2f3640")),
+        height=1.0,
+    ),
+    cells=Cells,
+    resolution=Metres,
+    x=Default(Metres, 0.0),
+    y=Default(Metres, 0.0),
+    angle=Default(Degrees, 0.0),
+)
+"""The floor as a map has it: -1 unknown, 0 free, 100 occupied."""
+
+PRobot = Primitive(
+    "PRobot", Disc("radius", "#e07a2f", heading=True), name=str, radius=Default(Metres, 0.18)
+)
+"""The robot, about the origin and with its heading along x; `name` is the agent's id."""
+
+PMarker = Primitive("PMarker", Label("name", "#2f6f8f"), name=str)
+"""A marker that identifies a room; it stands where a TPlace puts it."""
+
+PGrid = Primitive(
+    "PGrid",
+    Raster(
+        "cells",
+        "cell",
+        "x",
+        "y",
+        colors=((0, ""), (1, "#b9d9e8"), (2, "#c0392b"), (10, "#8fc7a0"), (16, "#8e44ad")),
+        opacity=0.45,
+    ),
+    cells=Cells,
+    cell=Metres,
+    x=Default(Metres, 0.0),
+    y=Default(Metres, 0.0),
+)
+"""What a robot knows of the floor; for the codes see `knowledge`."""
+
+PPath = Primitive(
+    "PPath",
+    Line("xs", "ys", "#e07a2f", 0.05, dashed=True),
+    xs=tuple[float, ...],
+    ys=tuple[float, ...],
+)
+"""The way that a robot means to go, in metres of the world."""
+
+PGoal = Primitive("PGoal", Disc("radius", "#c2185b"), radius=Default(Metres, 0.12))
+"""Where a robot believes its objective to be."""
+
+TMove = Transformation("TMove", Motion(forward="dist"), dist=Metres)
+"""Move a distance, along the heading."""
+
+TRotate = Transformation("TRotate", Motion(turn="angle"), angle=Degrees)
+"""Rotate an angle."""
+
+TPlace = Transformation(
+    "TPlace",
+    Motion("x", "y", "angle"),
+    x=Metres,
+    y=Metres,
+    angle=Default(Degrees, 0.0),
+)
+"""Put at a place of the world, with a heading."""
+
+eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
+"""The laser detects an obstacle at this distance and angle from the robot's heading."""
+
+eCamera = EventType("eCamera", marker=str, dist=Metres, angle=Default(Degrees, 0.0))
+"""The camera detects a marker.
+
+Table 4 gives this event the marker only, while 4.2.3 uses a distance as well and takes the marker
+to lie straight ahead. A camera knows the marker's bearing too: `angle`, from the robot's heading;
+with 0 the cell is that of the paper's formula to the letter.
+"""
+
+eDecide = EventType("eDecide")
+"""The robot makes a decision."""
+
+eObjective = EventType("eObjective", marker=str)
+"""The user sets the objective marker."""
+
+eSpeed = EventType("eSpeed", speed=MetresPerSecond)
+"""The user sets a new speed."""
+
+eCollision = EventType("eCollision", shortfall=Metres)
+"""Something stopped the last move: so many metres of it were not driven."""
+
+eReached = EventType("eReached", marker=str)
+"""A robot has reached its objective; sent by the robot itself."""
+
+eRepresent = EventType("eRepresent", visual=True)
+"""The robot's action is carried out in the representation space."""
+
+ePicture = EventType("ePicture", visual=True)
+"""The robot shows where it is, what it knows and what it means to do."""

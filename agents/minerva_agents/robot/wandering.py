@@ -1,0 +1,78 @@
+"""Random decisions: a random way, straight on for a random while, until the marker is in sight.
+
+The paper's first algorithm, 4.2.5. Nothing is planned: the robot knows obstacles when it meets
+them, and goes to its objective once there is a straight way to it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from minerva_agents.robot.arriving import APPROACH, STOP
+from minerva_agents.robot.following import is_open, step
+from minerva_agents.robot.ground import (
+    Position,
+    cell_of,
+    centre_of,
+    is_clear,
+)
+from minerva_agents.robot.knowledge import at_distance, holds
+from minerva_agents.robot.motion import Move
+from minerva_bus import Moment
+
+if TYPE_CHECKING:
+    from minerva_agents.robot.robot import ARobot
+
+WANDER: Final = "wander"
+
+_SHORTEST: Final = 0.3
+_LONGEST: Final = 6.0
+_TRIES: Final = 12
+
+
+def decide(robot: ARobot, moment: Moment) -> Move:
+    """The next move of a robot that follows its nose."""
+    if not _go_straight_there(robot) and not is_open(robot):
+        robot.forget_plan()
+        way = _random_way(robot, moment)
+        if way is not None:
+            robot.set_way([way], WANDER)
+    return step(robot, moment.dt)
+
+
+def _go_straight_there(robot: ARobot) -> bool:
+    """Whether the robot is on its straight way to the marker; it sets out if there is one."""
+    place = robot.objective_cell()
+    if place is None:
+        return False
+    if robot.purpose == APPROACH and is_open(robot):
+        return True
+    marker = centre_of(place)
+    part = 1.0 - STOP / (math.dist(marker, robot.position) * robot.cell)
+    if part <= 0.0:
+        return False
+    row, column = robot.position
+    end = row + part * (marker[0] - row), column + part * (marker[1] - column)
+    if not is_clear(robot.grid, (robot.position, end), robot.room):
+        return False
+    robot.set_way([end], APPROACH)
+    return True
+
+
+def _random_way(robot: ARobot, moment: Moment) -> Position | None:
+    """The end of a random straight way, or None where luck has found none.
+
+    A random length is drawn, then random headings until that length of the way is free; it is
+    halved where a dozen headings are not.
+    """
+    length = float(moment.random.uniform(_SHORTEST, _LONGEST))
+    while length >= _SHORTEST:
+        for heading in moment.random.uniform(-180.0, 180.0, _TRIES).tolist():
+            end = at_distance(robot.row, robot.column, heading, length / robot.cell)
+            if holds(robot.grid, cell_of(end)) and is_clear(
+                robot.grid, (robot.position, end), robot.room
+            ):
+                return end
+        length /= 2
+    return None

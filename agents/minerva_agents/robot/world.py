@@ -1,0 +1,125 @@
+"""The robot's world: its vocabulary, and the initial string of 4.2.4 from a world file's options.
+
+| option    | default   | meaning                                                               |
+|-----------|-----------|-----------------------------------------------------------------------|
+| map       | ""        | a map of the ROS map_server, .yaml, or an image; "": the office plan   |
+| markers   | {}        | places by name, {kitchen = [x, y]}; {}: the map's own, or six far apart |
+| start     | ""        | "x, y, degrees"; "": the map's own, or where there is most room        |
+| robots    | 1         | how many; they start side by side                                     |
+| planner   | "astar"   | how they decide, "astar" or "random"                                  |
+| objective | ""        | a marker; "": the kitchen, or else the one farthest from the start     |
+| cell      | 0.1       | metres, the side of a cell of the robots' grid                        |
+| radius    | 0.18      | metres, a robot's                                                     |
+| fov       | 60        | degrees, the width of the camera's field of view                      |
+| sight     | 5.0       | metres, how far the camera recognises a marker                        |
+
+Other options are left to the processes of the world.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from minerva_agents.robot import vocabulary as words
+from minerva_agents.robot.maps import OccupancyMap, Pose
+from minerva_agents.robot.options import Options
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
+from minerva_bus import Cells, Scene, Vocabulary
+
+vocabulary: Final = Vocabulary.of(
+    words.PMap,
+    words.PMarker,
+    words.PRobot,
+    words.PGrid,
+    words.PPath,
+    words.PGoal,
+    words.TMove,
+    words.TRotate,
+    words.TPlace,
+    words.eLaser,
+    words.eCamera,
+    words.eDecide,
+    words.eObjective,
+    words.eSpeed,
+    words.eCollision,
+    words.eReached,
+    words.eRepresent,
+    words.ePicture,
+    ARobot,
+)
+"""All symbols and event types of the robot's world."""
+
+_NAMES: Final = ("map", "start", "robots", "planner", "cell", "radius", "fov", "sight")
+
+
+def scene(options: Mapping[str, Any]) -> Scene:
+    """The initial string: PMap, the markers, and the robots r1, r2, ... with nothing in mind.
+
+    Raises MinervaError for options and maps that cannot be used.
+    """
+    chosen = Options.read(options)
+    floor = chosen.floor
+    made = PMap(floor.cells, floor.resolution, floor.x, floor.y, floor.angle)
+    for marker in chosen.places:
+        made += TPlace(marker.x, marker.y)(PMarker(marker.name))
+    grid = _empty_grid(floor, chosen.cell)
+    for number, start in enumerate(chosen.starts, start=1):
+        made += _robot(f"r{number}", start, grid, chosen).string
+    return made
+
+
+def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The options with the objective filled in and all of them checked.
+
+    Raises MinervaError for options and maps that cannot be used.
+    """
+    chosen = Options.read(options)
+    made = {name: getattr(chosen, name) for name in _NAMES if name not in options}
+    return {**made, **options, "objective": chosen.goal}
+
+
+def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
+    """A robot that knows nothing, wants nothing and does nothing: 4.2.4."""
+    x, y, angle = start
+    return ARobot(
+        name,
+        grid=grid.cells,
+        row=(x - grid.x) / chosen.cell,
+        column=(y - grid.y) / chosen.cell,
+        angle=angle,
+        cell=chosen.cell,
+        x0=grid.x,
+        y0=grid.y,
+        radius=chosen.radius,
+        planner=chosen.planner,
+        markers=tuple([marker.name for marker in chosen.places]),
+        fov=chosen.fov,
+        sight=chosen.sight,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Empty cells, and where in the world the outer corner of cell (0, 0) lies."""
+
+    cells: Cells
+    x: float
+    y: float
+
+
+def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
+    """A grid under the whole map, and one cell more on each side."""
+    rows, columns = floor.cells.shape
+    ends = [floor.corner_of((row, column)) for row in (0, rows) for column in (0, columns)]
+    x, y = (min(end[axis] for end in ends) for axis in (0, 1))
+    far_x, far_y = (max(end[axis] for end in ends) for axis in (0, 1))
+    high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in (far_x - x, far_y - y))
+    cells = np.zeros((high, wide), np.int16)
+    cells.setflags(write=False)
+    return _Grid(cells, round(x - cell, 9), round(y - cell, 9))

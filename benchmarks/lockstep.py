@@ -1,0 +1,171 @@
+"""Microseconds per frame of an empty lockstep, beside other platforms in one run.
+
+    python -m benchmarks.lockstep [--workers 1 2 4 8 16] [--systems minerva zenoh ...] [--json]
+
+A frame: K member processes are asked and answer that they have nothing; the coordinator has all
+answers, collects, and digests the string. The peers' scripts are looked for in --peers (each has
+`bench_<peer>.py` and a virtual environment `venvs/<peer>`); what is not there is left out, saying
+so. Machines are noisy: read the ratios, which come from turns taken within this one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from minerva_bus import Generator, Primitive, Vocabulary
+from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.member import BusMember
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+
+WARM_UP = 100
+FIGURES = ("us_per_step_median", "us_per_step_p99", "startup_s")
+VOCABULARY = Vocabulary.of(Primitive("PNothing"))
+BARE = "zenoh/bench_zenoh_bcast.py"
+BARE_OPTIONS = ["--topo", "rstar", "--recv", "chan", "--wrecv", "chan"]
+PEERS: dict[str, tuple[str, list[str]]] = {
+    "zenoh": (BARE, BARE_OPTIONS),
+    "mosaik": ("bench_mosaik.py", []),
+    "helics": ("bench_helics.py", []),
+    "dora": ("bench_dora.py", []),
+    "spade": ("bench_spade.py", []),
+}
+
+
+class Idle(Generator):
+    """A member that does nothing."""
+
+
+def member(name: str, endpoint: str) -> int:
+    """Run one idle member."""
+    return BusMember(Participant(name, Idle()), "lockstep", endpoint, print).run()
+
+
+def minerva(workers: int, steps: int) -> dict[str, float]:
+    """Run our own lockstep: the coordinator here, the members as processes."""
+    began = time.perf_counter()
+    names = [f"idle-{number}" for number in range(workers)]
+    times: list[float] = []
+    children: list[subprocess.Popen[bytes]] = []
+
+    def start(endpoint: str) -> None:
+        for name in names:
+            words = [sys.executable, "-m", "benchmarks.lockstep", "--member", name, endpoint]
+            children.append(subprocess.Popen(words))
+
+    world = World(
+        "lockstep",
+        VOCABULARY.read("PNothing"),
+        VOCABULARY,
+        frames=WARM_UP + steps,
+        expected=frozenset(names),
+    )
+    watchers = Watchers(
+        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        status=lambda _: None,
+        listening=start,
+        stalled=lambda name, _: None,
+        frame_done=lambda _: times.append(time.perf_counter()),
+    )
+    BusCoordinator(world, watchers).run()
+    for child in children:
+        child.wait(timeout=10)
+    frames = [1e6 * (b - a) for a, b in zip(times[WARM_UP - 1 :], times[WARM_UP:], strict=False)]
+    return {
+        "us_per_step_median": statistics.median(frames),
+        "us_per_step_p99": statistics.quantiles(frames, n=100)[98],
+        "startup_s": times[0] - began,
+    }
+
+
+def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] | str:
+    """Run one peer; its figures, or why there are none."""
+    script, options = PEERS[name]
+    python = folder / "venvs" / name / "bin" / "python"
+    if name == "zenoh":
+        python = Path(sys.executable)
+    if not (folder / script).is_file():
+        return f"{folder / script} is not there"
+    if not python.is_file():
+        return f"{python} is not there"
+    words = [str(python), Path(script).name, "--workers", str(workers), "--steps", str(steps)]
+    where = (folder / script).parent
+    try:
+        done = subprocess.run(
+            [*words, "--payload", "100", *options],
+            cwd=where, capture_output=True, text=True, timeout=300, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "no end after 300 s"
+    for line in reversed(done.stdout.splitlines()):
+        if line.startswith("{") and "us_per_step_median" in line:
+            found = json.loads(line)
+            return {key: found[key] for key in FIGURES}
+    return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-200:].strip()}"
+
+
+def measure(system: str, peers: Path, workers: int, steps: int) -> dict[str, float] | str:
+    """One system once."""
+    return minerva(workers, steps) if system == "minerva" else peer(system, peers, workers, steps)
+
+
+def best(rows: list[dict[str, float]]) -> dict[str, float]:
+    """The median of some turns, figure by figure."""
+    return {key: statistics.median(row[key] for row in rows) for key in rows[0]}
+
+
+def main() -> None:
+    """Measure in turns and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4, 8, 16])
+    parser.add_argument("--steps", type=int, default=1000)
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--systems", nargs="+", default=["minerva", *PEERS])
+    parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    if not arguments.json:
+        titles = f"{'µs/frame':>9} {'p99':>9} {'start s':>8} {'ratio':>6}"
+        print(f"{'system':10} {'workers':>7} {titles}")
+    for workers in arguments.workers:
+        report(arguments, workers)
+
+
+def report(arguments: argparse.Namespace, workers: int) -> None:
+    """Measure and print all systems at one size; ratios are to ours."""
+    turns: dict[str, list[dict[str, float]]] = {}
+    missing: dict[str, str] = {}
+    for _ in range(arguments.turns):
+        for system in arguments.systems:
+            if system in missing:
+                continue
+            found = measure(system, arguments.peers, workers, arguments.steps)
+            if isinstance(found, str):
+                missing[system] = found
+            else:
+                turns.setdefault(system, []).append(found)
+    ours = best(turns["minerva"])["us_per_step_median"] if "minerva" in turns else 0.0
+    for system, rows in turns.items():
+        row = best(rows)
+        ratio = row["us_per_step_median"] / ours if ours else 0.0
+        if arguments.json:
+            print(json.dumps({"system": system, "workers": workers, **row, "ratio": ratio}))
+        else:
+            print(
+                f"{system:10} {workers:7} {row['us_per_step_median']:9.0f}"
+                f" {row['us_per_step_p99']:9.0f} {row['startup_s']:8.2f} {ratio:6.2f}"
+            )
+    for system, why in missing.items():
+        print(f"{system:10} {workers:7} left out: {why}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--member"]:
+        sys.exit(member(*sys.argv[2:4]))
+    main()

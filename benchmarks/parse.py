@@ -1,0 +1,94 @@
+"""Seconds to parse, check, print and digest texts of growing size.
+
+    python -m benchmarks.parse [--sizes 0.01 0.1 1] [--json]
+
+The text is that of a crowd: a moved figure and an agent with its state, again and again, with
+numbers that seldom repeat. Each time is the least of three.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+from minerva_bus import Agent, Metres, Motion, Primitive, Scene, Transformation, Vocabulary, parse
+
+PFox = Primitive("PFox")
+TMove = Transformation("TMove", Motion(x="x", y="y"), x=Metres, y=Metres)
+
+
+class Fox(Agent, symbol="AFox"):
+    """An agent with as much state as many have."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    energy: float = 0.0
+    name: str = ""
+
+
+VOCABULARY = Vocabulary.of(PFox, TMove, Fox)
+
+
+def crowd(megabytes: float) -> str:
+    """A text of about so many megabytes."""
+    parts: list[str] = []
+    size = 0
+    while size < megabytes * 1e6:
+        n = len(parts)
+        place = f"x={n * 0.37:.2f}, y={n}"
+        parts.append(f'TMove<{place}>(PFox) · AFox#f{n}<{place}, energy={n % 7}, name="fox {n}">()')
+        size += len(parts[-1].encode()) + 4
+    return " · ".join(parts)
+
+
+def least(action: Callable[[], Any], times: int = 3) -> float:
+    """Seconds that an action takes when nothing disturbs it."""
+    found: list[float] = []
+    for _ in range(times):
+        began = time.perf_counter()
+        action()
+        found.append(time.perf_counter() - began)
+    return min(found)
+
+
+def measure(megabytes: float) -> dict[str, float]:
+    """Seconds for one size."""
+    text = crowd(megabytes)
+    w = VOCABULARY.read(text)
+    return {
+        "megabytes": len(text.encode()) / 1e6,
+        "parse": least(lambda: parse(text)),
+        "read": least(lambda: VOCABULARY.read(text)),
+        "check": least(lambda: VOCABULARY.check(w)),
+        "print": least(lambda: str(w)),
+        "digest": least(lambda: parse(text).digest) - least(lambda: parse(text)),
+        "digest again": least(lambda: Scene(w.nodes).digest),
+    }
+
+
+def table(rows: list[dict[str, float]]) -> str:
+    """The measurements, for people; `MB/s` is that of parsing."""
+    columns = [name for name in rows[0] if name != "megabytes"]
+    lines = ["".join(f"{name:>14}" for name in ("megabytes", "MB/s", *columns))]
+    for row in rows:
+        speed = row["megabytes"] / row["parse"]
+        cells = [f"{row['megabytes']:14.3f}{speed:14.2f}", *[f"{row[c]:13.4f}s" for c in columns]]
+        lines.append("".join(cells))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure and print."""
+    options = argparse.ArgumentParser(description="Time the parser.")
+    options.add_argument("--sizes", type=float, nargs="+", default=[0.01, 0.1, 1.0], metavar="MB")
+    options.add_argument("--json", action="store_true")
+    chosen = options.parse_args()
+    rows = [measure(size) for size in chosen.sizes]
+    print(json.dumps(rows) if chosen.json else table(rows))
+
+
+if __name__ == "__main__":
+    main()

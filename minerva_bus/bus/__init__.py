@@ -1,0 +1,1 @@
+"""Zenoh: sessions, members and the coordinator. The only package that imports zenoh."""

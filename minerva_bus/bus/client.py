@@ -1,0 +1,80 @@
+"""Asking and watching a running world from outside: what `list`, `pub` and `echo` do."""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any, Self
+
+import zenoh
+
+from minerva_bus.bus.inbox import Inbox
+from minerva_bus.bus.session import open_client
+from minerva_bus.errors import BusError, ProtocolError, SceneError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.protocol.alphabet import read_vocabulary
+from minerva_bus.protocol.codec import Decoder
+from minerva_bus.protocol.keys import COORDINATOR, EVERY_CONTROL, Keys
+from minerva_bus.protocol.values import mapped, pack, text, unpack
+
+ANSWER_WITHIN = 5.0
+
+
+class Client:
+    """A connection to the world of some name at an endpoint; without a name, to the one there.
+
+    Raises BusError where nobody answers.
+    """
+
+    def __init__(self, endpoint: str, world: str = "") -> None:
+        self._endpoint = endpoint
+        self._session = open_client("client", endpoint)
+        self._control = Keys(world).control if world else EVERY_CONTROL
+        self.world = world or text(self.ask("list").get("world"), "the world")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._session.close()
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The world's answer to a question. Raises BusError for none or a refusal."""
+        payload = pack({"ask": question, **details})
+        for reply in self._session.get(self._control, payload=payload, timeout=ANSWER_WITHIN):
+            if reply.ok is not None:
+                answer = mapped(unpack(reply.ok.payload.to_bytes()), "an answer")
+                if "error" in answer:
+                    raise BusError(text(answer["error"], "an error"))
+                return answer
+        name = f"no world {self.world!r}" if getattr(self, "world", "") else "no world"
+        raise BusError(f"{name} answers at {self._endpoint} (minerva list shows who runs here)")
+
+    def vocabulary(self) -> Vocabulary:
+        """The world's vocabulary."""
+        return read_vocabulary(self.ask("vocabulary").get("vocabulary"))
+
+    def records(self) -> Iterator[m.FrameRecord]:
+        """What happens in each frame from now on, until the world ends."""
+        keys, inbox = Keys(self.world), Inbox()
+        decoder = Decoder(self.vocabulary())
+        coordinator = keys.alive(COORDINATOR)
+        watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())
+        subscriber = self._session.declare_subscriber(keys.record, inbox.handler())
+        while True:
+            item: Any = inbox.get(time.monotonic() + 0.5)
+            if not isinstance(item, zenoh.Sample):
+                continue
+            if str(item.key_expr) == coordinator:
+                if item.kind == zenoh.SampleKind.DELETE:
+                    break
+                continue
+            try:
+                yield decoder.record(item.payload.to_bytes())
+            except (ProtocolError, SceneError) as error:
+                raise BusError(f"the record of {self.world!r} cannot be read: {error}") from None
+        subscriber.undeclare()
+        watching.undeclare()

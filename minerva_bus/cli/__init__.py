@@ -1,0 +1,1 @@
+"""The command `minerva`: thin, and the only package that imports typer."""

@@ -1,0 +1,200 @@
+"""`minerva list`, `echo`, `pub`, `stop` and `version`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from minerva_bus.cli.places import client, place
+from minerva_bus.errors import MinervaError, nearest
+from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.grammar.printer import value_text
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.registry import running
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)  # noqa: T201
+
+
+def list_members(connect: str, world: str, json_too: bool) -> None:
+    """Print who takes part, or which worlds run where there are several."""
+    worlds = running()
+    if not connect and not world and len(worlds) != 1:
+        if json_too:
+            _print(json.dumps([{"world": w.world, "endpoint": w.endpoint, "pid": w.pid}
+                               for w in worlds]))  # fmt: skip
+        elif worlds:
+            _table(
+                ["world", "endpoint", "pid"], [[w.world, w.endpoint, str(w.pid)] for w in worlds]
+            )
+        else:
+            print("no world runs on this machine", file=sys.stderr)  # noqa: T201
+        return
+    with client(connect, world) as asked:
+        found = asked.ask("list")
+    if json_too:
+        _print(json.dumps(found))
+        return
+    waiting = f", waiting for {', '.join(found['waiting'])}" if found["waiting"] else ""
+    _print(
+        f"{found['world']}: frame {found['frame']} ({found['phase']}{waiting}),"
+        f" {found['agents']} agents"
+    )
+    _table(
+        ["member", "state", "roles", "types", "last reply", "late", "pid", "host"],
+        [_row(member) for member in found["members"]],
+    )
+
+
+def _row(member: Mapping[str, Any]) -> list[str]:
+    types = [*member["kinds"], *member["generates"], *member["draws"]]
+    return [
+        member["member"],
+        member["state"],
+        " ".join(member["roles"]),
+        " ".join(types),
+        str(member["last_reply"]),
+        str(member["late"]),
+        str(member["pid"]),
+        member["host"],
+    ]
+
+
+def _table(titles: list[str], rows: list[list[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
+    for row in [titles, *rows]:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        _print("  ".join(cells).rstrip())
+
+
+def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) -> None:
+    """Print events, fragments or views of a type as they come."""
+    endpoint, world = place(connect, world)
+    with client(endpoint, world) as asked:
+        vocabulary = asked.vocabulary()
+        declared = vocabulary.events.get(type_)
+        if type_ and declared is None and type_ not in vocabulary.kinds:
+            known = [*vocabulary.events, *vocabulary.kinds]
+            raise MinervaError(
+                f"{world} has no event type or agent kind {type_!r}{nearest(type_, known)};"
+                f" it has {', '.join(known)}"
+            )
+        if declared is None or not declared.visual:
+            shown = 0
+            for record in asked.records():
+                for what in _of_interest(record, type_):
+                    _print(json.dumps(what) if json_too else f"{what['frame']:>7}  {what['text']}")
+                    shown += 1
+                    if shown == count:
+                        return
+            return
+    _echo_view(type_, endpoint, world, count, json_too)
+
+
+def _of_interest(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
+    for event in record.events:
+        if type_ in ("", event.type):
+            data = {name: _plain(value) for name, value in event.data.items()}
+            yield {
+                "frame": record.frame,
+                "type": event.type,
+                "data": data,
+                "sender": event.sender,
+                "receivers": list(event.receivers),
+                "text": str(event),
+            }
+    for agent, scene in sorted(record.changed.items()):
+        if type_ and any(node.symbol == type_ for node in scene.nodes):
+            yield {"frame": record.frame, "agent": agent, "text": str(scene)}
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, bool | int | float | str) else value_text(value)
+
+
+def _echo_view(event_type: str, endpoint: str, world: str, count: int, json_too: bool) -> None:
+    import os
+
+    from minerva_bus.bus.member import BusMember
+    from minerva_bus.cli.attaching import leave_on_signals
+    from minerva_bus.frame.participant import Participant
+    from minerva_bus.world.services import Device, View
+
+    class Echo(Device):
+        """A geometric system whose action for a string is to print it."""
+
+        draws = (event_type,)
+        every = 1
+        shown = 0
+
+        def show(self, view: View) -> None:
+            what = {"frame": view.frame, "type": event_type, "text": str(view.scene)}
+            _print(json.dumps(what) if json_too else f"{view.frame:>7}  {_short(view.scene)}")
+            self.shown += 1
+            if self.shown == count:
+                member.leave()
+
+    participant = Participant(f"echo-{os.getpid()}", Echo())
+    member = BusMember(participant, world, endpoint, lambda line: print(line, file=sys.stderr))  # noqa: T201
+    leave_on_signals(member)
+    member.run()
+
+
+def _short(scene: Scene) -> str:
+    shown = str(scene)
+    return shown if len(shown) < 2000 else shown[:2000] + "…"
+
+
+def publish(
+    type_: str,
+    data: list[str],
+    to: list[str],
+    condition: str,
+    connect: str,
+    world: str,
+    json_too: bool,
+) -> None:
+    """Send an event."""
+    pairs: dict[str, str] = {}
+    for word in data:
+        name, equals, value = word.partition("=")
+        if not equals or not name:
+            raise MinervaError(f"what is {word!r}? Expected data as KEY=VALUE")
+        pairs[name] = value
+    with client(connect, world) as asked:
+        answer = asked.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
+    if json_too:
+        _print(json.dumps(answer))
+        return
+    through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
+    _print(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
+
+
+def stop_world(connect: str, world: str) -> None:
+    """End a running world."""
+    with client(connect, world) as asked:
+        asked.ask("stop")
+        _print(f"{asked.world}: asked to stop")
+
+
+def show_version(json_too: bool) -> None:
+    """Print versions."""
+    import platform
+    from importlib.metadata import version
+
+    from minerva_bus.frame.roster import PROTOCOL_VERSION
+
+    found: dict[str, Any] = {
+        "minerva-bus": version("minerva-bus"),
+        "protocol": PROTOCOL_VERSION,
+        "python": platform.python_version(),
+    }
+    for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
+        found[package] = version(package)
+    if json_too:
+        _print(json.dumps(found))
+    else:
+        _table(["part", "version"], [[name, str(value)] for name, value in found.items()])

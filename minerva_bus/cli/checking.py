@@ -1,0 +1,60 @@
+"""`minerva check`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.errors import MinervaError, SceneError, WorldFileError
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import walk
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.specs import load
+from minerva_bus.launch.worldfile import read_world_file
+
+
+def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
+    """Check one file; the exit code."""
+    found: dict[str, Any] = {"file": str(file), "ok": True}
+    try:
+        found["what"] = _check(file, vocabulary)
+    except MinervaError as error:
+        found |= {"ok": False, "error": str(error)}
+        if isinstance(error, SceneError):
+            found |= {"line": error.line, "column": error.column, "expected": error.expected}
+    if json_too:
+        print(json.dumps(found))  # noqa: T201
+    elif found["ok"]:
+        print(f"{file}: {found['what']}")  # noqa: T201
+    else:
+        print(found["error"], file=sys.stderr)  # noqa: T201
+    return 0 if found["ok"] else 1
+
+
+def _check(file: Path, vocabulary: str) -> str:
+    if file.suffix == ".toml":
+        world = read_world_file(file)
+        return f"a world of {len(world.processes)} processes, {_size(world.world.scene)}"
+    text = _read(file)
+    if vocabulary:
+        alphabet = load(vocabulary, file.resolve().parent)
+        if not isinstance(alphabet, Vocabulary):
+            raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, no Vocabulary")
+        return f"a string of its vocabulary, {_size(alphabet.read(text, str(file)))}"
+    return f"a string of L(M), {_size(parse(text, str(file)))}"
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise WorldFileError(f"{file}: this is no text in UTF-8") from None
+    except OSError as error:
+        raise WorldFileError(f"{file}: {error.strerror}") from None
+
+
+def _size(scene: Any) -> str:
+    count = sum(1 for opens, _ in walk(scene) if opens)
+    return f"{count} symbol{'s' if count != 1 else ''}"

@@ -1,0 +1,208 @@
+"""`minerva`: run worlds, attach to them, ask them, check files."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.errors import MinervaError
+
+
+def _process_began() -> float:
+    """When this process was started, on the monotonic clock; now, where the system won't say."""
+    try:
+        ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+        age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, AttributeError, IndexError):
+        age = 0.0
+    return time.monotonic() - age
+
+
+BEGAN = _process_began()
+FAILED, WRONG, INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Virtual worlds as strings of a grammar, run by many processes on Zenoh.",
+    epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
+)
+
+_UNKNOWN_TOO = {"allow_extra_args": True, "ignore_unknown_options": True}
+
+Connect = Annotated[
+    str, typer.Option(help="Endpoint of the world, such as tcp/HOST:PORT; default: this machine.")
+]
+World = Annotated[str, typer.Option(help="Name of the world, where there are several.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
+
+
+@app.command(context_settings=_UNKNOWN_TOO)
+def run(
+    context: typer.Context,
+    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")],
+    seed: Annotated[int | None, typer.Option(help="Seed of all chance.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(help="Frames per second; 0: as fast as it goes.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(help="End after so many frames; 0: never.")] = None,
+    view: Annotated[
+        list[str] | None,
+        typer.Option(help="Add a view: svg, or svg:path=FILE,every=N; may be repeated."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", help="PROCESS.KEY=VALUE of a process.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Run under another name.")] = "",
+    listen: Annotated[str, typer.Option(help="Where to listen, such as tcp/0.0.0.0:7447.")] = "",
+    in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
+    json: Json = False,
+    quiet: Annotated[bool, typer.Option(help="Say only what goes wrong.")] = False,
+) -> None:
+    """Run a world. A world's own options, as its [options] say, are options here too.
+
+    The world `robot` has --map FILE.yaml, --objective NAME, --planner random|astar, --robots N
+    and more.
+    """
+    from minerva_bus.cli.running import run_world
+    from minerva_bus.launch.worldfile import Overrides
+
+    overrides = Overrides(
+        options=_options(context.args),
+        settings=tuple(set_ or ()),
+        views=tuple(view or ()),
+        name=name,
+        seed=seed,
+        rate=rate,
+        frames=frames,
+        listen=listen,
+    )
+    run_world(world, overrides, BEGAN, in_process=in_process, json_too=json, quiet=quiet)
+
+
+def _options(words: list[str]) -> dict[str, str]:
+    """`--name value` and `--name=value` pairs that typer does not know."""
+    found: dict[str, str] = {}
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or not name:
+            raise MinervaError(f"what is {word!r}? Expected options such as --name value")
+        if not equals:
+            if not rest:
+                raise MinervaError(f"--{name} needs a value")
+            value = rest.pop(0)
+        found[name.replace("-", "_")] = value
+    return found
+
+
+@app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="A string (.mnv) or a world (.toml).")],
+    vocabulary: Annotated[
+        str, typer.Option(help="module:attribute: check symbols and types too.")
+    ] = "",
+    json: Json = False,
+) -> None:
+    """Check a string or a world file: exit code 0, or 1 with what is wrong and where."""
+    from minerva_bus.cli.checking import check_file
+
+    raise typer.Exit(check_file(file, vocabulary, json))
+
+
+@app.command(context_settings=_UNKNOWN_TOO)
+def attach(
+    context: typer.Context,
+    spec: Annotated[str, typer.Argument(help="A service's name, or module:Class.")],
+    connect: Connect = "",
+    world: World = "",
+    name: Annotated[str, typer.Option(help="The new member's name; default: made up.")] = "",
+) -> None:
+    """Add agents, a generator or a view to a running world, from here, until Ctrl-C.
+
+    Options that are unknown here go to the service: `attach svg --every 5`.
+    """
+    from minerva_bus.cli.attaching import attach_member
+
+    raise typer.Exit(attach_member(spec, connect, world, name, _options(context.args)))
+
+
+@app.command("list")
+def list_(connect: Connect = "", world: World = "", json: Json = False) -> None:
+    """Show who takes part in a running world; several worlds: show the worlds."""
+    from minerva_bus.cli.asking import list_members
+
+    list_members(connect, world, json)
+
+
+@app.command()
+def echo(
+    type: Annotated[str, typer.Argument(help="An event type, an agent kind; nothing: all.")] = "",
+    connect: Connect = "",
+    world: World = "",
+    count: Annotated[int, typer.Option(help="End after so many; 0: never.")] = 0,
+    json: Json = False,
+) -> None:
+    """Watch a world's events, its agents' fragments, or a view, by type."""
+    from minerva_bus.cli.asking import echo_type
+
+    echo_type(type, connect, world, count, json)
+
+
+@app.command()
+def pub(
+    type: Annotated[str, typer.Argument(help="The event's type, such as eObjective.")],
+    data: Annotated[list[str] | None, typer.Argument(help="Its data: KEY=VALUE ...")] = None,
+    to: Annotated[list[str] | None, typer.Option(help="An agent's id; may be repeated.")] = None,
+    condition: Annotated[str, typer.Option("--if", help="Such as 'energy < 5'.")] = "",
+    connect: Connect = "",
+    world: World = "",
+    json: Json = False,
+) -> None:
+    """Send an event into a running world."""
+    from minerva_bus.cli.asking import publish
+
+    publish(type, data or [], to or [], condition, connect, world, json)
+
+
+@app.command()
+def stop(
+    world: Annotated[str, typer.Argument(help="Name of the world; default: the only one.")] = "",
+    connect: Connect = "",
+) -> None:
+    """End a running world."""
+    from minerva_bus.cli.asking import stop_world
+
+    stop_world(connect, world)
+
+
+@app.command()
+def version(json: Json = False) -> None:
+    """Show the versions of Minerva Bus, its protocol and what it stands on."""
+    from minerva_bus.cli.asking import show_version
+
+    show_version(json)
+
+
+def main() -> None:
+    """Run the command line; errors are one message and an exit code, never a traceback."""
+    try:
+        app()
+    except MinervaError as error:
+        print(f"minerva: {error}", file=sys.stderr)  # noqa: T201
+        sys.exit(WRONG)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""The system algorithm, Table 2, as a pure state machine: stimulus in, instructions out.
+
+Two rules of this file: it does no input or output and reads no clock, and whatever it iterates
+over is in an order that does not depend on who answered first.
+
+    WAITING ─▶ READY ─Begin─▶ TICK ─▶ EVOLVE ─▶ READY ─▶ ...      one frame: steps 2 to 8
+                                        └─▶ CLOSING ─▶ STOPPING ─▶ ENDED
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.attendance import Attendance
+from minerva_bus.frame.core import Phase
+from minerva_bus.frame.description import World
+from minerva_bus.frame.membership import Change, Member, State
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene, agents
+
+STRANGERS_NAMED = 3
+
+
+class FrameAlgorithm(Attendance):
+    """Runs one world. `receive` takes a stimulus and returns what is to be done."""
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self._do: dict[type, Callable[[Any], None]] = {
+            s.Begin: self._on_begin,
+            m.TickReply: self._on_tick_reply,
+            m.EvolveReply: self._on_evolve_reply,
+            m.Emitted: self._on_emitted,
+            s.Order: self._on_order,
+            s.Appeared: self._on_appeared,
+            m.Hello: self._on_hello,
+            s.Vanished: self._on_vanished,
+            s.GaveUp: self._on_gave_up,
+            s.Violation: self._on_violation,
+            s.Silent: self._on_silent,
+            m.Failed: self._on_failed,
+            m.Resync: self._on_resync,
+            m.Leaving: self._on_leaving,
+            m.Report: self._on_report,
+            s.End: self._on_end,
+        }
+
+    def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
+        """Take one stimulus; what is to be done because of it, in order."""
+        self._out = []
+        who: str = getattr(stimulus, "member", "")
+        if who and not self.roster.knows(who) and not isinstance(stimulus, s.Appeared):
+            self._on_stranger(who)
+        else:
+            self._do[type(stimulus)](stimulus)
+        return self._out
+
+    def _on_stranger(self, who: str) -> None:
+        """Somebody speaks who never appeared: nothing is kept of it but a count."""
+        self.strangers += 1
+        if self.strangers <= STRANGERS_NAMED:
+            more = "" if self.strangers < STRANGERS_NAMED else "; further strangers are not named"
+            self._say(who[:64], f"is no member and is not heard{more}")
+
+    def waiting_for(self) -> list[str]:
+        """The members that the world waits for now, sorted."""
+        if self.phase in (Phase.WAITING, Phase.READY):
+            return [member.name for member in self.roster.awaited()]
+        if self.phase in (Phase.TICK, Phase.STOPPING):
+            return sorted(self._pending)
+        names = {name for name, _ in self._parts}
+        if self._stranded:
+            names.update(member.name for member in self.roster.awaited())
+        return sorted(names)
+
+    @property
+    def scene(self) -> Scene:
+        """The string w of the frame that runs or comes next."""
+        return self.composition.scene
+
+    # --- steps 1 and 2: the frame begins, and generators answer ---
+
+    def _on_begin(self, _: s.Begin) -> None:
+        if self.phase is not Phase.READY:
+            return
+        for member in self.roster.attending.joining:
+            if member.hello is not None:
+                self._admit(member, member.hello)
+        self._begin_frame_state()
+        self.phase = Phase.TICK
+        attending = self.roster.attending
+        self._pending = set(attending.tickers)
+        if attending.anyone_ticks:
+            self._send(s.TICKED, m.TickRequest(self.frame))
+        if not self._pending:
+            self._collect()
+
+    def _on_tick_reply(self, reply: m.TickReply) -> None:
+        member = self.roster.get(reply.member)
+        late = self.phase is not Phase.TICK or reply.frame != self.frame or not member.here
+        if late or reply.member not in self._pending:
+            member.late += 1
+            return
+        if not self._may_generate(member, reply.events):
+            return
+        self._answered(member)
+        self._pending.discard(reply.member)
+        self._ticked[reply.member] = reply
+        if not self._pending:
+            self._collect()
+
+    def _answered(self, member: Member) -> None:
+        member.last_reply = self.frame
+        if member.state is State.LATE:
+            self.roster.change(member, Change.ANSWERED)
+
+    def _may_generate(self, member: Member, events: tuple[Event, ...]) -> bool:
+        allowed = member.hello.generates if member.hello is not None else ()
+        for event in events:
+            if event.type not in allowed:
+                self._on_violation(
+                    s.Violation(member.name, f"it sent {event.type} but said it makes {allowed}")
+                )
+                return False
+        return True
+
+    def _on_emitted(self, told: m.Emitted) -> None:
+        member = self.roster.get(told.member)
+        if member.here and self._may_generate(member, told.events):
+            member.last_reply = self.frame
+            self._inbox.setdefault(told.member, []).extend(told.events)
+
+    def _on_order(self, order: s.Order) -> None:
+        takers = self.roster.takers(order.event.type)
+        for taker in takers:
+            self._send(taker.name, m.Orders((order.event,)))
+        if not takers:
+            self._inbox.setdefault("~order", []).append(order.event)
+
+    # --- steps 5 and 6: hosts answer ---
+
+    def _on_evolve_reply(self, reply: m.EvolveReply) -> None:
+        member = self.roster.get(reply.member)
+        key = (reply.member, reply.part)
+        if reply.frame != self.frame or key not in self._parts or not member.here:
+            member.late += 1
+            return
+        wrong = self._wrong_with(reply, frozenset(self._parts[key]))
+        if wrong:
+            self._on_violation(s.Violation(reply.member, wrong))
+            return
+        del self._parts[key]
+        self._answered(member)
+        self._changed.update(reply.changed)
+        self._changed_by.update(dict.fromkeys(reply.changed, reply.member))
+        self._sent.update(reply.emitted)
+        for event_type, parts in reply.views.items():
+            self._views.setdefault(event_type, {}).update(parts)
+        self._finish_if_done()
+
+    def _wrong_with(self, reply: m.EvolveReply, mine: frozenset[str]) -> str:
+        """What a host has no right to say, or the empty text."""
+        for agent in sorted(set(reply.changed).union(*reply.views.values()) - mine):
+            return f"it answered for #{agent}, not its own"
+        for agent, events in sorted(reply.emitted.items()):
+            if self.composition.home(agent) not in mine:
+                return f"it sent events of #{agent}, not its own"
+            if any(event.sender != agent for event in events):
+                return f"it sent events of #{agent} in another's name"
+        born = dict(self._born)
+        for fragment, scene in sorted(reply.changed.items()):
+            for agent in agents(scene):
+                if born.get(agent.id, self.composition.home(agent.id) or fragment) != fragment:
+                    return f"it made a second agent #{agent.id}"
+                born[agent.id] = fragment
+        self._born = born
+        return ""
+
+    # --- what may come at any time ---
+
+    def _on_silent(self, _: s.Silent) -> None:
+        if self.phase is Phase.STOPPING:
+            self._miss_reports()
+            return
+        for name in self.waiting_for():
+            self.roster.change(self.roster.get(name), Change.SILENT)
+
+    def _on_resync(self, told: m.Resync) -> None:
+        showing = self._showings.get(told.event_type)
+        if showing is not None and self.roster.get(told.member).here:
+            self._send(told.member, showing.key())
+
+    def _on_failed(self, told: m.Failed) -> None:
+        self._say(told.member, f"failed in frame {told.frame}: {told.problem}\n{told.traceback}")
+
+    def _on_report(self, report: m.Report) -> None:
+        self._count_report(report.member, report.figures)
+
+    def _on_end(self, told: s.End) -> None:
+        if self.phase is Phase.ENDED:
+            return
+        if self.phase is Phase.STOPPING:
+            self._over()
+        else:
+            self._end(told.reason)
+
+
+__all__ = ["FrameAlgorithm", "Phase"]

@@ -1,0 +1,148 @@
+"""Members come and go: at a frame's edge, or in its midst where the frame waits for them."""
+
+from __future__ import annotations
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.core import Phase
+from minerva_bus.frame.membership import Change, Member, State
+from minerva_bus.frame.roster import objection
+from minerva_bus.frame.steps import Steps
+
+
+class Attendance(Steps):
+    """Who takes part, and who takes over from whom."""
+
+    def _on_appeared(self, told: s.Appeared) -> None:
+        member = self.roster.get(told.member)
+        if member.here:
+            self._lose(member)
+        self.roster.change(member, Change.APPEARED)
+        if self.phase in (Phase.STOPPING, Phase.ENDED):
+            self._send(member.name, m.Stop(self._reason))
+        else:
+            self._send(member.name, m.Greet())
+
+    def _on_hello(self, hello: m.Hello) -> None:
+        member = self.roster.get(hello.member)
+        if member.state is not State.JOINING:
+            return
+        reason = objection(hello, self.world.vocabulary)
+        if reason:
+            self._say(member.name, f"may not join: {reason}")
+            self._send(member.name, m.Refused(reason))
+            if member.expected and self.phase is Phase.WAITING:
+                self._fail(f"{member.name} cannot take part: {reason}")
+            return
+        self.roster.introduce(member, hello)
+        between = self.phase in (Phase.WAITING, Phase.READY)
+        in_time = self.phase is Phase.TICK and hello.kinds
+        if between or in_time or member.name in self._pending or self._stranded:
+            self._admit(member, hello)
+        if self.phase is Phase.WAITING:
+            self._ready_if_all_here()
+
+    def _ready_if_all_here(self) -> None:
+        if not self.roster.awaited():
+            self.phase = Phase.READY
+            self._out.append(s.Ready(self.frame))
+
+    def _admit(self, member: Member, hello: m.Hello) -> None:
+        self.roster.change(member, Change.ADMITTED)
+        member.last_reply = self.frame
+        world, saved = self.world, self._saved.get(member.name)
+        self._send(
+            member.name,
+            m.Welcome(
+                world.name, world.vocabulary, world.seed, world.dt, self.frame,
+                world.policy.value, saved,
+            ),
+        )  # fmt: skip
+        self._rearrange = self._rearrange or bool(hello.kinds)
+        self._tell_sources(member)
+        for event_type in hello.draws:
+            showing = self._showings.get(event_type)
+            if showing is not None:
+                self._send(member.name, showing.key())
+        for topic in hello.topics:
+            for publisher in self._sources.get(topic, ()):
+                self._send(publisher, m.Repeat(topic))
+        if self.phase is Phase.TICK and member.name in self._pending:
+            self._send(member.name, m.TickRequest(self.frame))
+        if self._stranded and hello.kinds:
+            self._ask_again(sorted(self._stranded))
+
+    def _tell_sources(self, newcomer: Member) -> None:
+        sources = self.roster.sources()
+        if sources != self._sources:
+            self._sources = sources
+            self._send(s.EVERYONE, m.Sources(sources))
+        else:
+            self._send(newcomer.name, m.Sources(sources))
+
+    def _on_vanished(self, told: s.Vanished) -> None:
+        member = self.roster.get(told.member)
+        if member.state in (State.LOST, State.LEFT):
+            return
+        if self.phase is Phase.STOPPING:
+            self._departed.setdefault(member.name, False)
+        elif self.phase is not Phase.ENDED:
+            gone = "is gone; the world waits for it" if member.expected else "is gone"
+            self._say(member.name, gone)
+        self._lose(member)
+
+    def _on_leaving(self, told: m.Leaving) -> None:
+        member = self.roster.get(told.member)
+        if member.state is not State.LEFT:
+            self.roster.change(member, Change.WENT)
+            self._say(member.name, "has left")
+            self._go_on_without(member)
+
+    def _on_gave_up(self, told: s.GaveUp) -> None:
+        member = self.roster.get(told.member)
+        self.roster.expect_no_more(member)
+        if self.roster.change(member, Change.GAVE_UP):
+            self._say(member.name, "will not come back; the world goes on without it")
+            self._go_on_without(member)
+        if self.phase is Phase.WAITING:
+            self._ready_if_all_here()
+
+    def _on_violation(self, told: s.Violation) -> None:
+        member = self.roster.get(told.member)
+        self._say(member.name, f"broke the protocol: {told.reason}")
+        self._send(member.name, m.Refused(told.reason))
+        if member.here:
+            self._lose(member)
+
+    def _lose(self, member: Member) -> None:
+        self.roster.change(member, Change.VANISHED)
+        if member.expected:
+            self._reassign(member)
+        else:
+            self.roster.change(member, Change.GAVE_UP)
+            self._go_on_without(member)
+
+    def _go_on_without(self, member: Member) -> None:
+        self._tell_sources(member)
+        if self.phase is Phase.TICK and member.name in self._pending:
+            self._pending.discard(member.name)
+            if not self._pending:
+                self._collect()
+        else:
+            self._reassign(member)
+
+    def _reassign(self, member: Member) -> None:
+        """Give the fragments of a host that is gone to others, or wait, or let them stand still."""
+        self._distribution.forget(member.name)
+        self._changed_by = {one: by for one, by in self._changed_by.items() if by != member.name}
+        self._rearrange = True
+        if self.phase is Phase.TICK and member.awaited and member.name in self._ticked:
+            # Others may still need what it published in this frame: its successor, which goes on
+            # from before the frame, is asked for all of it again.
+            del self._ticked[member.name]
+            self._pending.add(member.name)
+        if self.phase not in (Phase.EVOLVE, Phase.CLOSING):
+            return
+        lost = [key for key in self._parts if key[0] == member.name]
+        orphans = {one for key in lost for one in self._parts.pop(key)} | self._stranded
+        self._ask_again(sorted(orphans))

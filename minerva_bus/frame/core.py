@@ -1,0 +1,125 @@
+"""What every part of the frame algorithm stands on: its state, its voice, and its end."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import World
+from minerva_bus.frame.distribution import Distribution
+from minerva_bus.frame.roster import Roster
+from minerva_bus.frame.showing import Showing
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+
+
+class Phase(Enum):
+    """Where in a frame the world is, in words that a waiting person understands."""
+
+    WAITING = "gathering members"
+    READY = "between frames"
+    TICK = "events"
+    EVOLVE = "evolution"
+    CLOSING = "last view"
+    STOPPING = "reports"
+    ENDED = "over"
+
+
+class Core:
+    """State of a world between and within frames."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.phase = Phase.WAITING
+        self.frame: int = 0
+        self.roster = Roster(world.expected)
+        self.composition = Composition(world.scene)
+        self._distribution = Distribution(world.vocabulary, self.composition)
+        self._rearrange = True
+        self._showings: dict[str, Showing] = {}
+        self._saved: dict[str, Any] = {}
+        self._sources: dict[str, tuple[str, ...]] = {}
+        self._inbox: dict[str, list[Event]] = {}
+        self._emitted: dict[str, tuple[Event, ...]] = {}
+        self._reached: set[str] = set()
+        self._reaching: set[str] = set()
+        self._departed: dict[str, bool] = {}
+        self._figures: dict[str, m.Figures] = {}
+        self._reason = ""
+        self.failed = False
+        self.strangers: int = 0
+        self._begin_frame_state()
+        self._out: list[s.Instruction] = []
+
+    def _begin_frame_state(self) -> None:
+        self._pending: set[str] = set()
+        self._ticked: dict[str, m.TickReply] = {}
+        self._parts: dict[tuple[str, int], tuple[str, ...]] = {}
+        self._part = 0
+        self._stranded: set[str] = set()
+        self._events: tuple[Event, ...] = ()
+        self._evolving: tuple[Event, ...] = ()
+        self._visual: tuple[Event, ...] = ()
+        self._changed: dict[str, Scene] = {}
+        self._changed_by: dict[str, str] = {}
+        self._born: dict[str, str] = {}
+        self._sent: dict[str, tuple[Event, ...]] = {}
+        self._views: dict[str, dict[str, Scene]] = {}
+
+    def _send(self, to: str, message: m.ToMember) -> None:
+        self._out.append(s.Send(to, message))
+
+    def _say(self, member: str, text: str) -> None:
+        self._out.append(s.Say(member, text))
+
+    # --- the end ---
+
+    def _fail(self, reason: str) -> None:
+        self.failed = True
+        self._end(reason)
+
+    def _end(self, reason: str) -> None:
+        self._reason = reason
+        self._stop()
+
+    def _stop(self) -> None:
+        self.phase = Phase.STOPPING
+        self._parts, self._stranded = {}, set()
+        self._pending = {member.name for member in self.roster.here()}
+        self._out.append(s.Stopping())
+        self._send(s.EVERYONE, m.Stop(self._reason))
+        if not self._pending:
+            self._over()
+
+    def _count_report(self, member: str, figures: m.Figures) -> None:
+        if self.phase is not Phase.STOPPING or member not in self._pending:
+            return
+        self._pending.discard(member)
+        self._figures[member] = figures
+        if not self._pending:
+            self._over()
+
+    def _miss_reports(self) -> None:
+        """Count out those who went without a report: a departure may overtake last words."""
+        for name, missed in sorted(self._departed.items()):
+            self._departed[name] = True
+            if missed:
+                self._count_report(name, {})
+
+    def _over(self) -> None:
+        self.phase = Phase.ENDED
+        self._out.append(s.Ended(self._reason, _summed(self._figures)))
+
+
+def _summed(figures: dict[str, m.Figures]) -> m.Figures:
+    """All members' figures in one; numbers of one name are added."""
+    total: dict[str, bool | int | float | str] = {}
+    for _, mine in sorted(figures.items()):
+        for name, value in mine.items():
+            old = total.get(name)
+            both = isinstance(old, int | float) and isinstance(value, int | float)
+            total[name] = old + value if both and old is not None else value  # pyright: ignore
+    return total

@@ -1,0 +1,30 @@
+"""What the frame algorithm needs to know of a world before it begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.order import Order
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """A world: its initial string w₀, its vocabulary and the rules of its frames.
+
+    `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
+    limit), when its string is ε, or when every agent of the kinds that send `until` has sent it.
+    """
+
+    name: str
+    scene: Scene
+    vocabulary: Vocabulary
+    seed: int = 0
+    dt: float = 0.1
+    order: Order = field(default_factory=Order)
+    policy: Policy = Policy.SEQUENTIAL
+    frames: int = 0
+    until: str = ""
+    expected: frozenset[str] = frozenset()

@@ -1,0 +1,92 @@
+"""Who takes part: one table of states and what moves a member between them.
+
+       appeared          greeted           admitted
+(none) ────────▶ JOINING ───────▶ JOINING ────────▶ PRESENT ◀──▶ LATE
+                    ▲                                  │ vanished  │
+                    │ appeared                         ▼           ▼
+                   LEFT ◀── gave up, or nobody waits ── LOST ◀──────
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from minerva_bus.frame.messages import Hello
+
+
+class State(Enum):
+    """Where a member stands."""
+
+    JOINING = "joining"
+    PRESENT = "present"
+    LATE = "late"
+    LOST = "lost"
+    LEFT = "left"
+
+
+class Change(Enum):
+    """What can happen to a member."""
+
+    APPEARED = "appeared"
+    ADMITTED = "admitted"
+    SILENT = "silent"
+    ANSWERED = "answered"
+    VANISHED = "vanished"
+    GAVE_UP = "gave up"
+    WENT = "went"
+
+
+TRANSITIONS: dict[tuple[State, Change], State] = {
+    (State.JOINING, Change.ADMITTED): State.PRESENT,
+    (State.JOINING, Change.VANISHED): State.LOST,
+    (State.JOINING, Change.WENT): State.LEFT,
+    (State.PRESENT, Change.SILENT): State.LATE,
+    (State.PRESENT, Change.VANISHED): State.LOST,
+    (State.PRESENT, Change.WENT): State.LEFT,
+    (State.LATE, Change.ANSWERED): State.PRESENT,
+    (State.LATE, Change.VANISHED): State.LOST,
+    (State.LATE, Change.WENT): State.LEFT,
+    (State.LOST, Change.APPEARED): State.JOINING,
+    (State.LOST, Change.GAVE_UP): State.LEFT,
+    (State.LEFT, Change.APPEARED): State.JOINING,
+}
+
+
+@dataclass(slots=True)
+class Member:
+    """One member as the coordinator knows it.
+
+    `expected`: the world file names it, so the world waits for it until it is given up.
+    `greeted`: the hello is of the process that is there now, not of one before it.
+    """
+
+    name: str
+    expected: bool = False
+    state: State = State.LEFT
+    hello: Hello | None = None
+    greeted: bool = False
+    last_reply: int = -1
+    late: int = 0
+
+    def change(self, change: Change) -> bool:
+        """Move by the table; False where the table has no such move."""
+        after = TRANSITIONS.get((self.state, change))
+        if after is not None:
+            self.state = after
+        return after is not None
+
+    @property
+    def ticks(self) -> bool:
+        """Whether it is one that is asked in every tick."""
+        return self.hello is not None and self.hello.ticks
+
+    @property
+    def here(self) -> bool:
+        """Whether it takes part in frames now."""
+        return self.state in (State.PRESENT, State.LATE)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether the world waits for it to come (back)."""
+        return self.expected and self.state in (State.JOINING, State.LOST)

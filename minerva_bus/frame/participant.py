@@ -1,0 +1,271 @@
+"""A member's side of the frame, as a pure state machine: what it is told in, what it says out.
+
+The same object answers on the bus, in one process and in tests. User code runs in here.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.composition import fill
+from minerva_bus.frame.hosting import Host
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.moment import Frame
+from minerva_bus.world.readings import Reading
+from minerva_bus.world.services import Device, Generator, Service, Tick, View, WorldInfo
+
+Outgoing: TypeAlias = m.FromMember | m.Readings
+
+
+class Refusal(MinervaError):
+    """The world does not take this member."""
+
+
+@dataclass(slots=True)
+class _Picture:
+    """What a device has of one visual event type."""
+
+    sequence: int
+    skeleton: Scene
+    parts: dict[str, Scene]
+
+
+class Participant:
+    """One member: agents of some kinds, or a service, under a name."""
+
+    def __init__(
+        self, name: str, service: Service | None = None, agents: Iterable[type[Agent]] = ()
+    ) -> None:
+        self.name = name
+        self.service = service
+        self.host = Host(name, kinds_of(agents))
+        self.world: m.Welcome | None = None
+        self.stopped = ""
+        self.frame = -1
+        self._asked: int | None = None
+        self._sources: dict[str, tuple[str, ...]] = {}
+        self._readings: dict[tuple[str, str], m.Readings] = {}
+        self._published: dict[str, m.Readings] = {}
+        self._orders: list[Event] = []
+        self._pictures: dict[str, _Picture] = {}
+        self._unshown: dict[str, int] = {}
+        self._out: list[Outgoing] = []
+        self._do: dict[type, Callable[[Any], None]] = {
+            m.TickRequest: self._on_tick,
+            m.EvolveRequest: self._on_evolve,
+            m.Readings: self._on_readings,
+            m.ViewShown: self._on_view,
+            m.Fragments: self.host.take,
+            m.Orders: self._on_orders,
+            m.Greet: self._on_greet,
+            m.Welcome: self._on_welcome,
+            m.Refused: self._on_refused,
+            m.Sources: self._on_sources,
+            m.Repeat: self._on_repeat,
+            m.Stop: self._on_stop,
+        }
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The sensor topics that it listens to."""
+        return self.service.topics if self.service is not None else ()
+
+    def receive(self, message: m.ToMember | m.Readings) -> list[Outgoing]:
+        """Take one message; what is to be sent because of it, in order.
+
+        Raises Refusal where the world does not take the member, and whatever user code raises.
+        """
+        self._out = []
+        if self.world is None and not isinstance(
+            message, m.Greet | m.Welcome | m.Refused | m.Stop | m.Sources
+        ):
+            return self._out
+        self._do[type(message)](message)
+        return self._out
+
+    # --- joining and leaving ---
+
+    def hello(self) -> m.Hello:
+        """Who this member is and what it can do."""
+        service = self.service
+        generator = service if isinstance(service, Generator) else None
+        device = service if isinstance(service, Device) else None
+        return m.Hello(
+            self.name,
+            PROTOCOL_VERSION,
+            service=type(service).__name__ if service is not None else "",
+            kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
+            generates=tuple(generator.generates()) if generator is not None else (),
+            lockstep=generator is not None and generator.lockstep,
+            orders=tuple(generator.takes_orders()) if generator is not None else (),
+            draws=tuple(device.draws) if device is not None else (),
+            coupled=device is not None and device.coupled,
+            every=device.every if device is not None else 0,
+            topics=self.topics,
+            publishes=service.publishes if service is not None else (),
+            pid=os.getpid(),
+            host=platform.node(),
+        )
+
+    def _on_greet(self, _: m.Greet) -> None:
+        self._out.append(self.hello())
+
+    def _on_welcome(self, welcome: m.Welcome) -> None:
+        self.world = welcome
+        if self.service is not None:
+            self.service.joined(
+                WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt)
+            )
+            if welcome.saved is not None:
+                self.service.restore(welcome.saved)
+
+    def _on_refused(self, refused: m.Refused) -> None:
+        raise Refusal(f"the world does not take {self.name}: {refused.reason}")
+
+    def _on_stop(self, stop: m.Stop) -> None:
+        self.stopped = stop.reason or "the world has ended"
+        self.show()
+        figures: m.Figures = self.service.report() if self.service is not None else {}
+        self._out.append(m.Report(self.name, figures))
+
+    # --- generators ---
+
+    def _on_orders(self, orders: m.Orders) -> None:
+        self._orders.extend(orders.events)
+
+    def _on_sources(self, sources: m.Sources) -> None:
+        self._sources = {
+            topic: sources.publishers[topic] for topic in self.topics if topic in sources.publishers
+        }
+        self._tick_if_complete()
+
+    def _on_readings(self, readings: m.Readings) -> None:
+        self._readings[readings.topic, readings.member] = readings
+        self._tick_if_complete()
+
+    def _on_tick(self, request: m.TickRequest) -> None:
+        self._asked = request.frame
+        self._tick_if_complete()
+
+    def _tick_if_complete(self) -> None:
+        """Answer a tick once this frame's readings of all lockstep publishers are there."""
+        if self._asked is None or (self._sources and next(iter(self.missing()), None)):
+            return
+        frame, self._asked = self._asked, None
+        self.frame = frame
+        service = self.service
+        if not isinstance(service, Generator) or not service.lockstep:
+            if isinstance(service, Device) and service.coupled:
+                self._out.append(m.TickReply(self.name, frame))
+            return
+        tick = Tick(
+            self._frame(frame), self.name, readings=self._taken(), orders=tuple(self._orders)
+        )
+        self._orders.clear()
+        events = self._checked(service.generate(tick))
+        if service.publishes or tick.published:
+            self._publish(service, tick)
+        self._out.append(m.TickReply(self.name, frame, events, service.save()))
+
+    def missing(self) -> Iterable[str]:
+        """The publishers whose readings of the frame that is asked for are not there yet."""
+        for topic, publishers in sorted(self._sources.items()):
+            for publisher in publishers:
+                readings = self._readings.get((topic, publisher))
+                if readings is None or readings.frame != self._asked:
+                    yield publisher
+
+    def _taken(self) -> tuple[Reading, ...]:
+        """Readings by topic and publisher; those of free-running publishers count once."""
+        if not self._readings:
+            return ()
+        taken = [readings for _, readings in sorted(self._readings.items())]
+        self._readings = {key: one for key, one in self._readings.items() if one.frame >= 0}
+        return tuple(reading for readings in taken for reading in readings.readings)
+
+    def _checked(self, events: Iterable[Event]) -> tuple[Event, ...]:
+        assert self.world is not None
+        check = self.world.vocabulary.check_event
+        return tuple([check(event, self.name) for event in events])
+
+    def _publish(self, service: Service, tick: Tick) -> None:
+        by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
+        for topic, reading in tick.published:
+            if topic not in by_topic:
+                raise MisuseError(f"{self.name} publishes on {topic!r}; declare it in `publishes`")
+            by_topic[topic].append(reading)
+        for topic, readings in by_topic.items():
+            message = m.Readings(self.name, topic, tick.number, tuple(readings))
+            self._published[topic] = message
+            self._out.append(message)
+
+    def _on_repeat(self, repeat: m.Repeat) -> None:
+        if repeat.topic in self._published:
+            self._out.append(self._published[repeat.topic])
+
+    def emitted(self, event: Event) -> m.Emitted:
+        """The message for an event of a free-running generator."""
+        return m.Emitted(self.name, self._checked((event,)))
+
+    # --- devices ---
+
+    def _on_view(self, shown: m.ViewShown) -> None:
+        picture = self._pictures.get(shown.event_type)
+        if shown.skeleton is not None:
+            if picture is None or shown.sequence >= picture.sequence:
+                picture = _Picture(shown.sequence, shown.skeleton, dict(shown.parts))
+                self._pictures[shown.event_type] = picture
+                self._changed(shown)
+        elif picture is None or shown.sequence > picture.sequence + 1:
+            self._out.append(m.Resync(self.name, shown.event_type))
+        elif shown.sequence <= picture.sequence:
+            return
+        else:
+            picture.sequence = shown.sequence
+            picture.parts.update(shown.parts)
+            self._changed(shown)
+
+    def _changed(self, shown: m.ViewShown) -> None:
+        self._unshown[shown.event_type] = shown.frame
+        if isinstance(self.service, Device) and self.service.coupled:
+            self.show()
+
+    def show(self) -> None:
+        """Let the device show what it has not shown yet.
+
+        A coupled one has each view shown at once. An observer that fell behind is shown the
+        newest only: it catches up instead of drawing what is long past.
+        """
+        unshown, self._unshown = self._unshown, {}
+        for event_type, frame in sorted(unshown.items()):
+            self.frame = frame
+            if isinstance(self.service, Device):
+                picture = self._pictures[event_type]
+                scene = fill(picture.skeleton, picture.parts)
+                self.service.show(View(frame, event_type, scene))
+
+    # --- agents ---
+
+    def _on_evolve(self, request: m.EvolveRequest) -> None:
+        if self.name not in request.asked:
+            return
+        assert self.world is not None
+        self.frame = request.frame
+        policy = Policy(self.world.policy)
+        frame = self._frame(request.frame)
+        self._out.append(self.host.answer(request, frame, policy, self.world.vocabulary))
+
+    def _frame(self, number: int) -> Frame:
+        assert self.world is not None
+        return Frame(number, self.world.dt, self.world.seed)

@@ -1,0 +1,171 @@
+"""Everybody the coordinator has heard of, and the questions it asks about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from minerva_bus.errors import nearest
+from minerva_bus.frame.membership import Change, Member, State
+from minerva_bus.frame.messages import Hello
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+PROTOCOL_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Attending:
+    """What every frame asks of the roster, worked out once for as long as nobody moves.
+
+    `tickers` are those asked in a tick and `sources` the devices that are the source of their own
+    visual events, both also while they are away for a moment; `joining` those to be admitted.
+    """
+
+    here: tuple[Member, ...]
+    awaited: tuple[Member, ...]
+    joining: tuple[Member, ...]
+    tickers: frozenset[str]
+    anyone_ticks: bool
+    sources: tuple[Hello, ...]
+
+
+class Roster:
+    """Members by name; iteration is sorted by name."""
+
+    def __init__(self, expected: Iterable[str]) -> None:
+        self._members = {
+            name: Member(name, expected=True, state=State.LOST) for name in sorted(expected)
+        }
+        self._attending: Attending | None = None
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter([self._members[name] for name in sorted(self._members)])
+
+    def knows(self, name: str) -> bool:
+        """Whether this one is expected or has ever appeared."""
+        return name in self._members
+
+    def get(self, name: str) -> Member:
+        """The member of a name, known or not so far."""
+        member = self._members.get(name)
+        if member is None:
+            member = self._members[name] = Member(name)
+            self._attending = None
+        return member
+
+    def change(self, member: Member, change: Change) -> bool:
+        """Move a member by the table of states; False where the table has no such move."""
+        self._attending = None
+        if change is Change.APPEARED:
+            member.greeted = False
+        return member.change(change)
+
+    def expect_no_more(self, member: Member) -> None:
+        """Nobody waits for this one any longer."""
+        self._attending = None
+        member.expected = False
+
+    def introduce(self, member: Member, hello: Hello) -> None:
+        """A member has said who it is."""
+        self._attending = None
+        member.hello, member.greeted = hello, True
+
+    @property
+    def attending(self) -> Attending:
+        """Who takes part now, by what is asked of them."""
+        if self._attending is None:
+            self._attending = self._look()
+        return self._attending
+
+    def _look(self) -> Attending:
+        members = list(self)
+        here = tuple(member for member in members if member.here)
+        tickers = [m for m in members if m.ticks and (m.here or m.awaited)]
+        hellos = [m.hello for m in members if m.hello is not None and (m.here or m.awaited)]
+        return Attending(
+            here=here,
+            awaited=tuple(member for member in members if member.awaited),
+            joining=tuple(m for m in members if m.state is State.JOINING and m.greeted),
+            tickers=frozenset(member.name for member in tickers),
+            anyone_ticks=any(member.here for member in tickers),
+            sources=tuple(hello for hello in hellos if hello.every > 0),
+        )
+
+    def here(self) -> tuple[Member, ...]:
+        """Those who take part in frames."""
+        return self.attending.here
+
+    def awaited(self) -> tuple[Member, ...]:
+        """Those whom the world waits for."""
+        return self.attending.awaited
+
+    def offers(self) -> dict[str, frozenset[str]]:
+        """The hosts that are here and the kinds that each offers."""
+        hellos = [member.hello for member in self.here() if member.hello is not None]
+        return {hello.member: _kinds(hello) for hello in hellos if hello.kinds}
+
+    def awaited_kinds(self) -> frozenset[str]:
+        """The kinds that hosts offer which are away for a moment."""
+        hellos = [member.hello for member in self.awaited() if member.hello is not None]
+        return frozenset[str]().union(*(_kinds(hello) for hello in hellos))
+
+    def sources(self) -> dict[str, tuple[str, ...]]:
+        """The lockstep publishers of each sensor topic."""
+        found: dict[str, tuple[str, ...]] = {}
+        for member in self:
+            hello = member.hello
+            if hello is not None and hello.ticks and (member.here or member.awaited):
+                for topic in hello.publishes:
+                    found[topic] = (*found.get(topic, ()), member.name)
+        return found
+
+    def devices(self, event_type: str) -> list[tuple[Member, Hello]]:
+        """The devices that draw a visual event type."""
+        found = [(member, member.hello) for member in self.here()]
+        return [(member, h) for member, h in found if h is not None and event_type in h.draws]
+
+    def takers(self, event_type: str) -> list[Member]:
+        """The generators that take people's orders for an event type."""
+        here = self.here()
+        return [m for m in here if m.hello is not None and event_type in m.hello.orders]
+
+
+def _kinds(hello: Hello) -> frozenset[str]:
+    return frozenset(kind.name for kind in hello.kinds)
+
+
+def objection(hello: Hello, vocabulary: Vocabulary) -> str:
+    """Why a member cannot join a world of this vocabulary, or the empty text."""
+    if hello.version != PROTOCOL_VERSION:
+        return f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}"
+    for event_type in (*hello.generates, *hello.draws, *hello.orders):
+        if event_type not in vocabulary.events:
+            known = nearest(event_type, list(vocabulary.events))
+            return f"the world's vocabulary has no event type {event_type}{known}"
+    for event_type in hello.draws if hello.every else ():
+        wanting = [
+            one.name for one in vocabulary.events[event_type].fields.all if one.default is None
+        ]
+        if wanting:
+            return (
+                f"it cannot be the source of {event_type} itself, which needs {wanting[0]}; let a"
+                " generator make the event (every = 0)"
+            )
+    if hello.publishes and hello.coupled and not hello.lockstep:
+        return "it publishes readings but generates nothing: a publisher is a Generator too"
+    for kind in hello.kinds:
+        mine = vocabulary.kinds.get(kind.name)
+        if mine is None:
+            return f"the world's vocabulary has no agents {kind.name}"
+        if _shape(mine) != _shape(kind):
+            return (
+                f"its {kind.name} has the state ({', '.join(kind.fields.names)}), the world's"
+                f" ({', '.join(mine.fields.names)}): both must come from the same code"
+            )
+    return ""
+
+
+def _shape(kind: AgentKind) -> list[tuple[str, Type]]:
+    return [(field.name, field.type) for field in kind.fields.all]

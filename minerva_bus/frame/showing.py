@@ -1,0 +1,37 @@
+"""Views on their way to devices: deltas in sequence, whole ones for those who come later."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, field
+
+from minerva_bus.frame.messages import Parts, ViewShown
+from minerva_bus.grammar.scene import EMPTY, Scene
+
+
+@dataclass(slots=True)
+class Showing:
+    """The views of one visual event type."""
+
+    event_type: str
+    sequence: int = 0
+    frame: int = -1
+    skeleton: Scene = EMPTY
+    parts: dict[str, Scene] = field(default_factory=dict[str, Scene])
+
+    def next(self, frame: int, skeleton: Scene, changed: Parts, alive: Container[str]) -> ViewShown:
+        """The view of a frame: whole where the skeleton is another, else what has changed."""
+        self.parts.update(changed)
+        self.sequence += 1
+        self.frame = frame
+        if skeleton is not self.skeleton:
+            self.skeleton = skeleton
+            self.parts = {one: view for one, view in self.parts.items() if one in alive}
+            return self.key()
+        return ViewShown(frame, self.event_type, self.sequence, dict(changed))
+
+    def key(self) -> ViewShown:
+        """The last view as a whole."""
+        return ViewShown(
+            self.frame, self.event_type, self.sequence, dict(self.parts), self.skeleton
+        )

@@ -1,0 +1,191 @@
+"""Steps 2 to 9 of Table 2, once the generators have answered."""
+
+from __future__ import annotations
+
+from minerva_bus.errors import VocabularyError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.core import Core, Phase
+from minerva_bus.frame.showing import Showing
+from minerva_bus.grammar.events import Event
+from minerva_bus.world.order import collect
+
+
+class Steps(Core):
+    """One frame: its events, its evolution and views, and what follows from them."""
+
+    def _collect(self) -> None:
+        """Steps 2 to 4: e*, e^v and e^u."""
+        sources = {**self._inbox, **self._emitted}
+        for member, reply in self._ticked.items():
+            if reply.events:
+                sources[member] = [*reply.events, *sources.get(member, ())]
+            if reply.saved is not None:
+                self._saved[member] = reply.saved
+        self._inbox = {}
+        due = self._due_views(closing=False)
+        if due:
+            sources["~device"] = due
+        if sources:
+            self._sort_events(collect(self.world.order, sources))
+        self.phase = Phase.EVOLVE
+        self._dispatch()
+
+    def _sort_events(self, events: tuple[Event, ...]) -> None:
+        types = self.world.vocabulary.events
+        self._events = events
+        self._visual = tuple([event for event in events if types[event.type].visual])
+        self._evolving = tuple([event for event in events if not types[event.type].visual])
+
+    def _due_views(self, closing: bool) -> tuple[Event, ...]:
+        """The events of those devices that are the source of their own."""
+        due = {
+            event_type
+            for hello in self.roster.attending.sources
+            if closing or self.frame % hello.every == 0
+            for event_type in hello.draws
+        }
+        types = self.world.vocabulary.events
+        return tuple([types[event_type]() for event_type in sorted(due)])
+
+    # --- steps 5 and 6: evolution and views ---
+
+    def _dispatch(self) -> None:
+        if self._rearrange:
+            self._rearrange = False
+            self._distribution.arrange(self.roster.offers())
+        events = self._evolving + self._visual
+        if events and self._distribution.unplaced:
+            self._strand(self._distribution.unplaced)
+        asked: tuple[str, ...] = ()
+        if events:
+            asked = tuple(self._distribution.concerned(self._evolving, self._visual))
+        for host in asked:
+            self._parts[host, 0] = tuple(self._distribution.fragments_of(host))
+            self._give(host)
+        if asked:
+            request = m.EvolveRequest(self.frame, asked, self._evolving, self._visual)
+            self._send(s.HOSTS, request)
+        self._finish_if_done()
+
+    def _give(self, host: str) -> None:
+        lacking = self._distribution.lacking(host)
+        if lacking is not None:
+            self._send(host, lacking)
+
+    def _strand(self, unplaced: dict[str, frozenset[str]]) -> None:
+        """Fragments that no host can evolve wait for one that comes back, or stand still."""
+        back = self.roster.awaited_kinds()
+        for fragment, kinds in unplaced.items():
+            if kinds <= back:
+                self._stranded.add(fragment)
+
+    def _ask_again(self, fragments: list[str]) -> None:
+        """Ask for some fragments once more in this frame, wherever they are placed now."""
+        self._rearrange = False
+        self._distribution.arrange(self.roster.offers())
+        self._stranded = set()
+        placed: dict[str, list[str]] = {}
+        for fragment in fragments:
+            host = self._distribution.host_of(fragment)
+            if host is not None:
+                placed.setdefault(host, []).append(fragment)
+        unplaced = self._distribution.unplaced
+        self._strand({one: unplaced[one] for one in fragments if one in unplaced})
+        for host, mine in sorted(placed.items()):
+            self._part += 1
+            self._parts[host, self._part] = tuple(mine)
+            self._give(host)
+            request = m.EvolveRequest(
+                self.frame, (host,), self._evolving, self._visual, self._part, tuple(mine)
+            )
+            self._send(host, request)
+        self._finish_if_done()
+
+    def _finish_if_done(self) -> None:
+        if self._parts or self._stranded:
+            return
+        if self.phase is Phase.EVOLVE:
+            self._commit()
+        elif self.phase is Phase.CLOSING:
+            self._show()
+            self._stop()
+
+    # --- steps 7 to 10: output, and the next frame ---
+
+    def _commit(self) -> None:
+        self._show()
+        self._note_until()
+        try:
+            self._rearrange |= self.composition.replace(self._changed)
+        except VocabularyError as error:
+            self._fail(f"frame {self.frame}: {error}")
+            return
+        for fragment, host in self._changed_by.items():
+            self._distribution.changed(host, fragment, self._changed[fragment])
+        self._emitted = {f"#{agent}": events for agent, events in sorted(self._sent.items())}
+        digest = self.composition.scene.digest
+        self._out.append(
+            s.FrameDone(m.FrameRecord(self.frame, self._events, self._changed, digest))
+        )
+        self.frame += 1
+        self._end_or_go_on()
+
+    def _show(self) -> None:
+        """Step 7: every device gets its view of w, the string that this frame began with."""
+        for event_type in sorted({event.type for event in self._visual}):
+            showing = self._showings.setdefault(event_type, Showing(event_type))
+            view = showing.next(
+                self.frame,
+                self.composition.skeleton,
+                self._views.get(event_type, {}),
+                self.composition.fragments,
+            )
+            devices = self.roster.devices(event_type)
+            last = self.phase is Phase.CLOSING
+            for member, hello in devices:
+                if hello.coupled:
+                    self._send(member.name, view)
+                elif last:  # Nothing follows from which an observer could see that it missed it.
+                    self._send(member.name, showing.key())
+            if not last and any(not hello.coupled for _, hello in devices):
+                self._out.append(s.Show(event_type, view))
+
+    def _end_or_go_on(self) -> None:
+        if not self.composition.scene:
+            self._close("the string is empty")
+        elif self._until_holds():
+            self._close(f"every agent has sent {self.world.until}")
+        elif self.world.frames and self.frame >= self.world.frames:
+            self._close("the frames are over")
+        else:
+            self.phase = Phase.READY
+            self._out.append(s.Ready(self.frame))
+
+    @property
+    def reached(self) -> bool:
+        """Whether every agent of the kinds that send `until` has sent it."""
+        return self._until_holds()
+
+    def _note_until(self) -> None:
+        """Note who has sent `until`, and of what kind it was; it may be gone after this frame."""
+        for agent, events in self._sent.items() if self.world.until else ():
+            if any(event.type == self.world.until for event in events):
+                self._reached.add(agent)
+                self._reaching.add(self.composition.kind(agent))
+
+    def _until_holds(self) -> bool:
+        return bool(self._reached) and all(
+            agent in self._reached
+            for agent in self.composition.agents()
+            if self.composition.kind(agent) in self._reaching
+        )
+
+    def _close(self, reason: str) -> None:
+        """End a world that has come to its end: its last string is shown once more."""
+        self._reason = reason
+        due = self._due_views(closing=True)
+        self._begin_frame_state()
+        self._visual = due
+        self.phase = Phase.CLOSING
+        self._dispatch()

@@ -1,0 +1,131 @@
+"""What the frame algorithm is told, and what it tells to do: its whole contact with the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
+from minerva_bus.grammar.events import Event
+
+EVERYONE: Final = "~all"
+TICKED: Final = "~tick"
+HOSTS: Final = "~hosts"
+
+
+# --- in, beside what members send ---
+
+
+@dataclass(frozen=True, slots=True)
+class Appeared:
+    """A member's liveliness token is there."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
+class Vanished:
+    """A member's liveliness token is gone."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp:
+    """Nobody will start this member again; go on without it."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A member sent what the protocol does not allow."""
+
+    member: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A person sends an event."""
+
+    event: Event
+
+
+@dataclass(frozen=True, slots=True)
+class Silent:
+    """Time has passed: those who are being waited for are late, or gone without a report."""
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """The next frame may begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The world shall end now."""
+
+    reason: str
+
+
+Stimulus: TypeAlias = (
+    FromMember | Appeared | Vanished | GaveUp | Violation | Order | Silent | Begin | End
+)
+
+
+# --- out ---
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Send a message to a member, or to everyone, all who are ticked, or all hosts of agents."""
+
+    to: str
+    message: ToMember
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Publish a view for the observers of its event type."""
+
+    event_type: str
+    message: ToMember
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """Tell the people who watch: about whom, and what."""
+
+    member: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """All who are needed are there and no frame is under way: send `Begin` when it is time."""
+
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class FrameDone:
+    """A frame is over."""
+
+    record: FrameRecord
+
+
+@dataclass(frozen=True, slots=True)
+class Stopping:
+    """No frame follows; members are asked for their reports and go."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The world is over, and all reports are in or cannot come any more."""
+
+    reason: str
+    figures: Figures
+
+
+Instruction: TypeAlias = Send | Show | Say | Ready | FrameDone | Stopping | Ended

@@ -1,0 +1,1 @@
+"""Table 1: symbols, strings, their text and their vocabulary."""

@@ -1,0 +1,149 @@
+"""How a value from Python or from a text becomes one of a type; see `types`.
+
+Each function gives back the very value where it is in its final form already.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.literals import DEPTH, MATRIX_CELLS
+from minerva_bus.grammar.scene import Array, Scene, Value, walk
+from minerva_bus.grammar.units import Quantity
+
+
+class Unfit(Exception):
+    """A value is not of a type; the message says what was expected."""
+
+
+def to_float(value: Any) -> float | None:
+    """A float64, infinite for an int that none comes near; None for what is no number."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    try:
+        return float(cast("float", value))
+    except OverflowError:
+        return math.inf
+
+
+def to_int(value: Any) -> int:
+    """A whole number of 64 bits. Raises Unfit."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+        return int(value)
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise Unfit(f"a whole number, not {shown(value)}")
+    number = int(cast("int", value))
+    if not -(1 << 63) <= number < 1 << 63:
+        raise Unfit("a whole number of at most 64 bits")
+    return number
+
+
+def to_text(value: Any) -> str:
+    """A text that can be written in UTF-8. Raises Unfit."""
+    if not isinstance(value, str):
+        raise Unfit(f"a text, not {shown(value)}")
+    if not value.isascii():
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            raise Unfit("a text of Unicode characters, without half a surrogate pair") from None
+    return value if type(value) is str else str.__str__(value)
+
+
+def to_bool(value: Any) -> bool:
+    """True or False, numpy's too. Raises Unfit."""
+    if not isinstance(value, bool | np.bool_):
+        raise Unfit(f"true or false, not {shown(value)}")
+    return bool(cast("bool", value))
+
+
+def to_string(value: Any) -> Scene:
+    """A string of L(M) that may stand in braces. Raises Unfit."""
+    if not isinstance(value, Scene):
+        raise Unfit(f"a string in braces, not {shown(value)}")
+    return shallow(value)
+
+
+_V = TypeVar("_V", bound=Value)
+
+
+def shallow(value: _V) -> _V:
+    """The value, if lists and strings stand in it no deeper than a text may have them.
+
+    Raises Unfit. Such values are printed and compared by recursion, which has to end.
+    """
+    level: list[Value] = [value]
+    for _ in range(DEPTH):
+        within = {id(one): one for outer in level for one in _inside(outer)}
+        level = [one for one in within.values() if isinstance(one, tuple | Scene)]
+        if not level:
+            return value
+    raise Unfit(f"a value nested at most {DEPTH} deep")
+
+
+def _inside(value: Value) -> Iterable[Value]:
+    if isinstance(value, Scene):
+        return (one for opens, node in walk(value) if opens for one in node.values)
+    return value if isinstance(value, tuple) else ()
+
+
+def to_cells(value: Any) -> Array:
+    """A read-only int16 matrix. Raises Unfit."""
+    matrix = _matrix(value, "iub", "a matrix of whole numbers")
+    if matrix.dtype == np.int16:
+        return _frozen(matrix)
+    cells = matrix.astype(np.int16)
+    if not (cells == matrix).all():
+        raise Unfit("a matrix of whole numbers of 16 bits")
+    return _frozen(cells)
+
+
+def to_reals(value: Any) -> Array:
+    """A read-only float64 matrix. Raises Unfit."""
+    matrix = _matrix(value, "iubf", "a matrix of numbers")
+    reals = matrix if matrix.dtype == np.float64 else matrix.astype(np.float64)
+    if not np.isfinite(reals).all():
+        raise Unfit("a matrix of finite numbers")
+    return _frozen(reals)
+
+
+def _matrix(value: Any, kinds: str, wanted: str) -> NDArray[Any]:
+    matrix = cast("NDArray[Any]", value)
+    if not isinstance(value, np.ndarray) or matrix.ndim != 2:
+        raise Unfit(f"a matrix RxC[...], not {shown(value)}")
+    if matrix.dtype.kind not in kinds:
+        raise Unfit(wanted)
+    if matrix.size > MATRIX_CELLS or max(matrix.shape) >= 10**9:
+        raise Unfit(f"a matrix of at most {MATRIX_CELLS} cells")
+    return matrix
+
+
+def _frozen(matrix: NDArray[Any]) -> NDArray[Any]:
+    """The very matrix where nobody can write to it any more, or else a copy."""
+    owner: object = matrix
+    while isinstance(owner, np.ndarray) and not owner.flags.writeable:
+        owner = owner.base
+    immutable = owner is None or isinstance(owner, bytes)
+    if immutable and type(matrix) is np.ndarray and matrix.flags.c_contiguous:
+        return matrix
+    copy = np.array(matrix, order="C")
+    copy.flags.writeable = False
+    return copy
+
+
+def shown(value: Any) -> str:
+    """A value as a message may name it."""
+    if isinstance(value, str | int | float | bool):
+        return repr(value)[:40]
+    if isinstance(value, Quantity):
+        return f"{value.number:g} {value.unit}"
+    if isinstance(value, Scene):
+        return "a string"
+    if isinstance(value, np.ndarray):
+        return "a matrix"
+    return "a list" if isinstance(value, tuple | list) else f"a {type(value).__name__}"

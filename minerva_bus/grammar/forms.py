@@ -1,0 +1,88 @@
+"""What a symbol looks like to a geometric system that knows nothing else about it.
+
+A primitive may declare a `Shape`, a transformation a `Motion`. Both are plain data: they travel
+with the vocabulary, so a picture, a window or a web page can draw worlds it has never heard of.
+A measure is a number, or the name of the symbol's parameter that holds it. Lengths are metres,
+angles degrees, counter-clockwise from the x axis.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+Measure: TypeAlias = float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A transformation of the plane: shift by (x, y), turn, then go forward along the new x."""
+
+    x: Measure = 0.0
+    y: Measure = 0.0
+    turn: Measure = 0.0
+    forward: Measure = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc about the origin; with `heading` a mark shows where its x axis points."""
+
+    radius: Measure = 0.1
+    color: str = "#444444"
+    heading: bool = False
+    height: float = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line through the points that two `list of real` parameters hold."""
+
+    xs: str
+    ys: str
+    color: str = "#444444"
+    width: float = 0.04
+    dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A text that a parameter holds, on a small pin at the origin."""
+
+    text: str
+    color: str = "#444444"
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """A matrix parameter as squares: cell [row, column] at x + row·cell, y + column·cell.
+
+    `colors` pairs the least value of a range with its colour ("" draws nothing), ascending; a
+    value takes the colour of the last range that begins at or below it. `opacity` is 0 to 1.
+    """
+
+    cells: str
+    cell: Measure
+    x: Measure = 0.0
+    y: Measure = 0.0
+    turn: Measure = 0.0
+    colors: tuple[tuple[int, str], ...] = ((1, "#444444"),)
+    opacity: float = 1.0
+    height: float = 0.0
+
+
+def parameters_of(form: "Form") -> tuple[str, ...]:
+    """The names of the symbol's parameters that a form uses."""
+    if isinstance(form, Motion):
+        measures = (form.x, form.y, form.turn, form.forward)
+    elif isinstance(form, Disc):
+        measures = (form.radius,)
+    elif isinstance(form, Line):
+        measures = (form.xs, form.ys)
+    elif isinstance(form, Label):
+        measures = (form.text,)
+    else:
+        measures = (form.cells, form.cell, form.x, form.y, form.turn)
+    return tuple(one for one in measures if isinstance(one, str))
+
+
+Shape: TypeAlias = Disc | Line | Label | Raster
+Form: TypeAlias = Shape | Motion

@@ -1,0 +1,241 @@
+"""From a text to a string of L(M), by Table 1 alone.
+
+    WORLD    → OBJECTS | ε
+    OBJECTS  → OBJECT (("·" | ".") OBJECT)*
+    OBJECT   → FIGURE | TRANSFORMATION | AGENT
+    AGENT    → Aname ["#" id] [values] ["(" [OBJECTS] ")"]
+    TRANSFORMATION → Tname [values] "(" [OBJECTS] ")"
+    FIGURE   → Pname [values]
+    values   → "<" [name "=" value ("," name "=" value)*] ">"
+
+A symbol's first letter says its alphabet, as in the paper: P, T or A. `//` starts a comment.
+An agent without an id gets one from its kind and its place among the nameless ones of that kind;
+ids that the text gives to others are passed over. The parser keeps its own stack, so depth is
+limited by memory only.
+"""
+
+import re
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from minerva_bus.errors import GrammarError
+from minerva_bus.grammar.literals import Literals
+from minerva_bus.grammar.scene import (
+    AGENT_ID,
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    Scene,
+    TransformationNode,
+    Value,
+)
+
+_BLANK = re.compile(r"(?:\s+|//[^\n]*)*")
+_HEAD = re.compile(rf"([PTA][A-Za-z0-9_]*)(?:#({AGENT_ID.pattern}))?")
+_GIVEN_ID = re.compile(rf'"(?:[^"\\]|\\.)*"|//[^\n]*|#({AGENT_ID.pattern})')
+_PLAIN_VALUES = re.compile(r'<[^<>{}"\[\]/]*>')
+_ALPHABETS = "a symbol of P, T or A (PMap, TMove<dist=1>(...), ARobot#r1)"
+
+_Values: TypeAlias = tuple[tuple[str, ...], tuple[Value, ...]]
+
+
+@dataclass(slots=True)
+class _Open:
+    """A symbol whose scope is being read, and the nodes read in it so far."""
+
+    symbol: str
+    id: str
+    values: _Values
+    offset: int
+    nodes: list[Node]
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed:
+    """A string, its text, and where in the text each node begins (by the node's `id()`)."""
+
+    scene: Scene
+    text: str
+    source: str
+    offsets: dict[int, int]
+
+
+def parse(text: str, source: str = "") -> Scene:
+    """The string that a text stands for.
+
+    Raises GrammarError with line, column, caret and what was expected.
+    """
+    return parse_located(text, source).scene
+
+
+def parse_located(text: str, source: str = "") -> Parsed:
+    """As `parse`, with the place of each node for errors that are found later."""
+    reader = _Reader(text, source)
+    scene, _ = reader.world(0)
+    return Parsed(scene, text, source, reader.offsets)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Reads one string: the whole text, or at `depth` > 0 what stands within braces in it."""
+
+    text: str
+    source: str
+    depth: int = 0
+    offsets: dict[int, int] = field(default_factory=dict[int, int])
+    given: frozenset[str] | None = None
+    ids: set[str] = field(default_factory=set[str])
+    nameless: dict[str, int] = field(default_factory=dict[str, int])
+    figures: dict[str, FigureNode] = field(default_factory=dict[str, FigureNode])
+    parsed_values: dict[str, _Values] = field(default_factory=dict[str, _Values])
+
+    def world(self, at: int) -> tuple[Scene, int]:
+        """The string that begins at an offset, and the offset of its end."""
+        at = self.skip(at)
+        if self.text.startswith("ε", at) and self.ends(self.skip(at + 1)):
+            at = self.skip(at + 1)
+        if self.ends(at):
+            return EMPTY, at
+        stack: list[_Open] = []
+        top: list[Node] = []
+        nodes = top
+        while True:
+            opened, at = self.symbol(at, nodes)
+            if opened is not None:
+                stack.append(opened)
+                nodes = opened.nodes
+                if not self.text.startswith(")", at):
+                    continue
+            while stack and self.text.startswith(")", at):
+                outer = stack[-2].nodes if len(stack) > 1 else top
+                self.close(stack.pop(), outer)
+                nodes = outer
+                at = self.skip(at + 1)
+            if self.ends(at):
+                break
+            at = self.separator(at, bool(stack))
+        if stack:
+            last = stack[-1]
+            raise self.wrong(f"the scope of {last.symbol} is not closed", at, "')'", last.offset)
+        return Scene(tuple(top)), at
+
+    def ends(self, at: int) -> bool:
+        return self.text.startswith("}", at) if self.depth else at == len(self.text)
+
+    def inner(self, at: int, depth: int) -> tuple[Scene, int]:
+        """The string within braces, a world of its own: its ids concern nobody outside."""
+        return _Reader(self.text, self.source, depth, self.offsets, self.given_ids()).world(at)
+
+    def symbol(self, at: int, nodes: list[Node]) -> tuple[_Open | None, int]:
+        """Read one symbol; a figure or a scopeless agent is done, others are left open."""
+        start = at
+        match = _HEAD.match(self.text, at)
+        if match is None:
+            raise self.wrong(f"found {self.found(at)}", at, _ALPHABETS)
+        name, agent_id = match.group(1), match.group(2)
+        at = match.end()
+        if agent_id is not None and name[0] != "A":
+            raise self.wrong(f"{name} cannot have an id", match.start(2) - 1, "ids on agents only")
+        values, at = self.values(at)
+        at = self.skip(at)
+        scoped = self.text.startswith("(", at)
+        if name[0] == "P":
+            if scoped:
+                raise self.wrong(f"the primitive {name} has no scope", at, "'·', ')' or the end")
+            nodes.append(self.figure(name, values, start))
+            return None, at
+        if name[0] == "T" and not scoped:
+            raise self.wrong(f"the transformation {name} needs a scope", at, "'('")
+        agent_id = self.agent_id(name, agent_id, start) if name[0] == "A" else ""
+        opened = _Open(name, agent_id, values, start, [])
+        if scoped:
+            return opened, self.skip(at + 1)
+        self.close(opened, nodes)
+        return None, at
+
+    def figure(self, name: str, values: _Values, start: int) -> FigureNode:
+        if not values[0] and name in self.figures:
+            return self.figures[name]
+        node = FigureNode(name, *values)
+        self.offsets[id(node)] = start
+        if not values[0]:
+            self.figures[name] = node
+        return node
+
+    def close(self, opened: _Open, nodes: list[Node]) -> None:
+        scope = Scene(tuple(opened.nodes)) if opened.nodes else EMPTY
+        if opened.symbol[0] == "T":
+            node = TransformationNode(opened.symbol, *opened.values, scope)
+        else:
+            node = AgentNode(opened.symbol, opened.id, *opened.values, scope)
+        self.offsets[id(node)] = opened.offset
+        nodes.append(node)
+
+    def agent_id(self, symbol: str, given: str | None, start: int) -> str:
+        name = given or self.new_id(symbol)
+        if name in self.ids:
+            raise self.wrong(
+                f"the id #{name} is taken already", start, "an id of its own for each agent"
+            )
+        self.ids.add(name)
+        return name
+
+    def new_id(self, symbol: str) -> str:
+        given = self.given_ids()
+        while True:
+            count = self.nameless[symbol] = self.nameless.get(symbol, 0) + 1
+            name = f"{symbol[1:].lower() or 'agent'}{count}"
+            if name not in given and name not in self.ids:
+                return name
+
+    def given_ids(self) -> frozenset[str]:
+        """Every id that the text gives, before or behind; found once for a whole text."""
+        if self.given is None:
+            self.given = frozenset(_GIVEN_ID.findall(self.text))
+        return self.given
+
+    def separator(self, at: int, inside: bool) -> int:
+        if self.text.startswith(("·", "."), at):
+            return self.skip(at + 1)
+        end = "'}'" if self.depth else "the end"
+        wanted = "'·' or ')'" if inside else f"'·' or {end}"
+        raise self.wrong(f"found {self.found(at)}", at, wanted)
+
+    def values(self, at: int) -> tuple[_Values, int]:
+        if not self.text.startswith("<", at):
+            return ((), ()), at
+        plain = _PLAIN_VALUES.match(self.text, at)
+        if plain is not None:
+            known = self.parsed_values.get(plain.group())
+            if known is not None:
+                return known, plain.end()
+        literals = Literals(self.text, self.source, self.skip, self.inner, self.depth)
+        values, end = literals.values(at)
+        if plain is not None:
+            self.parsed_values[plain.group()] = values
+        return values, end
+
+    def skip(self, at: int) -> int:
+        sign = self.text[at : at + 1]
+        if sign != "/" and not sign.isspace():  # mostly so, and cheaper to ask than a match
+            return at
+        match = _BLANK.match(self.text, at)
+        return match.end() if match else at
+
+    def found(self, at: int) -> str:
+        return "the end" if at >= len(self.text) else repr(self.text[at])
+
+    def wrong(self, problem: str, at: int, expected: str, opened: int = -1) -> GrammarError:
+        if opened >= 0:
+            line = self.text.count("\n", 0, opened) + 1
+            column = opened - self.text.rfind("\n", 0, opened)
+            problem += f" (it opens at line {line}, column {column})"
+        return GrammarError(
+            problem, text=self.text, offset=at, expected=expected, source=self.source
+        )
+
+
+def parse_value(text: str, source: str = "") -> Value:
+    """The value that a text such as `0.5`, `"red"` or `{PFox}` stands for. Raises GrammarError."""
+    return parse(f"P<value={text}>", source).nodes[0].values[0]

@@ -1,0 +1,87 @@
+"""The canonical text of a string: parse(text(w)) = w."""
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.scene import AgentNode, Array, FigureNode, Node, Scene, Value, walk
+from minerva_bus.grammar.units import Quantity
+
+CONCATENATION = " · "
+
+
+def text(scene: Scene) -> str:
+    """The canonical text of a string; the empty text for ε."""
+    parts: list[str] = []
+    first = True
+    for opens, node in walk(scene):
+        if not opens:
+            parts.append(")")
+            first = False
+            continue
+        if not first:
+            parts.append(CONCATENATION)
+        parts.append(head(node))
+        first = False
+        if not isinstance(node, FigureNode):
+            parts.append("(")
+            first = True
+    return "".join(parts)
+
+
+def head(node: Node) -> str:
+    """A node without its scope: `TMove<dist=1.5>`."""
+    name = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
+    if not node.names:
+        return name
+    pairs = zip(node.names, node.values, strict=True)
+    return f"{name}<{', '.join([f'{n}={value_text(v)}' for n, v in pairs])}>"
+
+
+def value_text(value: Value) -> str:
+    """The canonical text of one value."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return number_text(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join([value_text(item) for item in value])}]"
+    if isinstance(value, Scene):
+        return f"{{{text(value)}}}"
+    if isinstance(value, Quantity):
+        return f"{number_text(value.number)}{value.unit}"
+    return _matrix_text(value)
+
+
+def number_text(number: float) -> str:
+    """The shortest text that reads back as the same number; whole ones without a point."""
+    shown = repr(float(number))
+    return shown[:-2] if shown.endswith(".0") and shown != "-0.0" else shown
+
+
+def _matrix_text(matrix: Array) -> str:
+    """`2x3[0*4 1 0]`: rows, columns, then runs of equal values in row order; `2x3r[` for reals."""
+    flat, raw = matrix.ravel(), bits(matrix).ravel()
+    starts = np.flatnonzero(np.concatenate(([True], raw[1:] != raw[:-1])))[: flat.size]
+    lengths = np.diff(np.append(starts, flat.size))
+    runs = [
+        f"{number_text(value)}*{length}" if length > 1 else number_text(value)
+        for value, length in zip(flat[starts].tolist(), lengths.tolist(), strict=True)
+    ]
+    return f"{shape_text(matrix)}[{' '.join(runs)}]"
+
+
+def bits(matrix: Array) -> NDArray[np.integer[Any]]:
+    """A matrix's values as whole numbers that are equal where the values print the same."""
+    return matrix.view(np.int64) if matrix.dtype == np.float64 else matrix.view(np.int16)
+
+
+def shape_text(matrix: Array) -> str:
+    """`2x3`, with an `r` behind it where the values are reals."""
+    return f"{matrix.shape[0]}x{matrix.shape[1]}{'r' if matrix.dtype == np.float64 else ''}"

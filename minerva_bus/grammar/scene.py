@@ -1,0 +1,258 @@
+"""Strings of L(M) as immutable values (Table 1).
+
+A `Scene` is a concatenation of nodes, one class for each alternative of rule 3:
+
+    FigureNode           p           rule 6
+    TransformationNode   t(OBJECTS)  rule 5
+    AgentNode            a(OBJECTS)  rule 4
+
+A *fragment* is a `Scene` too. Nothing here recurses: strings may be nested as deep as memory goes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Iterator, Mapping
+from dataclasses import dataclass
+from operator import is_
+from typing import Any, Final, TypeAlias, cast, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.units import Quantity
+
+Array: TypeAlias = NDArray[np.int16] | NDArray[np.float64]
+Value: TypeAlias = "bool | int | float | str | Quantity | tuple[Value, ...] | Array | Scene"
+Node: TypeAlias = "FigureNode | TransformationNode | AgentNode"
+
+AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
+
+
+class _Digested:
+    """Keeps its digest once it is known."""
+
+    __slots__ = ("_digest",)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene(_Digested):
+    """A string w ∈ L(M): nodes side by side. `EMPTY` is ε."""
+
+    nodes: tuple[Node, ...] = ()
+
+    def __add__(self, other: object) -> Scene:
+        if not isinstance(other, Scene):
+            return NotImplemented
+        if not self.nodes:
+            return other
+        return Scene(self.nodes + other.nodes) if other.nodes else self
+
+    def __iter__(self) -> Iterator[Node]:
+        return iter(self.nodes)
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Scene):
+            return NotImplemented
+        return self.nodes is other.nodes or self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __str__(self) -> str:
+        from minerva_bus.grammar.printer import text
+
+        return text(self)
+
+    def __repr__(self) -> str:
+        shown = str(self)
+        return f"Scene({shown if len(shown) < 200 else shown[:199] + '…'})"
+
+    @property
+    def digest(self) -> bytes:
+        """16 bytes that two strings share exactly when they print the same."""
+        known: bytes | None = getattr(self, "_digest", None)
+        if known is None:
+            from minerva_bus.grammar.digest import scene_digest
+
+            known = scene_digest(self)
+            object.__setattr__(self, "_digest", known)
+        return known
+
+
+EMPTY: Final = Scene()
+
+
+class _Printed(_Digested):
+    """Nodes are equal when they print the same, as strings are."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, FigureNode | TransformationNode | AgentNode):
+            return NotImplemented
+        return self is other or scene_of(cast("Node", self)) == scene_of(other)
+
+    def __hash__(self) -> int:
+        return hash(scene_of(cast("Node", self)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FigureNode(_Printed):
+    """One occurrence of a primitive p ∈ P with its parameters."""
+
+    symbol: str
+    names: tuple[str, ...] = ()
+    values: tuple[Value, ...] = ()
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Parameters by name."""
+        return dict(zip(self.names, self.values, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransformationNode(_Printed):
+    """One occurrence of t(OBJECTS), t ∈ T."""
+
+    symbol: str
+    names: tuple[str, ...] = ()
+    values: tuple[Value, ...] = ()
+    scope: Scene = EMPTY
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Parameters by name."""
+        return dict(zip(self.names, self.values, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AgentNode(_Printed):
+    """One agent a(OBJECTS): its kind's symbol, its id and its state st ∈ ST."""
+
+    symbol: str
+    id: str
+    names: tuple[str, ...] = ()
+    values: tuple[Value, ...] = ()
+    scope: Scene = EMPTY
+
+    @property
+    def state(self) -> Mapping[str, Any]:
+        """Attributes by name."""
+        return dict(zip(self.names, self.values, strict=True))
+
+
+def scene_of(*nodes: Node) -> Scene:
+    """The concatenation of the nodes."""
+    return Scene(nodes)
+
+
+@overload
+def with_scope(node: AgentNode, scope: Scene) -> AgentNode: ...
+@overload
+def with_scope(node: TransformationNode, scope: Scene) -> TransformationNode: ...
+@overload
+def with_scope(
+    node: TransformationNode | AgentNode, scope: Scene
+) -> TransformationNode | AgentNode: ...
+def with_scope(
+    node: TransformationNode | AgentNode, scope: Scene
+) -> TransformationNode | AgentNode:
+    """The same node around another scope; the very node where nothing changes."""
+    if scope is node.scope or (not scope.nodes and not node.scope.nodes):
+        return node
+    if isinstance(node, AgentNode):
+        return AgentNode(node.symbol, node.id, node.names, node.values, scope)
+    return TransformationNode(node.symbol, node.names, node.values, scope)
+
+
+def rescoped(node: Node, scope: Scene) -> Node:
+    """One node around another scope; a figure has none and stays."""
+    return node if isinstance(node, FigureNode) else with_scope(node, scope)
+
+
+def walk(scene: Scene) -> Iterator[tuple[bool, Node]]:
+    """(True, node) where a node opens and (False, node) where its scope ends, left to right.
+
+    A figure has no scope: it opens only.
+    """
+    stack = [iter(scene.nodes)]
+    open_nodes: list[Node] = []
+    while stack:
+        node = next(stack[-1], None)
+        if node is None:
+            stack.pop()
+            if open_nodes:
+                yield False, open_nodes.pop()
+            continue
+        yield True, node
+        if not isinstance(node, FigureNode):
+            open_nodes.append(node)
+            stack.append(iter(node.scope.nodes))
+
+
+def rebuild(
+    scene: Scene,
+    leave: Callable[[Node, Scene], Scene | Node],
+    whole: Container[int] = (),
+) -> Scene:
+    """Rewrite a string from the leaves up: `leave(node, its rewritten scope)` replaces each node.
+
+    Where `leave` gives back the very node, the original is kept and shared. Nodes whose `id()` is
+    in `whole` are replaced as they are, with all that is in them.
+    """
+    nodes, made = iter(scene.nodes), list[Node]()
+    opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[Node]]] = []
+    while True:
+        for node in nodes:
+            if isinstance(node, FigureNode):
+                _put(made, leave(node, EMPTY))
+            elif not node.scope.nodes or id(node) in whole:
+                _put(made, leave(node, node.scope))
+            else:
+                opened.append((node, nodes, made))
+                nodes, made = iter(node.scope.nodes), []
+                break
+        else:
+            if not opened:
+                return shared(scene, made)
+            done, nodes, outer = opened.pop()
+            _put(outer, leave(done, shared(done.scope, made)))
+            made = outer
+
+
+def _put(nodes: list[Node], more: Scene | Node) -> None:
+    if isinstance(more, Scene):
+        nodes.extend(more.nodes)
+    else:
+        nodes.append(more)
+
+
+def shared(old: Scene, nodes: list[Node]) -> Scene:
+    """The string of these nodes; the old one where they are its very own."""
+    if len(nodes) == len(old.nodes) and all(map(is_, nodes, old.nodes)):
+        return old
+    return Scene(tuple(nodes)) if nodes else EMPTY
+
+
+def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:
+    """Every agent of a string, also those within others, left to right.
+
+    Nodes whose `id()` is in `passed_over` do not count, nor does what is in them.
+    """
+    stack = list(reversed(scene.nodes))
+    while stack:
+        node = stack.pop()
+        if isinstance(node, FigureNode) or id(node) in passed_over:
+            continue
+        if isinstance(node, AgentNode):
+            yield node
+        stack.extend(reversed(node.scope.nodes))
+
+
+def identities(scene: Scene) -> frozenset[int]:
+    """The `id()` of each node of a string, to know it again where it has been put."""
+    return frozenset(map(id, scene.nodes))

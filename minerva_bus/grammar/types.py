@@ -1,0 +1,169 @@
+"""Types of parameters, attributes and event data, and how a value becomes one of a type.
+
+| text              | in Python                        | value                                   |
+|-------------------|----------------------------------|-----------------------------------------|
+| `bool`            | `bool`                           | True, False                             |
+| `int`             | `int`                            | 64 bits, signed                         |
+| `real`, `real m`  | `float`, `Metres`, ...           | a finite float64 in that unit           |
+| `text`            | `str`                            | UTF-8                                   |
+| `list of TYPE`    | `tuple[X, ...]`                  | a tuple                                 |
+| `cells`           | `Cells`                          | a read-only int16 matrix (rows, columns)|
+| `matrix`          | `Reals`                          | a read-only float64 matrix              |
+| `string`          | `Scene`                          | a string of L(M)                        |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from operator import is_
+from typing import Annotated, Any, TypeAlias, cast, get_args, get_origin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.fitting import (
+    Unfit,
+    shallow,
+    shown,
+    to_bool,
+    to_cells,
+    to_float,
+    to_int,
+    to_reals,
+    to_string,
+    to_text,
+)
+from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.grammar.scene import Scene, Value
+from minerva_bus.grammar.units import Quantity, Unit
+
+Metres = Annotated[float, Unit("m")]
+Degrees = Annotated[float, Unit("deg")]
+Seconds = Annotated[float, Unit("s")]
+MetresPerSecond = Annotated[float, Unit("m/s")]
+Cells: TypeAlias = NDArray[np.int16]
+Reals: TypeAlias = NDArray[np.float64]
+
+_KINDS = ("bool", "int", "real", "text", "cells", "matrix", "string")
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A type of values: its kind, the unit of a real, or the items' type of a list."""
+
+    kind: str
+    unit: str = ""
+    item: Type | None = None
+
+    def __str__(self) -> str:
+        if self.item is not None:
+            return f"list of {self.item}"
+        return f"{self.kind} {self.unit}" if self.unit else self.kind
+
+    def fit(self, value: Any) -> Value:
+        """The value as one of this type; the very value where it is one already.
+
+        Raises Unfit.
+        """
+        kind = self.kind
+        if kind == "real":
+            return value if type(value) is float and math.isfinite(value) else self._real(value)
+        if kind == "list":
+            return self._list(value)
+        return _FITS[kind](value)
+
+    def _real(self, value: Any) -> float:
+        wanted = f"a number in {self.unit}" if self.unit else "a number"
+        number = to_float(value.into(self.unit) if isinstance(value, Quantity) else value)
+        if number is None:
+            raise Unfit(f"{wanted}, not {shown(value)}")
+        if not math.isfinite(number):
+            raise Unfit(f"{wanted}, a finite one")
+        return number
+
+    def _list(self, value: Any) -> tuple[Value, ...]:
+        item = cast("Type", self.item)
+        if not isinstance(value, tuple | list):
+            raise Unfit(f"a {self}, not {shown(value)}")
+        items = cast("tuple[Any, ...] | list[Any]", value)
+        fitted = tuple([item.fit(one) for one in items])
+        if isinstance(value, tuple) and all(map(is_, fitted, items)):
+            fitted = cast("tuple[Value, ...]", value)
+        return shallow(fitted) if self.holds_strings else fitted
+
+    @property
+    def holds_strings(self) -> bool:
+        """Whether strings of L(M) stand in values of this type."""
+        return self.kind == "string" or (self.item is not None and self.item.holds_strings)
+
+
+_FITS: dict[str, Callable[[Any], Value]] = {
+    "int": to_int,
+    "text": to_text,
+    "bool": to_bool,
+    "string": to_string,
+    "cells": to_cells,
+    "matrix": to_reals,
+}
+
+
+def parse_type(text: str) -> Type:
+    """The type that a text such as `real m` or `list of text` names.
+
+    Raises MisuseError for a text that names none.
+    """
+    words = text.split()
+    if len(words) > 2 * DEPTH:
+        raise MisuseError(f"lists are nested at most {DEPTH} deep")
+    if words[:2] == ["list", "of"]:
+        return Type("list", item=parse_type(" ".join(words[2:])))
+    if len(words) == 2 and words[0] == "real":
+        return Type("real", Unit(words[1]).symbol)
+    if len(words) == 1 and words[0] in _KINDS:
+        return Type(words[0])
+    raise MisuseError(f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT")
+
+
+_BY_ANNOTATION: dict[Any, Type] = {
+    bool: Type("bool"),
+    int: Type("int"),
+    float: Type("real"),
+    str: Type("text"),
+    Scene: Type("string"),
+    Cells: Type("cells"),
+    Reals: Type("matrix"),
+}
+
+
+def type_of(annotation: Any) -> Type:
+    """The type that a Python annotation stands for (see the table above).
+
+    Raises MisuseError for an annotation that stands for none.
+    """
+    if isinstance(annotation, Type):
+        return annotation
+    if isinstance(annotation, str):
+        return parse_type(annotation)
+    if isinstance(annotation, Hashable) and annotation in _BY_ANNOTATION:
+        return _BY_ANNOTATION[annotation]
+    arguments = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        return _with_unit(type_of(arguments[0]), arguments[1:])
+    if get_origin(annotation) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
+        return Type("list", item=type_of(arguments[0]))
+    raise MisuseError(
+        f"{annotation!r} is no type of a parameter; use bool, int, float, Metres, Degrees, Seconds,"
+        " MetresPerSecond, str, Scene, Cells, Reals or tuple[..., ...] of one of them"
+    )
+
+
+def _with_unit(plain: Type, extras: tuple[Any, ...]) -> Type:
+    for extra in extras:
+        if isinstance(extra, Unit):
+            if plain.kind != "real":
+                raise MisuseError(f"only a real has a unit, not {plain}")
+            return Type("real", extra.symbol)
+    return plain

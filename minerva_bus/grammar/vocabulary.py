@@ -1,0 +1,207 @@
+"""A vocabulary: which symbols and event types a world has, and the check of a string by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from operator import is_
+from typing import ClassVar, Protocol, TypeVar
+
+from minerva_bus.errors import MisuseError, VocabularyError, nearest
+from minerva_bus.grammar.condition import parse_condition
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.parser import Parsed, parse_located
+from minerva_bus.grammar.scene import (
+    AGENT_ID,
+    AgentNode,
+    FigureNode,
+    Node,
+    Scene,
+    TransformationNode,
+    Value,
+    rebuild,
+)
+from minerva_bus.grammar.symbols import AgentKind, EventType, Fields, Primitive, Transformation
+from minerva_bus.grammar.types import Unfit
+
+
+class HasKind(Protocol):
+    """A class of agents: it knows its kind."""
+
+    kind: ClassVar[AgentKind]
+
+
+Entry = Primitive | Transformation | AgentKind | EventType
+_E = TypeVar("_E", Primitive, Transformation, AgentKind, EventType)
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The alphabets P, T, A and the event types D of a world."""
+
+    primitives: Mapping[str, Primitive] = field(default_factory=dict[str, Primitive])
+    transformations: Mapping[str, Transformation] = field(default_factory=dict[str, Transformation])
+    kinds: Mapping[str, AgentKind] = field(default_factory=dict[str, AgentKind])
+    events: Mapping[str, EventType] = field(default_factory=dict[str, EventType])
+
+    @staticmethod
+    def of(*entries: Entry | type[HasKind]) -> Vocabulary:
+        """A vocabulary of these symbols, agent classes and event types. Raises MisuseError."""
+        plain = [_entry(one) for one in entries]
+        made = Vocabulary(
+            _named(Primitive, plain),
+            _named(Transformation, plain),
+            _named(AgentKind, plain),
+            _named(EventType, plain),
+        )
+        for kind in made.kinds.values():
+            made._check_events_of(kind)
+        return made
+
+    def _check_events_of(self, kind: AgentKind) -> None:
+        for event_type in sorted(kind.subscribes | kind.views):
+            declared = self.events.get(event_type)
+            if declared is None:
+                known = nearest(event_type, list(self.events))
+                raise MisuseError(f"{kind.name} responds to {event_type}, which is unknown{known}")
+            if declared.visual != (event_type in kind.views):
+                how = "a view (@view)" if declared.visual else "evolution (@on)"
+                raise MisuseError(f"{event_type} concerns {how}, but {kind.name} has it otherwise")
+
+    def __contains__(self, name: str) -> bool:
+        return any(name in table for table in (self._symbols(name[:1]), self.events))
+
+    def _symbols(self, letter: str) -> Mapping[str, Primitive | Transformation | AgentKind]:
+        if letter == "P":
+            return self.primitives
+        return self.transformations if letter == "T" else self.kinds
+
+    def fields(self, symbol: str) -> Fields:
+        """Parameters or state of a symbol. Raises Unfit for an unknown one."""
+        entry = self._symbols(symbol[:1]).get(symbol)
+        if entry is None:
+            known = [*self.primitives, *self.transformations, *self.kinds]
+            raise Unfit(f"the vocabulary has no {symbol}{nearest(symbol, known)}")
+        return entry.fields
+
+    def read(self, text: str, source: str = "") -> Scene:
+        """The string that a text stands for, checked and completed with defaults.
+
+        Raises GrammarError and VocabularyError with line, column and caret.
+        """
+        parsed = parse_located(text, source)
+        return self.check(parsed.scene, source, parsed)
+
+    def check(self, scene: Scene, source: str = "", parsed: Parsed | None = None) -> Scene:
+        """The string in canonical form: known symbols, typed values in order, defaults filled in.
+
+        Nodes that are so already are shared. Raises VocabularyError; ids must be unique.
+        """
+        ids: set[str] = set()
+
+        def leave(node: Node, scope: Scene) -> Node:
+            try:
+                if isinstance(node, AgentNode):
+                    _check_id(node.id, ids)
+                return self._node(node, scope, source, parsed)
+            except Unfit as unfit:
+                raise _vocabulary_error(str(unfit), node, source, parsed) from None
+
+        return rebuild(scene, leave)
+
+    def _node(self, node: Node, scope: Scene, source: str, parsed: Parsed | None) -> Node:
+        if type(node) is not _NODES.get(node.symbol[:1], type(node)):
+            raise Unfit(f"{node.symbol} stands where its alphabet has no place")
+        fields = self.fields(node.symbol)
+        owner = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
+        names, values = fields.refit(owner, node.names, node.values)
+        if fields.hold_strings:
+            values = self._inner(values, source, parsed)
+        same = names is node.names and values is node.values
+        if isinstance(node, FigureNode):
+            return node if same else FigureNode(node.symbol, names, values)
+        if same and scope is node.scope:
+            return node
+        if isinstance(node, TransformationNode):
+            return TransformationNode(node.symbol, names, values, scope)
+        return AgentNode(node.symbol, node.id, names, values, scope)
+
+    def _inner(
+        self, values: tuple[Value, ...], source: str, parsed: Parsed | None = None
+    ) -> tuple[Value, ...]:
+        """Values whose strings are in canonical form too; the very ones if they are."""
+        checked = tuple([self._inner_value(value, source, parsed) for value in values])
+        return values if all(map(is_, checked, values)) else checked
+
+    def _inner_value(self, value: Value, source: str, parsed: Parsed | None) -> Value:
+        if isinstance(value, Scene):
+            return self.check(value, source, parsed)
+        return self._inner(value, source, parsed) if isinstance(value, tuple) else value
+
+    def check_event(self, event: Event, source: str = "") -> Event:
+        """The event in canonical form. Raises VocabularyError."""
+        declared = self.events.get(event.type)
+        if declared is None:
+            known = nearest(event.type, list(self.events))
+            raise VocabularyError(f"no event type {event.type}{known}", source=source)
+        try:
+            names, values = declared.fields.refit(event.type, event.names, event.values)
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit), source=source) from None
+        if declared.fields.hold_strings:
+            values = self._inner(values, source)
+        if event.condition:
+            parse_condition(event.condition, f"{source}: condition" if source else "condition")
+        receivers = _in_order(event.receivers)
+        if names is event.names and values is event.values and receivers is event.receivers:
+            return event
+        return Event(event.type, names, values, event.condition, event.sender, receivers)
+
+
+_NODES = {"P": FigureNode, "T": TransformationNode, "A": AgentNode}
+
+
+def _entry(one: Entry | type[HasKind]) -> Entry:
+    if isinstance(one, Entry):
+        return one
+    kind: object = getattr(one, "kind", None)
+    if not isinstance(kind, AgentKind):
+        raise MisuseError(
+            f"{one!r} is no part of a vocabulary: give primitives, transformations, event types"
+            ' and agent classes with a symbol, class Fox(Agent, symbol="AFox")'
+        )
+    return kind
+
+
+def _check_id(name: str, taken: set[str]) -> None:
+    if AGENT_ID.fullmatch(name) is None:
+        raise Unfit(f"{name!r} is no id of an agent: letters, digits and _ : - only")
+    if name in taken:
+        raise Unfit(f"two agents have the id #{name}")
+    taken.add(name)
+
+
+def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:
+    if len(receivers) < 2:
+        return receivers
+    ordered = tuple(sorted(set(receivers)))
+    return receivers if ordered == receivers else ordered
+
+
+def _named(kind: type[_E], entries: Iterable[Entry]) -> dict[str, _E]:
+    found: dict[str, _E] = {}
+    for entry in entries:
+        if isinstance(entry, kind):
+            if entry.name in found:
+                raise MisuseError(f"{entry.name} stands twice in the vocabulary")
+            found[entry.name] = entry
+    return dict(sorted(found.items()))
+
+
+def _vocabulary_error(
+    problem: str, node: Node, source: str, parsed: Parsed | None
+) -> VocabularyError:
+    if parsed is None or id(node) not in parsed.offsets:
+        return VocabularyError(problem, source=source)
+    offset = parsed.offsets[id(node)]
+    return VocabularyError(problem, text=parsed.text, offset=offset, source=source)

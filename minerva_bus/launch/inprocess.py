@@ -1,0 +1,71 @@
+"""A whole world in one process: the same frame algorithm, messages handed over directly."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.participant import Participant
+
+Watcher = Callable[[s.Instruction], None]
+
+
+class InProcess:
+    """Coordinator and members of a world without a bus between them."""
+
+    def __init__(
+        self, algorithm: FrameAlgorithm, participants: Iterable[Participant], watch: Watcher
+    ) -> None:
+        self.algorithm = algorithm
+        self._participants = {one.name: one for one in participants}
+        self._queue: deque[s.Stimulus] = deque()
+        self._watch = watch
+        self.ended: s.Ended | None = None
+
+    def start(self) -> None:
+        """Let all members join."""
+        for name in sorted(self._participants):
+            self.tell(s.Appeared(name))
+
+    def tell(self, stimulus: s.Stimulus) -> None:
+        """Give the algorithm a stimulus, and carry out all that follows from it."""
+        self._queue.append(stimulus)
+        while self._queue:
+            for instruction in self.algorithm.receive(self._queue.popleft()):
+                self._carry_out(instruction)
+
+    def _carry_out(self, instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.Send):
+            self._deliver(self._addressed(instruction.to), instruction.message)
+        elif isinstance(instruction, s.Show):
+            devices = self.algorithm.roster.devices(instruction.event_type)
+            observers = [member.name for member, hello in devices if not hello.coupled]
+            self._deliver([self._participants[one] for one in observers], instruction.message)
+        else:
+            if isinstance(instruction, s.Ended):
+                self.ended = instruction
+            self._watch(instruction)
+
+    def _addressed(self, to: str) -> list[Participant]:
+        members = [self._participants[name] for name in sorted(self._participants)]
+        if to == s.TICKED:
+            return [member for member in members if member.hello().ticks]
+        if to == s.HOSTS:
+            return [member for member in members if member.host.kinds]
+        return [member for member in members if to in (s.EVERYONE, member.name)]
+
+    def _deliver(self, to: list[Participant], message: m.ToMember | m.Readings) -> None:
+        for participant in to:
+            answers = participant.receive(message)
+            participant.show()
+            for answer in answers:
+                if isinstance(answer, m.Readings):
+                    self._deliver(self._listeners(answer.topic), answer)
+                else:
+                    self._queue.append(answer)
+
+    def _listeners(self, topic: str) -> list[Participant]:
+        return [one for one in self._participants.values() if topic in one.topics]

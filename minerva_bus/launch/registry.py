@@ -1,0 +1,144 @@
+"""Which worlds run on this machine for this user: one locked file each.
+
+The lock is the system's, so it ends with the process whatever happens to it: a file without a
+lock is left over and is removed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO
+
+from minerva_bus.errors import BusError
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A world that runs here."""
+
+    world: str
+    endpoint: str
+    pid: int
+
+
+def folder() -> Path:
+    """Where the files are: MINERVA_RUNTIME_DIR, XDG_RUNTIME_DIR/minerva or a folder in /tmp."""
+    named = os.environ.get("MINERVA_RUNTIME_DIR")
+    if named:
+        return Path(named)
+    system = os.environ.get("XDG_RUNTIME_DIR")
+    if system and Path(system).is_dir():
+        return Path(system) / "minerva"
+    return Path(tempfile.gettempdir()) / f"minerva-{os.getuid()}"
+
+
+class Claim:
+    """The right to run a world of some name on this machine, held until `release`.
+
+    Raises BusError where such a world runs already.
+    """
+
+    def __init__(self, world: str) -> None:
+        self.world = world
+        place = folder()
+        try:
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise BusError(
+                f"{place} cannot hold what runs here: {error.strerror}; MINERVA_RUNTIME_DIR names"
+                " another folder"
+            ) from None
+        self._path = place / f"{world}.json"
+        self._file = self._lock()
+
+    def _lock(self) -> IO[str]:
+        while True:
+            file = self._path.open("a+", encoding="utf-8")
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                other = _read(self._path)
+                file.close()
+                where = f" (process {other.pid}, {other.endpoint})" if other is not None else ""
+                raise BusError(
+                    f"a world {self.world!r} runs here already{where}; attach to it, stop it"
+                    f" (minerva stop {self.world}), or give this one another name (--name)"
+                ) from None
+            if _same_file(file, self._path):
+                return file
+            file.close()
+
+    def publish(self, endpoint: str) -> None:
+        """Tell others on this machine where the world can be found."""
+        self._file.seek(0)
+        self._file.truncate()
+        json.dump(asdict(Running(self.world, endpoint, os.getpid())), self._file)
+        self._file.flush()
+
+    def release(self) -> None:
+        """The world is over."""
+        self._path.unlink(missing_ok=True)
+        self._file.close()
+
+
+def _same_file(file: IO[str], path: Path) -> bool:
+    """Whether the file that was locked is still the one that others will find."""
+    try:
+        return os.fstat(file.fileno()).st_ino == path.stat().st_ino
+    except FileNotFoundError:
+        return False
+
+
+def _read(path: Path) -> Running | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return Running(str(found["world"]), str(found["endpoint"]), int(found["pid"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def running() -> list[Running]:
+    """The worlds that run here, by name; what is left over of others is removed."""
+    found: list[Running] = []
+    for path in sorted(folder().glob("*.json")):
+        world = _read(path)
+        if _is_locked(path):
+            if world is not None:
+                found.append(world)
+        else:
+            path.unlink(missing_ok=True)
+    return found
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        with path.open("r", encoding="utf-8") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return False
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+
+
+def find(world: str = "") -> Running:
+    """The running world of a name, or the only one. Raises BusError."""
+    worlds = running()
+    if world:
+        for one in worlds:
+            if one.world == world:
+                return one
+        names = ", ".join(one.world for one in worlds) or "none"
+        raise BusError(f"no world {world!r} runs on this machine; running: {names}")
+    if len(worlds) == 1:
+        return worlds[0]
+    if not worlds:
+        raise BusError("no world runs on this machine; start one (minerva run), or name one"
+                       " elsewhere with --connect tcp/HOST:PORT --world NAME")  # fmt: skip
+    names = ", ".join(one.world for one in worlds)
+    raise BusError(f"several worlds run on this machine ({names}); choose one with --world")

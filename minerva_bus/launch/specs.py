@@ -1,0 +1,155 @@
+"""From what a world file or a command line names to classes: services, agents, any attribute."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any, cast, get_type_hints
+
+from minerva_bus.errors import MinervaError, WorldFileError, nearest
+from minerva_bus.grammar.printer import value_text
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Service
+
+SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds"
+
+
+def load(spec: str, folder: Path | None = None) -> Any:
+    """The attribute that `module:attribute` names; modules beside the world file are found too.
+
+    Raises WorldFileError.
+    """
+    module_name, _, attribute = spec.partition(":")
+    if not module_name or not attribute:
+        raise WorldFileError(f"{spec!r} names nothing; expected module:attribute")
+    if folder is not None and str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+    module = _import(module_name, spec)
+    found: Any = module
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            public = [name for name in dir(module) if not name.startswith("_")]
+            raise WorldFileError(f"{module_name} has no {attribute}{nearest(attribute, public)}")
+        found = getattr(found, part)
+    return found
+
+
+def _import(name: str, spec: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except MinervaError as error:
+        raise WorldFileError(f"{spec!r}: in {name}: {error}") from error
+    except ModuleNotFoundError as error:
+        if error.name is not None and name.split(".")[0] == error.name.split(".")[0]:
+            raise WorldFileError(
+                f"{spec!r}: there is no module {name}; it must be installed or lie beside the"
+                " world file"
+            ) from None
+        raise WorldFileError(
+            f"{spec!r}: {name} needs {error.name}, which is not installed"
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise WorldFileError(f"{spec!r}: importing {name} raised {error!r}") from error
+
+
+def entries(group: str) -> dict[str, EntryPoint]:
+    """What is installed under an entry point group, by name."""
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
+def find_service(spec: str, folder: Path | None = None) -> type[Service]:
+    """The service class of an installed name or a `module:Class`. Raises WorldFileError."""
+    found = load(spec, folder) if ":" in spec else _installed(SERVICES, spec)
+    if not inspect.isclass(found) or not issubclass(found, Service):
+        raise WorldFileError(f"{spec!r} is no Generator or Device class")
+    return found
+
+
+def find_agents(spec: str, folder: Path | None = None) -> list[type[Agent]]:
+    """The agent class of an installed name or a `module:Class`. Raises WorldFileError."""
+    found = load(spec, folder) if ":" in spec else _installed(AGENTS, spec)
+    if not inspect.isclass(found) or not issubclass(found, Agent) or not hasattr(found, "kind"):
+        raise WorldFileError(f"{spec!r} is no Agent class with a symbol")
+    return [found]
+
+
+def _installed(group: str, name: str) -> Any:
+    known = entries(group)
+    if name not in known:
+        kind = group.split(".")[1]
+        raise WorldFileError(
+            f"no {kind[:-1]} {name!r} is installed{nearest(name, list(known))}; there are"
+            f" {', '.join(sorted(known)) or 'none'}; or write module:Class"
+        )
+    return load(known[name].value)
+
+
+def find_world(spec: str) -> Path:
+    """The world file of a path or an installed name. Raises WorldFileError."""
+    path = Path(spec)
+    if path.is_file():
+        return path.resolve()
+    known = entries(WORLDS)
+    if spec in known:
+        module, _, name = known[spec].value.partition(":")
+        found = importlib.util.find_spec(module)
+        for folder in (found.submodule_search_locations or ()) if found is not None else ():
+            if (Path(folder) / name).is_file():
+                return Path(folder) / name
+        raise WorldFileError(f"the world {spec!r} is installed without its file {name}")
+    if path.suffix == ".toml" or "/" in spec:
+        raise WorldFileError(f"there is no world file {spec}")
+    raise WorldFileError(
+        f"there is no world {spec!r}{nearest(spec, list(known))}; installed are"
+        f" {', '.join(sorted(known)) or 'none'}; or give a world file, NAME.toml"
+    )
+
+
+def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable[[], Service]:
+    """A maker of the service with these options, checked against its constructor.
+
+    Raises WorldFileError for an unknown option or one of a wrong type.
+    """
+    parameters = inspect.signature(cls.__init__).parameters
+    hints = get_type_hints(cls.__init__)
+    names = [name for name in parameters if name not in ("self", "args", "kwargs")]
+    for name, value in options.items():
+        if name not in names:
+            raise WorldFileError(
+                f"{owner}: {cls.__name__} has no option {name!r}{nearest(name, names)}; it has"
+                f" {', '.join(names) or 'none'}"
+            )
+        _check_option(owner, name, value, hints.get(name))
+    for name in names:
+        if parameters[name].default is inspect.Parameter.empty and name not in options:
+            raise WorldFileError(f"{owner}: {cls.__name__} needs the option {name!r}")
+    return lambda: _make(cls, options, owner)
+
+
+def _check_option(owner: str, name: str, value: Any, hint: Any) -> None:
+    if hint in (int, float, str, bool):
+        fits = isinstance(value, hint) and isinstance(value, bool) == (hint is bool)
+        if not fits and not (hint is float and isinstance(value, int)):
+            wanted = {
+                int: "a whole number",
+                float: "a number",
+                str: "a text",
+                bool: "true or false",
+            }
+            raise WorldFileError(f"{owner}: {name} must be {wanted[hint]}, not {_shown(value)}")
+
+
+def _shown(value: Any) -> str:
+    return value_text(value) if isinstance(value, str | int | float) else type(value).__name__
+
+
+def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:
+    try:
+        return cls(**cast("dict[str, Any]", options))
+    except (TypeError, ValueError) as error:
+        raise WorldFileError(f"{owner}: {error}") from error

@@ -1,0 +1,70 @@
+"""What a run came to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...)."""
+
+    world: str
+    frames: int
+    digest: str
+    reached: bool
+    ended: str
+    wall_seconds: float
+    first_frame_seconds: float
+    members: int
+    seed: int
+    startup: Mapping[str, float]
+    figures: Mapping[str, Any]
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frames per second, from the first frame's end to the last one's."""
+        return self.frames / self.wall_seconds if self.wall_seconds > 0 else 0.0
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object; a member's figure never takes the place of one of these."""
+        own = {
+            "world": self.world,
+            "frames": self.frames,
+            "digest": self.digest,
+            "reached": self.reached,
+            "wall_seconds": round(self.wall_seconds, 3),
+            "frames_per_second": round(self.frames_per_second, 1),
+            "first_frame_seconds": round(self.first_frame_seconds, 3),
+            "startup_seconds": {name: round(value, 3) for name, value in self.startup.items()},
+            "members": self.members,
+            "seed": self.seed,
+            "ended": self.ended,
+        }
+        figures = {name: _plain(value) for name, value in self.figures.items()}
+        return own | {name: value for name, value in figures.items() if name not in own}
+
+    def _startup_shown(self) -> str:
+        parts = [f"{name} {value:.2f}" for name, value in self.startup.items()]
+        return f" ({', '.join(parts)})" if parts else ""
+
+    def lines(self) -> list[str]:
+        """As a person reads it."""
+        shown = [
+            f"{self.world}: {self.ended}",
+            f"  {self.frames} frames in {self.wall_seconds:.1f} s"
+            f" ({self.frames_per_second:.0f} per second), {self.members} members",
+            f"  first frame after {self.first_frame_seconds:.2f} s" + self._startup_shown(),
+        ]
+        for name, value in self.figures.items():
+            text = f"{value:.2f}" if isinstance(value, float) else str(value)
+            shown.append(f"  {name.replace('_', ' ')}: {text}")
+        return [*shown, f"  digest {self.digest}  (seed {self.seed})"]
+
+
+def _plain(value: Any) -> Any:
+    """A figure as JSON has it, which knows no NaN and no infinity."""
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -1,0 +1,1 @@
+"""PROTOCOL.md in code: keys, limits, and every message from bytes and to bytes."""

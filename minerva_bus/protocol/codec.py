@@ -1,0 +1,385 @@
+"""Every message of the bus from bytes and to bytes.
+
+A message is a msgpack list: its name, then its items in order. Who sent it is not in it: the key
+that it came on says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.protocol.alphabet import (
+    plain_kind,
+    plain_vocabulary,
+    read_kind,
+    read_vocabulary,
+)
+from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.values import (
+    Reader,
+    listed,
+    mapped,
+    number,
+    plain_event,
+    plain_scene,
+    text,
+    truth,
+    unpack,
+    whole,
+)
+from minerva_bus.world.readings import Reading, Scan, Sighting, Sightings
+
+_EMPTY = Vocabulary()
+
+
+# --- to bytes ---
+
+
+def encode(message: m.Message) -> bytes:
+    """A message as bytes."""
+    name, write = _WRITERS[type(message)]
+    return msgpack.packb([name, *write(message)])
+
+
+def _plain_parts(parts: m.Parts) -> dict[str, Any]:
+    return {agent: plain_scene(scene) for agent, scene in parts.items()}
+
+
+def _plain_events(events: tuple[Event, ...]) -> list[Any]:
+    return [plain_event(event) for event in events]
+
+
+def _write_hello(h: m.Hello) -> list[Any]:
+    return [
+        {
+            "version": h.version,
+            "service": h.service,
+            "kinds": [plain_kind(kind) for kind in h.kinds],
+            "generates": list(h.generates),
+            "lockstep": h.lockstep,
+            "orders": list(h.orders),
+            "draws": list(h.draws),
+            "coupled": h.coupled,
+            "every": h.every,
+            "topics": list(h.topics),
+            "publishes": list(h.publishes),
+            "pid": h.pid,
+            "host": h.host,
+        }
+    ]
+
+
+def _write_evolved(r: m.EvolveReply) -> list[Any]:
+    return [
+        r.frame,
+        r.part,
+        _plain_parts(r.changed),
+        {agent: _plain_events(events) for agent, events in r.emitted.items()},
+        {event_type: _plain_parts(parts) for event_type, parts in r.views.items()},
+    ]
+
+
+def _write_welcome(w: m.Welcome) -> list[Any]:
+    return [w.world, plain_vocabulary(w.vocabulary), w.seed, w.dt, w.frame, w.policy, w.saved]
+
+
+def _write_evolve(r: m.EvolveRequest) -> list[Any]:
+    return [
+        r.frame,
+        list(r.asked),
+        _plain_events(r.events),
+        _plain_events(r.visual),
+        r.part,
+        list(r.only),
+    ]
+
+
+def _write_view(v: m.ViewShown) -> list[Any]:
+    skeleton = None if v.skeleton is None else plain_scene(v.skeleton)
+    return [v.frame, v.sequence, _plain_parts(v.parts), skeleton]
+
+
+def _plain_reading(reading: Reading) -> list[Any]:
+    if isinstance(reading, Scan):
+        return [
+            "scan",
+            reading.robot,
+            reading.time,
+            np.ascontiguousarray(reading.ranges, "<f4").tobytes(),
+            reading.first,
+            reading.step,
+            reading.range_max,
+            [reading.mount_x, reading.mount_y, reading.mount_angle],
+        ]
+    seen = [[one.marker, one.distance, one.angle] for one in reading.seen]
+    return ["sightings", reading.robot, reading.time, seen]
+
+
+_WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
+    m.Hello: ("hello", _write_hello),
+    m.TickReply: ("ticked", lambda r: [r.frame, _plain_events(r.events), r.saved]),
+    m.EvolveReply: ("evolved", _write_evolved),
+    m.Emitted: ("emitted", lambda e: [_plain_events(e.events)]),
+    m.Failed: ("failed", lambda f: [f.frame, f.problem, f.traceback]),
+    m.Resync: ("resync", lambda r: [r.event_type]),
+    m.Leaving: ("leaving", lambda _: []),
+    m.Report: ("report", lambda r: [dict(r.figures)]),
+    m.Greet: ("greet", lambda _: []),
+    m.Welcome: ("welcome", _write_welcome),
+    m.Refused: ("refused", lambda r: [r.reason]),
+    m.Sources: ("sources", lambda s: [{k: list(v) for k, v in s.publishers.items()}]),
+    m.TickRequest: ("tick", lambda r: [r.frame]),
+    m.Fragments: ("fragments", lambda f: [_plain_parts(f.given), list(f.dropped)]),
+    m.EvolveRequest: ("evolve", _write_evolve),
+    m.ViewShown: ("view", lambda v: [v.event_type, *_write_view(v)]),
+    m.Orders: ("orders", lambda o: [_plain_events(o.events)]),
+    m.Repeat: ("repeat", lambda r: [r.topic]),
+    m.Stop: ("stop", lambda s: [s.reason]),
+    m.FrameRecord: (
+        "frame",
+        lambda r: [r.frame, _plain_events(r.events), _plain_parts(r.changed), r.digest],
+    ),
+    m.Readings: ("readings", lambda r: [r.frame, [_plain_reading(one) for one in r.readings]]),
+}
+
+
+# --- from bytes ---
+
+
+class Decoder:
+    """Reads messages; a world's vocabulary makes those readable that hold strings or events.
+
+    Raises ProtocolError or VocabularyError, and nothing else, whatever the bytes are.
+    """
+
+    def __init__(self, vocabulary: Vocabulary = _EMPTY, limits: Limits = DEFAULT) -> None:
+        self._reader = Reader(vocabulary, limits)
+        self._limits = limits
+
+    def from_member(self, member: str, data: bytes) -> m.FromMember:
+        """A message that a member sent to the coordinator."""
+        return self._message(_FROM_MEMBER, member, data)
+
+    def to_member(self, data: bytes) -> m.ToMember:
+        """A message that the coordinator sent."""
+        return self._message(_TO_MEMBER, "", data)
+
+    def readings(self, topic: str, member: str, data: bytes) -> m.Readings:
+        """A member's readings on a topic."""
+        items = listed(unpack(data, self._limits), "readings")
+        if len(items) != 3 or items[0] != "readings":
+            raise ProtocolError('readings are ["readings", frame, [reading, ...]]')
+        frame = whole(items[1], "the frame", -1)
+        return m.Readings(
+            member, topic, frame, tuple(_reading(one) for one in listed(items[2], "readings"))
+        )
+
+    def record(self, data: bytes) -> m.FrameRecord:
+        """What happened in a frame."""
+        items = listed(unpack(data, self._limits), "a record")
+        if len(items) != 5 or items[0] != "frame" or not isinstance(items[4], bytes):
+            raise ProtocolError('a record is ["frame", frame, events, changed, digest]')
+        return m.FrameRecord(
+            whole(items[1], "the frame"),
+            self._reader.events(items[2]),
+            _parts(self._reader, items[3], "changed"),
+            items[4],
+        )
+
+    def _message(self, table: Mapping[str, tuple[int, Any]], member: str, data: bytes) -> Any:
+        items = listed(unpack(data, self._limits), "a message")
+        name = text(items[0] if items else None, "a message's name")
+        count, read = table.get(name, (0, None))
+        if read is None:
+            raise ProtocolError(
+                f"no message {name[:40]!r} is sent here; expected {', '.join(table)}"
+            )
+        if len(items) - 1 != count:
+            raise ProtocolError(f"{name} has {count} items, not {len(items) - 1}")
+        return read(self._reader, member, items)
+
+
+def _texts(plain: Any, what: str) -> tuple[str, ...]:
+    return tuple([text(one, what) for one in listed(plain, what)])
+
+
+def _parts(reader: Reader, plain: Any, what: str) -> dict[str, Scene]:
+    return {agent: reader.scene(scene) for agent, scene in mapped(plain, what).items()}
+
+
+def _views(reader: Reader, plain: Any) -> dict[str, Scene]:
+    return {agent: reader.view(scene) for agent, scene in mapped(plain, "views").items()}
+
+
+def _saved(plain: Any) -> Mapping[str, Any] | None:
+    return None if plain is None else mapped(plain, "what a member saved")
+
+
+def _figures(plain: Any) -> m.Figures:
+    for name, value in mapped(plain, "figures").items():
+        if not isinstance(value, bool | int | float | str):
+            raise ProtocolError(f"the figure {name[:40]} must be a number or a text")
+    return plain
+
+
+def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
+    h = mapped(items[1], "a hello")
+    try:
+        return m.Hello(
+            member,
+            whole(h["version"], "the version"),
+            text(h["service"], "the service"),
+            tuple(read_kind(one) for one in listed(h["kinds"], "kinds")),
+            _texts(h["generates"], "generates"),
+            truth(h["lockstep"], "lockstep"),
+            _texts(h["orders"], "orders"),
+            _texts(h["draws"], "draws"),
+            truth(h["coupled"], "coupled"),
+            whole(h["every"], "every"),
+            _texts(h["topics"], "topics"),
+            _texts(h["publishes"], "publishes"),
+            whole(h["pid"], "the pid"),
+            text(h["host"], "the host"),
+        )
+    except KeyError as missing:
+        raise ProtocolError(f"a hello needs {missing}") from None
+    except ValueError as error:
+        raise ProtocolError(f"a hello's kinds: {error}") from None
+
+
+def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveReply:
+    emitted = mapped(items[4], "emitted")
+    views = mapped(items[5], "views")
+    return m.EvolveReply(
+        member,
+        whole(items[1], "the frame"),
+        whole(items[2], "the part"),
+        _parts(reader, items[3], "changed"),
+        {agent: reader.events(events) for agent, events in emitted.items()},
+        {event_type: _views(reader, parts) for event_type, parts in views.items()},
+    )
+
+
+def _read_welcome(reader: Reader, member: str, items: list[Any]) -> m.Welcome:
+    return m.Welcome(
+        text(items[1], "the world"),
+        read_vocabulary(items[2]),
+        whole(items[3], "the seed", -(1 << 63)),
+        number(items[4], "dt"),
+        whole(items[5], "the frame"),
+        text(items[6], "the policy"),
+        _saved(items[7]),
+    )
+
+
+def _read_evolve(reader: Reader, member: str, items: list[Any]) -> m.EvolveRequest:
+    return m.EvolveRequest(
+        whole(items[1], "the frame"),
+        _texts(items[2], "asked"),
+        reader.events(items[3]),
+        reader.events(items[4]),
+        whole(items[5], "the part"),
+        _texts(items[6], "only"),
+    )
+
+
+def _read_view(reader: Reader, member: str, items: list[Any]) -> m.ViewShown:
+    return m.ViewShown(
+        whole(items[2], "the frame"),
+        text(items[1], "the event type"),
+        whole(items[3], "the sequence"),
+        _views(reader, items[4]),
+        None if items[5] is None else reader.skeleton(items[5]),
+    )
+
+
+def _read_sources(reader: Reader, member: str, items: list[Any]) -> m.Sources:
+    publishers = mapped(items[1], "sources")
+    return m.Sources({topic: _texts(names, "publishers") for topic, names in publishers.items()})
+
+
+def _reading(plain: Any) -> Reading:
+    items = listed(plain, "a reading")
+    kind = items[0] if items else None
+    if kind == "scan" and len(items) == 8:
+        return _scan(items)
+    if kind == "sightings" and len(items) == 4:
+        seen = [listed(one, "a sighting") for one in listed(items[3], "sightings")]
+        return Sightings(
+            text(items[1], "the robot"), tuple(map(_sighting, seen)), number(items[2], "the time")
+        )
+    raise ProtocolError(f"no reading {str(kind)[:40]!r}; expected scan or sightings")
+
+
+def _scan(items: list[Any]) -> Scan:
+    data, mount = items[3], [number(one, "the mount") for one in listed(items[7], "the mount")]
+    if not isinstance(data, bytes) or len(data) % 4:
+        raise ProtocolError("the ranges of a scan are float32 as bytes")
+    if len(mount) != 3:
+        raise ProtocolError("the mount of a scan is [x, y, angle]")
+    return Scan(
+        text(items[1], "the robot"),
+        np.frombuffer(data, "<f4"),
+        number(items[4], "first"),
+        number(items[5], "step"),
+        number(items[6], "range_max"),
+        number(items[2], "the time"),
+        *mount,
+    )
+
+
+def _sighting(items: list[Any]) -> Sighting:
+    if len(items) != 3:
+        raise ProtocolError("a sighting is [marker, distance, angle]")
+    return Sighting(
+        text(items[0], "the marker"), number(items[1], "a distance"), number(items[2], "an angle")
+    )
+
+
+_FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMember]]] = {
+    "hello": (1, _read_hello),
+    "ticked": (
+        3,
+        lambda r, who, i: m.TickReply(who, whole(i[1], "the frame"), r.events(i[2]), _saved(i[3])),
+    ),
+    "evolved": (5, _read_evolved),
+    "emitted": (1, lambda r, who, i: m.Emitted(who, r.events(i[1]))),
+    "failed": (
+        3,
+        lambda r, who, i: m.Failed(
+            who,
+            whole(i[1], "the frame", -1),
+            text(i[2], "the problem"),
+            text(i[3], "the traceback"),
+        ),
+    ),
+    "resync": (1, lambda r, who, i: m.Resync(who, text(i[1], "the event type"))),
+    "leaving": (0, lambda r, who, i: m.Leaving(who)),
+    "report": (1, lambda r, who, i: m.Report(who, _figures(i[1]))),
+}
+
+_TO_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.ToMember]]] = {
+    "greet": (0, lambda r, who, i: m.Greet()),
+    "welcome": (7, _read_welcome),
+    "refused": (1, lambda r, who, i: m.Refused(text(i[1], "the reason"))),
+    "sources": (1, _read_sources),
+    "tick": (1, lambda r, who, i: m.TickRequest(whole(i[1], "the frame"))),
+    "fragments": (
+        2,
+        lambda r, who, i: m.Fragments(_parts(r, i[1], "fragments"), _texts(i[2], "dropped")),
+    ),
+    "evolve": (6, _read_evolve),
+    "view": (5, _read_view),
+    "orders": (1, lambda r, who, i: m.Orders(r.events(i[1]))),
+    "repeat": (1, lambda r, who, i: m.Repeat(text(i[1], "the topic"))),
+    "stop": (1, lambda r, who, i: m.Stop(text(i[1], "the reason"))),
+}

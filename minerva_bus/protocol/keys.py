@@ -1,0 +1,100 @@
+"""The bus's key space.
+
+minerva/<world>/to/<member>             coordinator → one member
+minerva/<world>/all                     coordinator → every member
+minerva/<world>/tick                    coordinator → lockstep members
+minerva/<world>/evolve                  coordinator → hosts of agents
+minerva/<world>/from/<member>           member → coordinator
+minerva/<world>/view/<event type>       coordinator → observers
+minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
+minerva/<world>/alive/<member>          liveliness tokens
+minerva/<world>/record                  coordinator → whoever watches, a frame at a time
+minerva/<world>/control                 queries by people's commands
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from minerva_bus.errors import MisuseError
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]{0,63}")
+ROOT = "minerva"
+COORDINATOR = "coordinator"
+EVERY_CONTROL = f"{ROOT}/*/control"
+
+
+def checked_name(name: str, what: str) -> str:
+    """A name that can stand in a key. Raises MisuseError."""
+    if not _NAME.fullmatch(name):
+        raise MisuseError(
+            f"{name!r} cannot name {what}: use up to 64 letters, digits and _ . ~ -,"
+            " beginning with a letter, digit or _"
+        )
+    return name
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of one world."""
+
+    world: str
+
+    def __post_init__(self) -> None:
+        checked_name(self.world, "a world")
+
+    @property
+    def base(self) -> str:
+        """What all keys of the world begin with."""
+        return f"{ROOT}/{self.world}"
+
+    @property
+    def all(self) -> str:
+        """From the coordinator to every member."""
+        return f"{self.base}/all"
+
+    @property
+    def tick(self) -> str:
+        """From the coordinator to those who are asked in every frame."""
+        return f"{self.base}/tick"
+
+    @property
+    def evolve(self) -> str:
+        """From the coordinator to the hosts of agents."""
+        return f"{self.base}/evolve"
+
+    @property
+    def control(self) -> str:
+        """Where people's commands ask."""
+        return f"{self.base}/control"
+
+    @property
+    def record(self) -> str:
+        """What happened in each frame."""
+        return f"{self.base}/record"
+
+    def to(self, member: str) -> str:
+        """From the coordinator to one member."""
+        return f"{self.base}/to/{checked_name(member, 'a member')}"
+
+    def sent_by(self, member: str) -> str:
+        """From a member (`*`: from any) to the coordinator."""
+        return f"{self.base}/from/{member}"
+
+    def alive(self, member: str) -> str:
+        """The liveliness token of a member (`*`: of any)."""
+        return f"{self.base}/alive/{member}"
+
+    def view(self, event_type: str) -> str:
+        """Views for one visual event type (`*`: for any)."""
+        return f"{self.base}/view/{event_type}"
+
+    def topic(self, topic: str, member: str = "*") -> str:
+        """Readings of one topic from one member, or from any."""
+        return f"{self.base}/topic/{checked_name(topic, 'a topic')}/{member}"
+
+
+def last_part(key: str) -> str:
+    """The last chunk of a key: who sent it, or which type it is about."""
+    return key.rsplit("/", 1)[-1]

@@ -1,0 +1,106 @@
+"""Geometric systems G and the function φ that runs a string in one (equation 1)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import Any, Self, cast
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, walk
+
+
+class Geometry:
+    """A geometric system G: what it does for a primitive (α), at "(" (β) and at ")" (δ).
+
+    A subclass has one method for each symbol that means something in it, named like the symbol
+    and called with the symbol's parameters. That of a transformation is a context manager, whose
+    halves are β and δ:
+
+        class Turtle(Geometry):
+            def PStar(self, size): ...
+
+            @contextmanager
+            def TMove(self, dist):
+                self.x += dist
+                yield
+                self.x -= dist
+
+    A symbol without a method goes to `other_figure` or `other_transformation`, which do nothing:
+    in this system it has no meaning.
+    """
+
+    _open: list[AbstractContextManager[Any]]
+
+    def __new__(cls, *_args: Any, **_kwargs: Any) -> Self:
+        """Ready for strings even where a subclass's constructor does not call this one's."""
+        geometry = super().__new__(cls)
+        geometry._open = []
+        return geometry
+
+    def draw(self, figure: FigureNode) -> None:
+        """α : P → G."""
+        method = getattr(self, figure.symbol, None)
+        if method is None:
+            self.other_figure(figure)
+        else:
+            method(**figure.parameters)
+
+    def enter(self, transformation: TransformationNode) -> None:
+        """β : T → G, at the symbol "("."""
+        method = getattr(self, transformation.symbol, None)
+        if method is None:
+            scope = self.other_transformation(transformation)
+        else:
+            scope = method(**transformation.parameters)
+        if not isinstance(scope, AbstractContextManager):
+            raise MisuseError(
+                f"{type(self).__name__}.{transformation.symbol} must be a context manager"
+                " (@contextmanager: β before `yield`, δ behind it)"
+            )
+        opened = cast("AbstractContextManager[Any]", scope)
+        opened.__enter__()
+        self._open.append(opened)
+
+    def leave(self, transformation: TransformationNode) -> None:
+        """δ : T → G, at the symbol ")"."""
+        self._open.pop().__exit__(None, None, None)
+
+    def other_figure(self, figure: FigureNode) -> None:
+        """α of a primitive that has no method here."""
+
+    def other_transformation(
+        self, transformation: TransformationNode
+    ) -> AbstractContextManager[Any]:
+        """β and δ of a transformation that has no method here."""
+        return _NOTHING
+
+
+class _Nothing(AbstractContextManager[None]):
+    def __exit__(self, *exc: object) -> None:
+        return None
+
+
+_NOTHING = _Nothing()
+
+
+def interpret(scene: Scene, geometry: Geometry) -> None:
+    """φ : L(E) → G, equation 1: run a string of primitives and transformations.
+
+    Raises MisuseError where an agent is left in it: φ is defined for L(E) only. Whatever goes
+    wrong on the way, each β that was carried out gets its δ.
+    """
+    opened: list[TransformationNode] = []
+    try:
+        for opens, node in walk(scene):
+            if isinstance(node, FigureNode):
+                geometry.draw(node)
+            elif isinstance(node, AgentNode):
+                raise MisuseError(f"φ is for strings without agents, not {node.symbol}#{node.id}")
+            elif opens:
+                geometry.enter(node)
+                opened.append(node)
+            else:
+                geometry.leave(opened.pop())
+    finally:
+        while opened:
+            geometry.leave(opened.pop())

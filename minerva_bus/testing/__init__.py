@@ -1,0 +1,1 @@
+"""What helps to test worlds, agents and services; open to users."""

@@ -1,0 +1,102 @@
+"""What is said between members and coordinator, a line each: the text of golden traces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.grammar.events import Event
+
+
+def told(what: object) -> str:  # noqa: C901
+    """A stimulus or an instruction as a line; empty where it tells nothing new."""
+    match what:
+        case s.Send(to, message):
+            line = _sent(message)
+            return f"{to} ← {line}" if line else ""
+        case s.Show(event_type, message):
+            return f"observers of {event_type} ← {_sent(message)}"
+        case s.Say(member, text):
+            return f"says {member}: {text.strip()}"
+        case s.Ready(frame):
+            return f"ready for frame {frame}"
+        case s.FrameDone(record):
+            changed = ", ".join(f"#{one}: {what}" for one, what in sorted(record.changed.items()))
+            return f"frame {record.frame} done: {_events(record.events)}; {changed or 'no change'}"
+        case s.Ended(reason, figures):
+            return f"ended: {reason} {dict(figures) or ''}".rstrip()
+        case s.Appeared(member) | s.Vanished(member):
+            return f"{member} {type(what).__name__.lower()}"
+        case s.GaveUp(member):
+            return f"{member} is given up"
+        case s.Violation(member, reason):
+            return f"{member} breaks the protocol: {reason}"
+        case s.Order(event):
+            return f"order: {event}"
+        case s.End(reason):
+            return f"end: {reason}"
+        case s.Begin() | s.Silent() | s.Stopping():
+            return type(what).__name__.lower()
+        case _:
+            return _heard(what)
+
+
+def _sent(message: m.ToMember) -> str:
+    match message:
+        case m.Sources(publishers):
+            pairs = [f"{topic} by {', '.join(who)}" for topic, who in sorted(publishers.items())]
+            return f"sources: {'; '.join(pairs)}" if pairs else ""
+        case m.Welcome(frame=frame, saved=saved):
+            return f"welcome to frame {frame}" + (f", saved {dict(saved)}" if saved else "")
+        case m.Refused(reason) | m.Stop(reason):
+            return f"{type(message).__name__.lower()}: {reason}"
+        case m.TickRequest(frame):
+            return f"tick {frame}"
+        case m.Fragments(given, dropped):
+            lost = f", without {_ids(dropped)}" if dropped else ""
+            return f"fragments {_ids(given)}{lost}"
+        case m.EvolveRequest(frame, asked, events, visual, _, only):
+            whose = f" ({_ids(only)} only)" if only else ""
+            return f"evolve {frame} on {', '.join(asked)}{whose}: {_events((*events, *visual))}"
+        case m.ViewShown(frame, event_type, sequence, parts, skeleton):
+            whole = "all of " if skeleton is not None else ""
+            return f"view {frame} of {event_type}, number {sequence}: {whole}{_ids(parts)}"
+        case m.Orders(events):
+            return f"orders: {_events(events)}"
+        case m.Repeat(topic):
+            return f"repeat {topic}"
+        case _:
+            return type(message).__name__.lower()
+
+
+def _heard(message: object) -> str:
+    match message:
+        case m.Hello(member=member):
+            return f"{member}: hello, {', '.join(message.roles) or 'nothing'}"
+        case m.TickReply(member, frame, events):
+            return f"{member}: ticked {frame}: {_events(events)}"
+        case m.EvolveReply(member, frame, _, changed, emitted):
+            sent = [event for _, events in sorted(emitted.items()) for event in events]
+            more = f", emitting {_events(sent)}" if sent else ""
+            return f"{member}: evolved {frame}: {_ids(changed)}{more}"
+        case m.Emitted(member, events):
+            return f"{member}: emitted {_events(events)}"
+        case m.Failed(member, frame, problem):
+            return f"{member}: failed in frame {frame}: {problem}"
+        case m.Resync(member, event_type):
+            return f"{member}: resync {event_type}"
+        case m.Report(member, figures):
+            return f"{member}: report {dict(figures) or ''}".rstrip()
+        case m.Leaving(member):
+            return f"{member}: leaving"
+        case _:
+            return str(message)
+
+
+def _events(events: Iterable[Event]) -> str:
+    return ", ".join(map(str, events)) or "no events"
+
+
+def _ids(names: Iterable[str]) -> str:
+    return " ".join(f"#{one}" for one in sorted(names)) or "nothing"

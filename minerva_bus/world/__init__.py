@@ -1,0 +1,1 @@
+"""Events, agents, evolution and views: equations 2 to 6."""

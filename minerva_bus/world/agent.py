@@ -1,0 +1,216 @@
+"""Agents as people write them: a class whose attributes are the state and whose methods are λ, θ.
+
+    class Fox(Agent, symbol="AFox"):
+        energy: float = 10.0
+
+        @on("eHunger")
+        def starve(self, hunger, moment):
+            self.energy -= hunger.amount
+            if self.energy <= 0:
+                return EMPTY
+
+        @view("ePicture")
+        def picture(self, event):
+            return TMove(self.x, self.y)(PFox())
+
+A method under `@on` is λ for one event type (equation 2). It changes `self`, or returns the string
+that replaces the agent: ε (it dies), `self.string + self.child(...)` (a birth), anything of L(M).
+A method under `@view` is θ (equation 4): it returns primitives and transformations only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import blake2b
+from operator import is_
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+
+from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.world.declaring import ON, VIEW, handlers, state_of
+from minerva_bus.world.moment import Moment
+
+Handler = Callable[[Any, Event, Moment], Scene | None]
+ViewHandler = Callable[[Any, Event], Scene]
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def on(*event_types: str) -> Callable[[_F], _F]:
+    """Mark a method `(self, event, moment)` as the activity for these event types."""
+    return _mark(ON, event_types)
+
+
+def view(*event_types: str) -> Callable[[_F], _F]:
+    """Mark a method `(self, event)` as the view for these visual event types."""
+    return _mark(VIEW, event_types)
+
+
+def _mark(name: str, event_types: tuple[object, ...]) -> Callable[[_F], _F]:
+    if not event_types or not all(isinstance(one, str) for one in event_types):
+        raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
+
+    def mark(function: _F) -> _F:
+        setattr(function, name, event_types)
+        return function
+
+    return mark
+
+
+class Agent:
+    """Base of all agent classes; `symbol` names the kind in the vocabulary."""
+
+    kind: ClassVar[AgentKind]
+    activities: ClassVar[dict[str, Handler]] = {}
+    views: ClassVar[dict[str, ViewHandler]] = {}
+
+    id: str
+    scope: Scene
+    _node: AgentNode | None
+
+    def __init_subclass__(cls, symbol: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.activities = handlers(cls, ON)
+        cls.views = handlers(cls, VIEW)
+        inherited: AgentKind | None = getattr(cls, "kind", None)
+        name = symbol or (inherited.name if inherited is not None else "")
+        if name:
+            state = state_of(cls, Agent)
+            cls.kind = AgentKind(name, state, frozenset(cls.activities), frozenset(cls.views))
+
+    def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
+        if AGENT_ID.fullmatch(id) is None:
+            raise MisuseError(f"{id!r} is no id of an agent: letters, digits and _ : - only")
+        fields = self.kind.fields
+        values = fields.bind(f"{self.kind.name}#{id}", (), state)
+        self.__dict__.update(zip(fields.names, values, strict=True))
+        self.id = id
+        self.scope = scope
+        self._node = None
+
+    @classmethod
+    def thaw(cls, node: AgentNode) -> Self:
+        """The agent that a node describes, to be changed by its activities.
+
+        Raises MisuseError where the node is none of this kind.
+        """
+        fields, values = cls.kind.fields, node.values
+        if node.names is not fields.names:
+            try:
+                _, values = fields.refit(f"{node.symbol}#{node.id}", node.names, values)
+            except Unfit as unfit:
+                raise MisuseError(str(unfit)) from None
+        agent = cls.__new__(cls)
+        agent.__dict__.update(zip(fields.names, values, strict=True))
+        agent.id = node.id
+        agent.scope = node.scope
+        agent._node = node
+        return agent
+
+    def freeze(self) -> AgentNode:
+        """The node that describes this agent now; the very node it came from if nothing changed.
+
+        Raises MisuseError where an attribute has been given a value of a wrong type, or one has
+        been added or taken away.
+        """
+        fields, state, old = self.kind.fields, self.__dict__, self._node
+        values = [state[name] for name in fields.names if name in state]
+        if len(state) != len(values) + len(_OWN) or len(values) != len(fields.names):
+            self._refuse_strangers()
+        stayed = old is not None and self.scope is old.scope and old.names is fields.names
+        if old is not None and stayed and all(map(is_, values, old.values)):
+            self._check_own(old)
+            return old
+        self._check_own(old)
+        try:
+            fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values))
+        except Unfit as unfit:
+            raise MisuseError(str(unfit)) from None
+        if old is not None and stayed and same_values(fitted, old.values):
+            return old
+        return AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
+
+    def _check_own(self, old: AgentNode | None) -> None:
+        if old is not None and old.id != self.id:
+            raise MisuseError(f"an agent keeps its id; #{old.id} cannot become #{self.id}")
+        if not isinstance(self.scope, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MisuseError(f"the scope of #{self.id} must be a string, not {self.scope!r}")
+
+    def _refuse_strangers(self) -> None:
+        names, state = self.kind.fields.names, self.__dict__
+        owner = f"{self.kind.name}#{self.id}"
+        for name in names:
+            if name not in state:
+                raise MisuseError(f"{owner}: {name} has been deleted")
+        for name in sorted(state):
+            if name not in names and name not in _OWN and not name.startswith("_"):
+                raise MisuseError(
+                    f"{owner} has no {name}, so it would be lost; declare it in the class, or"
+                    f" begin its name with _ if it need not last{nearest(name, list(names))}"
+                )
+
+    @property
+    def string(self) -> Scene:
+        """The agent, as it is now, as a string."""
+        return Scene((self.freeze(),))
+
+    def writable(self, name: str) -> Any:
+        """A matrix attribute as an array that may be written to; copied once in a frame."""
+        array: np.ndarray[Any, Any] = getattr(self, name)
+        if not array.flags.writeable:
+            array = array.copy()
+            setattr(self, name, array)
+        return array
+
+    def child(self, kind: type[Agent] | None = None, **state: Any) -> Scene:
+        """A newborn of this kind or another, with an id made from this one's.
+
+        Counts in the attribute `births`, which the parent's kind must declare, so that ids are
+        the same wherever and whenever the world runs.
+        """
+        fields = self.kind.fields
+        if not any(one.name == "births" and one.type.kind == "int" for one in fields.all):
+            raise MisuseError(
+                f"{self.kind.name} gives birth: declare `births: int = 0` in its class, so that"
+                " its children's ids can be told apart"
+            )
+        births: int = self.__dict__["births"] + 1
+        self.__dict__["births"] = births
+        return (kind or type(self))(_child_id(self.id, births), **state).string
+
+    def counted(self, own: AgentNode) -> AgentNode:
+        """A node of this agent that knows of every birth so far.
+
+        In `self.string + self.child()` the string is from before the birth; without this the next
+        child would get the same id.
+        """
+        births, known = self.__dict__.get("births"), own.state.get("births")
+        if not isinstance(births, int) or not isinstance(known, int) or births <= known:
+            return own
+        state = {**own.state, "births": births}
+        return replace(own, values=tuple(state.values()))
+
+    def __repr__(self) -> str:
+        try:
+            return str(self.string)
+        except MinervaError as error:
+            return f"<{self.kind.name}#{self.id}, not valid: {error}>"
+
+
+_OWN = frozenset({"id", "scope", "_node"})
+_LONGEST_ID = 64
+
+
+def _child_id(parent: str, births: int) -> str:
+    """An id that only this birth gives; a lineage too long to be spelled out is hashed."""
+    name = f"{parent}:{births}"
+    if len(name) <= _LONGEST_ID:
+        return name
+    lineage = blake2b(name.encode(), digest_size=12).hexdigest()
+    return f"{parent[:16].split(':')[0]}:-{lineage}"

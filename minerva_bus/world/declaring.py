@@ -1,0 +1,68 @@
+"""What the class of an agent declares: its state ST by its annotations, D by its marked methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import get_annotations
+from typing import Any, ClassVar, get_origin, get_type_hints
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.symbols import Default, Fields
+
+ON = "_minerva_on"
+VIEW = "_minerva_view"
+
+
+def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
+    """The methods under a mark by event type; a subclass's go before those it inherits.
+
+    A method that is overridden without a mark keeps that of the one it overrides. Raises
+    MisuseError where one class has two methods for one event type.
+    """
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        own: dict[str, str] = {}
+        for name, function in vars(base).items():
+            event_types: tuple[str, ...] = getattr(function, mark, ())
+            if event_types or not callable(function):
+                found = {event: method for event, method in found.items() if method != name}
+            for event_type in event_types:
+                if own.setdefault(event_type, name) != name:
+                    raise MisuseError(
+                        f"{base.__name__} has two methods for {event_type}:"
+                        f" {own[event_type]} and {name}"
+                    )
+        found |= own
+    return {event_type: getattr(cls, name) for event_type, name in found.items()}
+
+
+def state_of(cls: type, root: type) -> Fields:
+    """The attributes that the annotations of a class and its bases below `root` declare.
+
+    Names that begin with _ and class variables are no state. Raises MisuseError.
+    """
+    hints = _hints(cls)
+    taken = {name for name in (*dir(root), *get_annotations(root)) if not name.startswith("_")}
+    annotations: dict[str, Any] = {}
+    for base in reversed(cls.__mro__):
+        if base is root or not issubclass(base, root):
+            continue
+        for name in get_annotations(base):
+            hint = hints[name]
+            if name.startswith("_") or hint is ClassVar or get_origin(hint) is ClassVar:
+                continue
+            if name in taken:
+                raise MisuseError(f"{cls.__name__}.{name} is taken: every agent has {name}")
+            own = vars(base)
+            annotations[name] = Default(hint, own[name]) if name in own else hint
+    return Fields.of(annotations)
+
+
+def _hints(cls: type) -> dict[str, Any]:
+    try:
+        return get_type_hints(cls, include_extras=True)
+    except NameError as error:
+        raise MisuseError(
+            f"the annotations of {cls.__name__} cannot be read ({error}); types of attributes"
+            " must be imported at the top of the module, not within a function"
+        ) from None

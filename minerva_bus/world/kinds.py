@@ -1,0 +1,88 @@
+"""Which agent classes a process has, and which events concern whom."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.world.agent import Agent
+
+
+class ActivityError(MinervaError):
+    """User code of an agent raised: which agent, which event, which frame, and for what cause."""
+
+    def __init__(self, what: str, node: AgentNode, event: Event, frame: int) -> None:
+        shown = str(event)
+        cut = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "…"
+        super().__init__(f"{what} of {node.symbol}#{node.id} failed at {cut} in frame {frame}")
+        self.event = shown
+
+    def __str__(self) -> str:
+        said = super().__str__()
+        if self.__cause__ is None:
+            return said
+        return f"{said}: {type(self.__cause__).__name__}: {self.__cause__}"
+
+
+_SHOWN = 200
+
+
+Kinds = Mapping[str, type[Agent]]
+
+
+def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
+    """Agent classes by the symbol of their kind. Raises MisuseError."""
+    if isinstance(classes, Mapping):
+        return cast("Kinds", classes)
+    found: dict[str, type[Agent]] = {}
+    for cls in classes:
+        if not hasattr(cls, "kind"):
+            raise MisuseError(
+                f'{cls.__name__} has no symbol: class {cls.__name__}(Agent, symbol="A...")'
+            )
+        if found.setdefault(cls.kind.name, cls) is not cls:
+            raise MisuseError(f"two classes have the symbol {cls.kind.name}")
+    return found
+
+
+@dataclass(slots=True)
+class Addressed:
+    """Events in order, found again by who they concern."""
+
+    events: tuple[Event, ...]
+    _everyone: dict[str, list[int]] = field(init=False)
+    _someone: dict[str, list[int]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._everyone = {}
+        self._someone = {}
+        for place, event in enumerate(self.events):
+            if not event.receivers:
+                self._everyone.setdefault(event.type, []).append(place)
+            for receiver in dict.fromkeys(event.receivers):
+                self._someone.setdefault(receiver, []).append(place)
+
+    def to(self, agent_id: str, event_types: Container[str]) -> list[Event]:
+        """The events for one agent that responds to these types, in order."""
+        return [self.events[place] for place in self.places(agent_id, event_types)]
+
+    def places(self, agent_id: str, event_types: Container[str]) -> list[int]:
+        """As `to`, but each event by its place in the order."""
+        found: list[int] = []
+        for event_type, places in self._everyone.items():
+            if event_type in event_types:
+                found += places
+        for place in self._someone.get(agent_id, ()):
+            if self.events[place].type in event_types:
+                found.append(place)
+        found.sort()
+        return found
+
+
+def addressed(events: Sequence[Event] | Addressed) -> Addressed:
+    """Events to be found by who they concern; worked out once for many strings."""
+    return events if isinstance(events, Addressed) else Addressed(tuple(events))

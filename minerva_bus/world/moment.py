@@ -1,0 +1,63 @@
+"""What a piece of user code may know of the frame that it runs in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.world.chance import stream
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame t of a world: its number, the seconds that a frame lasts, the world's seed."""
+
+    number: int = 0
+    dt: float = 0.1
+    seed: int = 0
+
+
+@dataclass(slots=True)
+class Moment:
+    """A frame as one agent or generator lives it.
+
+    `who` is the generator's name, or `#id` for an agent.
+    """
+
+    frame: Frame
+    who: str
+    emitted: list[Event] = field(default_factory=list[Event])
+    _random: np.random.Generator | None = None
+
+    @property
+    def number(self) -> int:
+        """The frame's number t, from 0."""
+        return self.frame.number
+
+    @property
+    def dt(self) -> float:
+        """Simulated seconds that a frame lasts."""
+        return self.frame.dt
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the world began."""
+        return self.frame.number * self.frame.dt
+
+    @property
+    def random(self) -> np.random.Generator:
+        """The random stream of this agent or generator in this frame."""
+        if self._random is None:
+            self._random = stream(self.frame.seed, self.who, self.frame.number)
+        return self._random
+
+    def emit(self, event: Event) -> None:
+        """Send an event; it belongs to the next frame. An agent's is marked with its id."""
+        if not isinstance(event, Event):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MisuseError(f"emit an event, such as eNear(distance=1.0), not {event!r}")
+        if self.who.startswith("#"):
+            event = replace(event, sender=self.who[1:])
+        self.emitted.append(event)

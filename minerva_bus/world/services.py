@@ -1,0 +1,172 @@
+"""Generators and devices as people write them: C^d(t) of 3.3 and the output g of Table 2.
+
+    class Rain(Generator, events=("eRain",)):
+        def __init__(self, chance: float = 0.1) -> None:
+            self.chance = chance
+
+        def generate(self, tick: Tick) -> Iterator[Event]:
+            if tick.random.random() < self.chance:
+                yield eRain()
+
+The constructor's keyword arguments are what the world file may set for the process. A class may
+be a generator and a device at once.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.readings import Reading
+
+
+@dataclass(frozen=True, slots=True)
+class WorldInfo:
+    """What a member learns of the world that it has joined."""
+
+    world: str
+    vocabulary: Vocabulary
+    seed: int
+    dt: float
+
+
+@dataclass(slots=True)
+class Tick(Moment):
+    """The moment at which a lockstep generator is asked for C^d(t).
+
+    `readings` are this frame's readings of the topics it subscribes to, sorted by topic and
+    publisher; `orders` what people have sent for its event types since it was last asked.
+    """
+
+    readings: tuple[Reading, ...] = ()
+    orders: tuple[Event, ...] = ()
+    published: list[tuple[str, Reading]] = field(default_factory=list[tuple[str, Reading]])
+
+    def publish(self, topic: str, reading: Reading) -> None:
+        """Put a reading on a sensor topic of this frame."""
+        self.published.append((topic, reading))
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What π made of a frame's string for one visual event type: a string of L(E)."""
+
+    frame: int
+    event_type: str
+    scene: Scene
+
+
+Emit = Callable[[Event], None]
+
+
+class Service:
+    """Base of generators and devices: a process of a world that is no agent."""
+
+    topics: ClassVar[tuple[str, ...]] = ()
+    publishes: ClassVar[tuple[str, ...]] = ()
+
+    def joined(self, world: WorldInfo) -> None:
+        """Called once, when the member has joined a world and before anything else."""
+
+    def save(self) -> Mapping[str, Any] | None:
+        """What a successor needs to go on after this frame, in plain values; None: nothing."""
+        return None
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what a predecessor saved."""
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        """Figures for the summary of the run."""
+        return {}
+
+    def close(self) -> None:
+        """Called once, at the end."""
+
+
+def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[str, ...]:
+    if isinstance(event_types, str):
+        raise MisuseError(f'{cls.__name__}: {what} are several, write {what}=("{event_types}",)')
+    return tuple(event_types)
+
+
+class Generator(Service):
+    """An event generator, C^d(t).
+
+    Lockstep (the default): `generate` is asked once a frame. With `lockstep=False` the member
+    runs freely: `run` emits whenever something happens, and what has arrived by a frame's edge
+    counts in it.
+    """
+
+    events: ClassVar[tuple[str, ...]] = ()
+    lockstep: ClassVar[bool] = True
+
+    def __init_subclass__(
+        cls, events: tuple[str, ...] = (), lockstep: bool = True, **kwargs: Any
+    ) -> None:
+        super().__init_subclass__(**kwargs)
+        if events:
+            cls.events = _several(cls, "events", events)
+        if not lockstep:
+            cls.lockstep = False
+
+    def generates(self) -> tuple[str, ...]:
+        """The event types that this one makes; by default those of its class."""
+        return self.events
+
+    def takes_orders(self) -> tuple[str, ...]:
+        """The event types that people may send through this one; they come in `tick.orders`."""
+        return ()
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        """C^d(t): the events of one frame."""
+        return ()
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        """Emit events until `stop` is set; for a free-running generator, in a thread of its own."""
+
+
+class Device(Service):
+    """An output device g with its own geometric system G.
+
+    `draws` are the visual event types whose views it shows. With `every` > 0 it is itself the
+    source of those events, one every so many frames; with 0 they come from a generator. A
+    *coupled* device has shown frame t's view before frame t+1's events are taken; another one is
+    an observer and never holds a frame up.
+    """
+
+    draws: tuple[str, ...] = ()
+    coupled: ClassVar[bool] = False
+    every: int = 0
+
+    def __init_subclass__(
+        cls, draws: tuple[str, ...] = (), coupled: bool = False, **kwargs: Any
+    ) -> None:
+        super().__init_subclass__(**kwargs)
+        if draws:
+            cls.draws = _several(cls, "draws", draws)
+        if coupled:
+            cls.coupled = True
+
+    @abstractmethod
+    def show(self, view: View) -> None:
+        """g = φ(v), step 7 of Table 2."""
+
+
+__all__ = [
+    "Device",
+    "Emit",
+    "Frame",
+    "Generator",
+    "Service",
+    "Tick",
+    "View",
+    "WorldInfo",
+]

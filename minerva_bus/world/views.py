@@ -1,0 +1,67 @@
+"""θ of one agent (equation 4) and π of a whole string (equation 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.condition import holds
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    Node,
+    Scene,
+    agents,
+    identities,
+    rebuild,
+    rescoped,
+    with_scope,
+)
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.kinds import ActivityError, Addressed, Kinds, addressed, kinds_of
+
+
+def visualize(
+    scene: Scene,
+    events: Sequence[Event] | Addressed,
+    kinds: Iterable[type[Agent]] | Kinds,
+    frame: int = 0,
+) -> Scene:
+    """π(w, e^v), equation 5: the string of L(E) that shows w to the visual events.
+
+    An agent whose kind has no view for any of the events shows as ε. Raises ActivityError where
+    user code did.
+    """
+    found = addressed(events)
+    known = kinds_of(kinds)
+
+    def leave(node: Node, scope: Scene) -> Scene | Node:
+        if not isinstance(node, AgentNode):
+            return rescoped(node, scope)
+        cls = known.get(node.symbol)
+        if cls is None:
+            return EMPTY
+        result = EMPTY
+        for event in found.to(node.id, cls.views):
+            node = with_scope(node, scope)
+            if not event.condition or holds(event.condition, node.state):
+                result += _view(cls, node, event, frame)
+        return result
+
+    return rebuild(scene, leave)
+
+
+def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
+    """θ(a, e), equation 4."""
+    shown = identities(node.scope)  # of L(E) already, and perhaps very deep
+    try:
+        result = cls.views[event.type](cls.thaw(node), event)
+        if not isinstance(result, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise TypeError(f"a view returns a string, not {result!r}")
+        left = next(agents(result, shown), None)
+        if left is not None:
+            raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
+        return result
+    except Exception as error:
+        raise ActivityError("θ", node, event, frame) from error

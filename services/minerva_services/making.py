@@ -1,0 +1,81 @@
+"""Events of a world's own types, made without the vocabulary that declares them.
+
+A type is looked up and compared once, when a service joins; after that, making an event is nothing
+but putting values in their places.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Value
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.types import type_of
+from minerva_bus.world.services import WorldInfo
+
+
+def event_type(service: str, world: WorldInfo, name: str) -> EventType:
+    """The event type of a name in a world. Raises MisuseError, which names the service."""
+    known = world.vocabulary.events
+    if name not in known:
+        raise MisuseError(
+            f"{service}: the world {world.world!r} has no event type {name}"
+            f"{nearest(name, list(known))}"
+        )
+    return known[name]
+
+
+class Maker:
+    """Makes events of one type from values in the order of the names that it was made with."""
+
+    def __init__(self, service: str, world: WorldInfo, name: str, **data: Any) -> None:
+        """Data are annotations, as those of an event type: `dist=Metres`.
+
+        Raises MisuseError where the world's type of that name has no place for them, or needs
+        others; a number in the world's vocabulary that has no unit takes any.
+        """
+        declared = event_type(service, world, name)
+        _compare(service, declared, data)
+        fields = declared.fields
+        self._type = declared.name
+        self._names = fields.names
+        self._rest: list[Value | None] = [one.default for one in fields.all]
+        self._places = tuple([fields.names.index(one) for one in data])
+        self._in_order = tuple(data) == fields.names
+
+    def __call__(self, *values: Value, receivers: tuple[str, ...] = ()) -> Event:
+        """An event with these values, which must be in their final form, to these receivers."""
+        if not self._in_order:
+            values = self._arranged(values)
+        return Event(self._type, self._names, values, "", "", receivers)
+
+    def _arranged(self, values: tuple[Value, ...]) -> tuple[Value, ...]:
+        arranged: list[Any] = self._rest.copy()
+        for place, value in zip(self._places, values, strict=True):
+            arranged[place] = value
+        return tuple(arranged)
+
+
+def _compare(service: str, declared: EventType, data: dict[str, Any]) -> None:
+    """Refuse data that the declared type does not take. Raises MisuseError."""
+    fields = {one.name: one for one in declared.fields.all}
+    for name, annotation in data.items():
+        made = type_of(annotation)
+        if name not in fields:
+            listed = ", ".join(fields) or "none"
+            raise MisuseError(
+                f"{service}: {declared.name} has no {name} ({made}) among its data ({listed})"
+            )
+        wanted = fields[name].type
+        if wanted.kind != made.kind or wanted.unit not in ("", made.unit):
+            raise MisuseError(
+                f"{service}: {declared.name} wants {name} as {wanted}; {service} makes {made}"
+            )
+    for name, field in fields.items():
+        if name not in data and field.default is None:
+            raise MisuseError(
+                f"{service}: {declared.name} needs {name} ({field.type}), which {service} does not"
+                " make; give it a default in the vocabulary"
+            )

@@ -1,0 +1,45 @@
+"""gObjective and gSpeed of Table 4: what people order, as events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_bus.world.services import Generator, Tick, WorldInfo
+from minerva_services.making import event_type
+
+
+class Orders(Generator):
+    """Passes on what people send of one event type, and gives the first order itself if told so.
+
+    Args:
+        event: the event type.
+        first: the data of an event in frame 0; it is for everybody who responds to its type, unless
+            `receivers` among them names agents.
+
+    """
+
+    def __init__(self, event: str, first: Mapping[str, Any] | None = None) -> None:
+        self._type = event
+        self._data = first
+        self._first: tuple[Event, ...] = ()
+
+    def generates(self) -> tuple[str, ...]:
+        return (self._type,)
+
+    def takes_orders(self) -> tuple[str, ...]:
+        return (self._type,)
+
+    def joined(self, world: WorldInfo) -> None:
+        declared = event_type("orders", world, self._type)
+        if self._data is None:
+            return
+        try:
+            self._first = (declared(**self._data),)
+        except MisuseError as error:
+            raise MisuseError(f"orders: first does not fit {self._type}: {error}") from None
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        return (*self._first, *tick.orders) if tick.number == 0 else tick.orders

@@ -1,0 +1,99 @@
+"""What makes simulated sensors and motors imperfect, from a random generator that is passed in.
+
+A kind of noise that is zero draws nothing and changes nothing. One that is not draws the same
+number of values whatever the data are, so that two runs that differ in a wall stay comparable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from minerva_services.physics.errors import PhysicsError, finite
+from minerva_services.physics.sensors import Distances, Sighting
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of normal noise without bias, and one probability.
+
+    Attributes:
+        laser_m: of a laser's distance in metres.
+        laser_dropout: probability that a beam does not come back.
+        drive: of a driven distance, relative to it.
+        turn_deg: of a turn in degrees; a body that is not told to turn does not.
+        camera_m: of a marker's distance in metres.
+        camera_deg: of a marker's bearing in degrees.
+
+    Raises:
+        PhysicsError: a value is negative or not finite, or the probability above 1.
+
+    """
+
+    laser_m: float = 0.0
+    laser_dropout: float = 0.0
+    drive: float = 0.0
+    turn_deg: float = 0.0
+    camera_m: float = 0.0
+    camera_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            finite(f"noise, {field.name}", value)
+            if value < 0:
+                raise PhysicsError(f"noise, {field.name}: expected 0 or more, found {value!r}")
+        if self.laser_dropout > 1:
+            raise PhysicsError(f"noise, laser_dropout: expected 0 to 1, found {self.laser_dropout}")
+
+    def on_scan(
+        self, distances: Distances, range_max: float, rng: np.random.Generator
+    ) -> Distances:
+        """A laser's distances as measured.
+
+        Args:
+            distances: (beams,) in metres; `range_max` means that nothing was hit, and stays.
+            range_max: in metres; a beam that drops out reads this.
+            rng: draws `beams` values for each of the laser's two kinds of noise.
+
+        Returns:
+            (beams,) in metres, from 0 to `range_max`.
+
+        """
+        if self.laser_m:
+            noisy = distances + rng.normal(0.0, self.laser_m, distances.shape)
+            noisy = np.clip(noisy, 0.0, range_max)
+            distances = np.where(distances < range_max, noisy, distances)
+        if self.laser_dropout:
+            lost = rng.random(distances.shape) < self.laser_dropout
+            distances = np.where(lost, range_max, distances)
+        return distances
+
+    def on_drive(
+        self, turn_degrees: float, forward_m: float, rng: np.random.Generator
+    ) -> tuple[float, float]:
+        """A command as the wheels carry it out: turn in degrees, distance in metres."""
+        if self.turn_deg:
+            error = float(rng.normal(0.0, self.turn_deg))
+            turn_degrees += error if turn_degrees else 0.0
+        if self.drive:
+            forward_m *= 1 + float(rng.normal(0.0, self.drive))
+        return turn_degrees, forward_m
+
+    def on_sightings(
+        self, sightings: Sequence[Sighting], rng: np.random.Generator
+    ) -> tuple[Sighting, ...]:
+        """Sightings as measured; distances never below 0 metres, bearings not wrapped."""
+        if not (self.camera_m or self.camera_deg):
+            return tuple(sightings)
+        return tuple(self._measured(sighting, rng) for sighting in sightings)
+
+    def _measured(self, sighting: Sighting, rng: np.random.Generator) -> Sighting:
+        distance, angle = sighting.dist_m, sighting.angle_deg
+        if self.camera_m:
+            distance = max(0.0, distance + float(rng.normal(0.0, self.camera_m)))
+        if self.camera_deg:
+            angle += float(rng.normal(0.0, self.camera_deg))
+        return Sighting(sighting.marker, distance, angle)

@@ -1,0 +1,133 @@
+"""Walls and discs in a pymunk space: what is near, and what a ray hits first.
+
+The space is an index of shapes and is never stepped, so it holds no contacts, velocities or caches
+that a restored world would lack.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import pymunk
+
+from minerva_services.physics.sweep import Point, Segment, offset
+
+Ray = Callable[[Point, Point], float]
+
+_PLAIN_WALL: Final = 1
+_OUTLINE: Final = 2
+_DISC: Final = 4
+_WALLS: Final = pymunk.ShapeFilter(mask=_PLAIN_WALL | _OUTLINE)
+_OUTLINES: Final = pymunk.ShapeFilter(mask=_OUTLINE)
+
+
+class Obstacles:
+    """An index of wall segments and of discs with names."""
+
+    def __init__(self) -> None:
+        self._space = pymunk.Space()
+        self._walls: dict[pymunk.Shape, Segment] = {}
+        self._discs: dict[str, pymunk.Circle] = {}
+        self._names: dict[pymunk.Shape, str] = {}
+        self._groups = 0
+
+    def add_wall(self, wall: Segment, *, solid_behind: bool) -> None:
+        """Add a segment of some length; behind an outline (on the right of a → b) all is solid."""
+        ax, ay, bx, by = wall
+        shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=0)
+        category = _OUTLINE if solid_behind else _PLAIN_WALL
+        shape.filter = pymunk.ShapeFilter(categories=category)
+        self._space.add(shape)
+        self._walls[shape] = wall
+
+    def remove_walls(self) -> None:
+        """Take all walls out."""
+        self._space.remove(*self._walls)
+        self._walls.clear()
+
+    def put_disc(self, name: str, centre: Point, radius: float) -> None:
+        """Add a disc under a new name."""
+        self._groups += 1
+        body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        body.position = centre
+        shape = pymunk.Circle(body, radius)
+        shape.filter = pymunk.ShapeFilter(group=self._groups, categories=_DISC)
+        self._space.add(body, shape)
+        self._discs[name] = shape
+        self._names[shape] = name
+
+    def move_disc(self, name: str, centre: Point) -> None:
+        """Put a disc elsewhere, whatever is there."""
+        body = _body(self._discs[name])
+        body.position = centre
+        self._space.reindex_shapes_for_body(body)
+
+    def remove_disc(self, name: str) -> None:
+        """Take a disc out."""
+        shape = self._discs.pop(name)
+        del self._names[shape]
+        self._space.remove(shape, _body(shape))
+
+    def walls_near(self, start: Point, end: Point, margin: float) -> list[Segment]:
+        """Walls that reach into the box around two points, grown by a margin in metres."""
+        found = self._space.bb_query(_box(start, end, margin), _WALLS)
+        return [self._walls[shape] for shape in found]
+
+    def discs_near(self, name: str, start: Point, end: Point, margin: float) -> list[str]:
+        """Names, sorted, of the other discs that reach into such a box."""
+        others = pymunk.ShapeFilter(group=self._discs[name].filter.group, mask=_DISC)
+        found = self._space.bb_query(_box(start, end, margin), others)
+        return sorted(self._names[shape] for shape in found)
+
+    def ray_of(self, name: str) -> Ray:
+        """A function from two points to the part (0 to 1) of the way that is free of obstacles.
+
+        It is blind to the disc `name`. One function serves many rays: making its filter costs as
+        much as a ray.
+        """
+        query = self._space.segment_query_first
+        others = pymunk.ShapeFilter(group=self._discs[name].filter.group)
+
+        def ray(start: Point, end: Point) -> float:
+            hit = query(start, end, 0, others)
+            return 1.0 if hit is None else hit.alpha
+
+        return ray
+
+    def depth_in_solid(self, point: Point) -> float:
+        """Metres from a point behind the outlines to the nearest of them; 0 in free space."""
+        nearest = self._space.point_query_nearest(point, math.inf, _OUTLINES)
+        if nearest is None:
+            return 0.0
+        depth = math.hypot(*offset(point, self._walls[nearest.shape]))
+        return 0.0 if self._left_of(point, nearest.shape) else depth
+
+    def _left_of(self, point: Point, outline: pymunk.Shape) -> bool:
+        """Whether a point sees the free side of the first outline on its way to this one's middle.
+
+        The nearest outline itself cannot tell: at a corner, two are equally near and may differ.
+        """
+        ax, ay, bx, by = self._walls[outline]
+        middle = (ax + bx) / 2, (ay + by) / 2
+        beyond = 2 * middle[0] - point[0], 2 * middle[1] - point[1]
+        hit = self._space.segment_query_first(point, beyond, 0, _OUTLINES)
+        if hit is not None:
+            ax, ay, bx, by = self._walls[hit.shape]
+        return (bx - ax) * (point[1] - ay) - (by - ay) * (point[0] - ax) > 0
+
+
+def _box(start: Point, end: Point, margin: float) -> pymunk.BB:
+    return pymunk.BB(
+        min(start[0], end[0]) - margin,
+        min(start[1], end[1]) - margin,
+        max(start[0], end[0]) + margin,
+        max(start[1], end[1]) + margin,
+    )
+
+
+def _body(shape: pymunk.Shape) -> pymunk.Body:
+    body = shape.body
+    assert body is not None
+    return body

@@ -1,0 +1,190 @@
+"""The physics world on the bus: robots drive in it, and it publishes what their sensors measure.
+
+Table 4's gLaser and gCamera make events of that; a real laser and a real camera publish the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.types import Metres
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.readings import Scan, Sighting, Sightings
+from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+from minerva_services.making import Maker
+from minerva_services.physics.body import Command, Odometer, Outcome
+from minerva_services.physics.errors import PhysicsError, positive
+from minerva_services.physics.geometry import PhysicalGeometry
+from minerva_services.physics.noise import Noise
+from minerva_services.physics.stage import Stage
+
+
+class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
+    """Carries out the commands of each view in the tick that follows, and measures after it.
+
+    `eCollision(shortfall)` tells a robot that it was stopped, and how many of the metres that it
+    had commanded it did not drive.
+
+    Args:
+        beams: of each robot's laser.
+        fov: the laser's field of view in degrees, centred on the heading.
+        range_max: the laser's range in metres.
+        camera_fov: the camera's field of view in degrees, centred on the heading.
+        camera_range: in metres.
+        laser_noise: standard deviation of the laser's distances in metres.
+        laser_dropout: probability, 0 to 1, that a beam does not come back.
+        drive_noise: standard deviation of driven distances, relative to them.
+        turn_noise: standard deviation of turns in degrees.
+        camera_noise: standard deviation of the camera's distances in metres.
+        camera_angle_noise: standard deviation of the camera's angles in degrees.
+
+    """
+
+    publishes = ("scan", "sightings")
+
+    def __init__(
+        self,
+        beams: int = 90,
+        fov: float = 360.0,
+        range_max: float = 8.0,
+        camera_fov: float = 70.0,
+        camera_range: float = 5.0,
+        laser_noise: float = 0.0,
+        laser_dropout: float = 0.0,
+        drive_noise: float = 0.0,
+        turn_noise: float = 0.0,
+        camera_noise: float = 0.0,
+        camera_angle_noise: float = 0.0,
+    ) -> None:
+        self._beams = beams
+        self._first, self._step = _directions(beams, fov)
+        self._range_max = _positive("range_max", range_max)
+        self._camera_fov = _positive("camera_fov", camera_fov)
+        self._camera_range = _positive("camera_range", camera_range)
+        self._noise = Noise(
+            laser_noise, laser_dropout, drive_noise, turn_noise, camera_noise, camera_angle_noise
+        )
+        self._begin()
+
+    def _begin(self) -> None:
+        self._stage = Stage()
+        self._commands: dict[str, Command] = {}
+        self._shown: int | None = None
+        self._carried_out = -1
+
+    def joined(self, world: WorldInfo) -> None:
+        self._collision = Maker("physics", world, "eCollision", shortfall=Metres)
+        self._begin()
+
+    def show(self, view: View) -> None:
+        """φ of the view: bodies, walls and markers now, commands in the next tick.
+
+        Raises:
+            PhysicsError: something cannot stand where the view has it.
+
+        """
+        seen = PhysicalGeometry()
+        interpret(view.scene, seen)
+        self._stage.set(seen)
+        self._shown = view.frame
+        # A successor is shown the last view again, which its predecessor may have carried out.
+        new = view.frame > self._carried_out
+        self._commands = {name: one.command for name, one in seen.robots.items()} if new else {}
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        """Drive, then measure. Before the first view there is no world yet, and nothing of it."""
+        if self._shown is None:
+            return ()
+        outcomes = self._drive(tick)
+        for name in self._stage.arena.bodies:
+            tick.publish("scan", self._scan(name, tick))
+        for name in self._stage.arena.bodies:
+            tick.publish("sightings", self._sightings(name, tick))
+        self._carried_out, commands = self._shown, self._commands
+        self._commands = {}
+        return [
+            self._collision(_shortfall(commands[one.name], one), receivers=(one.name,))
+            for one in outcomes
+            if one.collided
+        ]
+
+    def save(self) -> Mapping[str, Any]:
+        """All that the views do not tell: where bodies are, and which view was carried out."""
+        retired = self._stage.retired
+        return {
+            "arena": self._stage.arena.save(),
+            "retired": [retired.driven_m, retired.collisions],
+            "carried_out": self._carried_out,
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from there; walls and markers come with the view that is shown next.
+
+        Raises:
+            PhysicsError: the value is not what `save` returns.
+
+        """
+        try:
+            driven, collisions = saved["retired"]
+            self._stage.arena.restore(saved["arena"])
+            self._stage.retired = Odometer(float(driven), int(collisions))
+            self._carried_out = int(saved["carried_out"])
+        except PhysicsError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
+            raise PhysicsError(f"not the saved state of a physics world: {error!r}") from error
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        """Metres driven and moves that were stopped, of all robots together."""
+        total = self._stage.total()
+        return {"distance_driven": round(total.driven_m, 6), "collisions": total.collisions}
+
+    def _drive(self, tick: Tick) -> tuple[Outcome, ...]:
+        arena = self._stage.arena
+        for name, command in sorted(self._commands.items()):
+            turn, forward = command.turn_deg, command.forward_m
+            arena.drive(name, *self._noise.on_drive(turn, forward, tick.random))
+        return arena.step(tick.dt)
+
+    def _scan(self, name: str, tick: Tick) -> Scan:
+        distances = self._stage.arena.scan(
+            name, self._beams, self._first, self._step, self._range_max
+        )
+        measured = self._noise.on_scan(distances, self._range_max, tick.random)
+        ranges = measured.astype(np.float32)
+        return Scan(name, ranges, self._first, self._step, self._range_max, tick.time)
+
+    def _sightings(self, name: str, tick: Tick) -> Sightings:
+        visible = self._stage.arena.visible(name, self._camera_fov, self._camera_range)
+        measured = self._noise.on_sightings(visible, tick.random)
+        seen = tuple([Sighting(one.marker, one.dist_m, one.angle_deg) for one in measured])
+        return Sightings(name, seen, tick.time)
+
+
+def _positive(option: str, value: float) -> float:
+    positive(f"physics, {option}", value)
+    return float(value)
+
+
+def _directions(beams: int, fov: float) -> tuple[float, float]:
+    """Direction of beam 0 and from one to the next in degrees, so that one looks ahead if it can.
+
+    The beams at both edges of a full turn would be one and the same, so one of them is left out.
+    """
+    if beams < 1:
+        raise PhysicsError(f"physics, beams: expected 1 or more, found {beams}")
+    if not 0 < fov <= 360:
+        raise PhysicsError(f"physics, fov: expected degrees above 0 and up to 360, found {fov}")
+    if fov == 360:
+        step = fov / beams
+        return 0.0 - step * (beams // 2), step
+    return (-fov / 2, fov / (beams - 1)) if beams > 1 else (0.0, 0.0)
+
+
+def _shortfall(command: Command, outcome: Outcome) -> float:
+    """Metres of its own command, as it knows it, that a robot did not drive."""
+    return max(0.0, abs(command.forward_m) - abs(outcome.moved_m))

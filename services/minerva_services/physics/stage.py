@@ -1,0 +1,86 @@
+"""What views put into an arena: what stays is not put there again, what is gone is taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from minerva_services.physics.arena import Arena
+from minerva_services.physics.body import Odometer
+from minerva_services.physics.errors import PhysicsError
+from minerva_services.physics.geometry import Floor, PhysicalGeometry, Robot
+from minerva_services.physics.sweep import Point
+from minerva_services.physics.walls import wall_segments
+
+
+class Stage:
+    """An arena that is set as the views say.
+
+    Where a body is, is the arena's own truth: a view puts a new one, and moves none.
+
+    Attributes:
+        arena: what is set.
+        retired: what bodies had done that are no longer there.
+
+    """
+
+    def __init__(self) -> None:
+        self.arena = Arena()
+        self.retired = Odometer()
+        self._floors: tuple[Floor, ...] = ()
+        self._markers: dict[str, Point] = {}
+
+    def set(self, seen: PhysicalGeometry) -> None:
+        """Make the arena hold what a view holds.
+
+        Raises:
+            PhysicsError: something cannot stand where the view has it.
+
+        """
+        self._set_floors(seen.floors)
+        self._set_markers(seen.markers)
+        self._set_bodies(seen.robots)
+
+    def total(self) -> Odometer:
+        """What all bodies have done, also those that are gone."""
+        odometers = [self.arena.odometer(name) for name in self.arena.bodies]
+        driven = self.retired.driven_m + sum(one.driven_m for one in odometers)
+        return Odometer(driven, self.retired.collisions + sum(one.collisions for one in odometers))
+
+    def _set_floors(self, floors: Sequence[Floor]) -> None:
+        if len(floors) == len(self._floors) and all(map(Floor.same_as, floors, self._floors)):
+            return
+        self.arena.remove_walls()
+        for floor in floors:
+            at = floor.corner
+            walls = wall_segments(floor.cells, floor.resolution, at.x, at.y, at.angle)
+            self.arena.add_walls(walls, solid_behind=True)
+        self._floors = tuple(floors)
+
+    def _set_markers(self, markers: Mapping[str, Point]) -> None:
+        if markers == self._markers:
+            return
+        self.arena.remove_markers()
+        for name, (x, y) in markers.items():
+            self.arena.add_marker(name, x, y)
+        self._markers = dict(markers)
+
+    def _set_bodies(self, robots: Mapping[str, Robot]) -> None:
+        for name in self.arena.bodies:
+            if name not in robots:
+                self._retire(name)
+        for name, robot in sorted(robots.items()):
+            if name not in self.arena.bodies:
+                at = robot.believed
+                self.arena.add_body(name, at.x, at.y, at.angle, robot.radius)
+            elif self.arena.radius(name) != robot.radius:
+                raise PhysicsError(
+                    f"body {name!r} has a radius of {self.arena.radius(name):g} m and cannot"
+                    f" become one of {robot.radius:g} m"
+                )
+
+    def _retire(self, name: str) -> None:
+        done = self.arena.odometer(name)
+        self.retired = Odometer(
+            self.retired.driven_m + done.driven_m, self.retired.collisions + done.collisions
+        )
+        self.arena.remove_body(name)

@@ -1,0 +1,92 @@
+"""When does a disc that moves along a line touch a segment? In closed form, without steps.
+
+The disc shrinks to its centre and the segment grows by the disc's radius (`reach`): a capsule, made
+of two discs and a slab. The distance to a segment is convex along a line, so a point that does not
+approach at the start never will: what touches may always leave, and may always slide along.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+Point: TypeAlias = tuple[float, float]
+Segment: TypeAlias = tuple[float, float, float, float]
+
+NEVER: Final = math.inf
+
+SLACK: Final = 1e-9
+"""Metres of overlap that count as touching: far above rounding, far below anything visible."""
+
+
+def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
+    """The fraction of a move at which a disc is stopped by a segment.
+
+    Args:
+        start: the disc's centre in metres.
+        move: its displacement in metres.
+        wall: `ax, ay, bx, by` in metres; a point (another disc's centre) where both ends are equal.
+        reach: the distance at which the two touch, in metres.
+
+    Returns:
+        0 to 1, or `NEVER` where the move never goes deeper than `SLACK`. Without that allowance,
+        rounding would let a disc that slides along a wall stick at the joint of two segments.
+
+    """
+    deep = _entry(start, move, wall, reach - SLACK)
+    return deep if deep == NEVER else min(deep, _entry(start, move, wall, reach))
+
+
+def offset(point: Point, wall: Segment) -> Point:
+    """The vector in metres from the nearest point of a segment to a point."""
+    ax, ay, bx, by = wall
+    px, py, lx, ly = point[0] - ax, point[1] - ay, bx - ax, by - ay
+    square = lx * lx + ly * ly
+    part = min(1.0, max(0.0, (px * lx + py * ly) / square)) if square else 0.0
+    return px - part * lx, py - part * ly
+
+
+def _entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
+    """The fraction of the move at which a point enters the capsule, or `NEVER`."""
+    away = offset(start, wall)
+    if math.hypot(*away) < reach:
+        return 0.0 if away[0] * move[0] + away[1] * move[1] < 0 else NEVER
+    return min(
+        _disc_entry(start, move, wall[:2], reach),
+        _disc_entry(start, move, wall[2:], reach),
+        _side_entry(start, move, wall, reach),
+    )
+
+
+def _disc_entry(start: Point, move: Point, centre: Point, reach: float) -> float:
+    x, y = start[0] - centre[0], start[1] - centre[1]
+    approach = -(x * move[0] + y * move[1])
+    if approach <= 0:
+        return NEVER
+    gap = x * x + y * y - reach * reach
+    root = approach * approach - (move[0] * move[0] + move[1] * move[1]) * gap
+    if root < 0:
+        return NEVER
+    # The smaller root in the form that does not subtract nearly equal numbers.
+    return _within_move(gap / (approach + math.sqrt(root)))
+
+
+def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
+    ax, ay, bx, by = wall
+    length = math.hypot(bx - ax, by - ay)
+    if length == 0:
+        return NEVER
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    x, y = start[0] - ax, start[1] - ay
+    height, climb = ux * y - uy * x, ux * move[1] - uy * move[0]
+    if height < 0:
+        height, climb = -height, -climb
+    if climb >= 0 or height < reach:
+        return NEVER
+    part = (height - reach) / -climb
+    along = (x + part * move[0]) * ux + (y + part * move[1]) * uy
+    return _within_move(part) if 0 <= along <= length else NEVER
+
+
+def _within_move(part: float) -> float:
+    return max(0.0, part) if part <= 1 else NEVER

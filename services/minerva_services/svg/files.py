@@ -1,0 +1,49 @@
+"""Picture files: whoever opens one sees a whole picture, the one before or the new one."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from pathlib import Path
+
+from minerva_bus.errors import MisuseError
+
+
+def svg_path(path: str) -> Path:
+    """The path of an SVG file. Raises MisuseError for one that ends in something else."""
+    if not path.lower().endswith(".svg") or Path(path).name.lower() == ".svg":
+        raise MisuseError(f"picture: path is {path!r}; expected a name that ends in .svg")
+    return Path(path)
+
+
+def numbered(path: Path, frame: int) -> Path:
+    """`name-000010.svg` for `name.svg` and frame 10."""
+    return path.with_name(f"{path.stem}-{frame:06d}{path.suffix}")
+
+
+def prepare_folder(path: Path) -> None:
+    """Make the folder that a picture goes to. Raises MisuseError where nothing can be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(path, error.strerror or "") from None
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise _unwritable(path, "its folder is not writable")
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file beside its place, then put it there in one step. Raises MisuseError."""
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        with draft.open("xb") as file:
+            file.write(content)
+        draft.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise _unwritable(path, error.strerror or "") from None
+
+
+def _unwritable(path: Path, reason: str) -> MisuseError:
+    return MisuseError(f"picture: cannot write {path}: {reason}; set path to a place that can")

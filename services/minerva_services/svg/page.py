@@ -1,0 +1,136 @@
+"""Where things are on a picture: world metres, y up, and pixels, y down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from minerva_bus.grammar.forms import Disc, Raster, Shape
+from minerva_bus.grammar.scene import FigureNode, Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.bounds import BoundingGeometry, Bounds
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.semantics.plane import Pose, resolve
+
+_FLATTEST, _TALLEST = 0.25, 1.5
+_FARTHEST = 1e8
+_MARGIN = 0.05
+_DISC_MARGIN = 3.0
+"""Radii of the largest disc: a lone robot must not fill the picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A picture `width` pixels wide that shows a part of the world, the frame (metres)."""
+
+    frame: Bounds
+    width: int
+
+    @property
+    def padding(self) -> float:
+        """Pixels around the frame."""
+        return self.width * 0.025
+
+    @property
+    def font_size(self) -> float:
+        """Pixels; readable where the picture is shown at half its width, as on a web page."""
+        return self.width * 0.016
+
+    @property
+    def scale(self) -> float:
+        """Pixels per metre."""
+        return (self.width - 2 * self.padding) / (self.frame.right - self.frame.left)
+
+    @property
+    def panel(self) -> tuple[float, float]:
+        """Width and height of the frame in pixels."""
+        return self.width - 2 * self.padding, (self.frame.top - self.frame.bottom) * self.scale
+
+    @property
+    def height(self) -> int:
+        """Pixels, with room for a caption below the frame."""
+        return math.ceil(self.padding + self.panel[1] + 3 * self.font_size)
+
+    @property
+    def decimals(self) -> int:
+        """How many decimals of a metre it takes to be right by a hundredth of a pixel."""
+        return max(3, 1 + math.ceil(math.log10(self.scale)))
+
+    @property
+    def origin(self) -> Pose:
+        """The world's origin as seen from the frame's lower left corner.
+
+        Drawings start there: renderers reckon with 24 bits, too few for a small place far away.
+        """
+        return Pose(-self.frame.left, -self.frame.bottom)
+
+    def pixel(self, right: float, up: float) -> tuple[float, float]:
+        """Where a point is on the picture, given in metres from the frame's lower left corner."""
+        bottom = self.padding + self.panel[1]
+        return self.padding + right * self.scale, bottom - up * self.scale
+
+    @property
+    def grid_step(self) -> float:
+        """Metres between the lines of the grid: 1, 2 or 5 times a power of ten."""
+        wanted = (self.frame.right - self.frame.left) / 20
+        power = 10.0 ** math.floor(math.log10(wanted))
+        return next(step * power for step in (1, 2, 5, 10) if step * power >= wanted)
+
+
+class _Extent(BoundingGeometry):
+    """The rectangle around the rasters of a string or, where it has none, around all of it."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        super().__init__(vocabulary)
+        self.has_raster = False
+        self.largest_disc = 0.0
+
+    def shape(self, shape: Shape, figure: FigureNode) -> None:
+        if isinstance(shape, Raster):
+            if not self.has_raster:
+                self.has_raster, self.bounds = True, None
+        elif self.has_raster:
+            return
+        elif isinstance(shape, Disc):
+            radius = resolve(shape.radius, figure.parameters)
+            self.largest_disc = max(self.largest_disc, radius)
+        super().shape(shape, figure)
+
+
+def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None) -> Bounds:
+    """The part of the world to show: the rasters of a string, or else all that it draws.
+
+    Without rasters the frame only grows from `before`, so that a row of pictures does not jump.
+    """
+    extent = _Extent(vocabulary)
+    interpret(scene, extent)
+    if extent.bounds is None:
+        return before or Bounds(-1.0, -1.0, 1.0, 1.0)
+    drawn = _sized(extent.bounds)
+    if extent.has_raster:
+        return _shapely(drawn)
+    if before is not None and before.around(drawn) == before:
+        return before
+    side = max(drawn.right - drawn.left, drawn.top - drawn.bottom)
+    margin = max(_MARGIN * side, _DISC_MARGIN * extent.largest_disc)
+    wider = _grown(drawn, margin, margin)
+    return _shapely(wider if before is None else before.around(wider))
+
+
+def _sized(found: Bounds) -> Bounds:
+    """The bounds, but no larger than numbers on a picture can be, and no mere point."""
+    sides = (found.left, found.bottom, found.right, found.top)
+    left, bottom, right, top = (min(max(side, -_FARTHEST), _FARTHEST) for side in sides)
+    made = Bounds(left, bottom, right, top)
+    return made if max(right - left, top - bottom) > 1e-6 else _grown(made, 1.0, 1.0)
+
+
+def _shapely(frame: Bounds) -> Bounds:
+    """The frame, grown where it would be too flat or too tall for a page."""
+    width, height = frame.right - frame.left, frame.top - frame.bottom
+    wider, taller = max(width, height / _TALLEST), max(height, width * _FLATTEST)
+    return _grown(frame, (wider - width) / 2, (taller - height) / 2)
+
+
+def _grown(frame: Bounds, x: float, y: float) -> Bounds:
+    return Bounds(frame.left - x, frame.bottom - y, frame.right + x, frame.top + y)

@@ -1,0 +1,102 @@
+"""The picture device: a world's views as SVG files, and as PNG files beside them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.svg.document import svg_document
+from minerva_services.svg.files import numbered, prepare_folder, svg_path, write_whole
+from minerva_services.svg.page import Page, frame_of
+from minerva_services.svg.tracing import Tracer
+
+_WIDTHS = range(100, 10_001)
+
+
+class Svg(Device, draws=("ePicture",)):
+    """Draws every world whose vocabulary declares forms, one picture every so many frames.
+
+    Args:
+        path: where the picture goes; the folder is made where there is none. Each picture
+            replaces the one before, in one step.
+        every: frames between pictures; 0 leaves it to a generator to ask for them.
+        frames: keep all pictures, numbered by frame, as in `minerva-000010.svg`.
+        png: also write a PNG; needs `pip install minerva-bus[picture]`.
+        width: pixels; the height follows from the world.
+        draws: visual event types, separated by commas; their views lie over one another in this
+            order.
+
+    """
+
+    def __init__(
+        self,
+        path: str = "minerva.svg",
+        every: int = 10,
+        frames: bool = False,
+        png: bool = True,
+        width: int = 1200,
+        draws: str = "ePicture",
+    ) -> None:
+        if every < 0:
+            raise MisuseError(f"picture: every is {every}; expected a number of frames from 0")
+        if width not in _WIDTHS:
+            raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
+        self.every = every
+        # Which views to draw is up to each world, so this one hides its class's.
+        self.draws = _event_types(draws)  # pyright: ignore[reportAttributeAccessIssue]
+        self._path = svg_path(path)
+        self._keeps_all = frames
+        self._makes_png = png
+        self._width = width
+        self._world: WorldInfo | None = None
+        self._views: dict[str, Scene] = {}
+        self._frame: Bounds | None = None
+        self._tracer = Tracer()
+        self._written: Path | None = None
+
+    def joined(self, world: WorldInfo) -> None:
+        self._world = world
+        prepare_folder(self._path)
+
+    def show(self, view: View) -> None:
+        self._views[view.event_type] = view.scene
+        document = self._draw(view.frame)
+        path = numbered(self._path, view.frame) if self._keeps_all else self._path
+        write_whole(path, document.encode())
+        self._written = path
+        if self._makes_png:
+            self._write_png(path.with_suffix(".png"), document)
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        return {"picture": str(self._written)} if self._written else {}
+
+    def _draw(self, frame: int) -> str:
+        if self._world is None:
+            raise MisuseError("picture: a view came before the world was joined")
+        world, vocabulary = self._world.world, self._world.vocabulary
+        scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
+        self._frame = frame_of(scene, vocabulary, self._frame)
+        page = Page(self._frame, self._width)
+        return svg_document(scene, vocabulary, page, self._tracer, world, f"frame {frame}")
+
+    def _write_png(self, path: Path, document: str) -> None:
+        try:
+            from minerva_services.svg.rendering import png
+        except ImportError:
+            self._makes_png = False
+            sys.stderr.write("picture: no PNG, only SVG; pip install minerva-bus[picture]\n")
+            return
+        write_whole(path, png(document))
+        self._written = path
+
+
+def _event_types(listed: str) -> tuple[str, ...]:
+    types = tuple(dict.fromkeys(one.strip() for one in listed.split(",") if one.strip()))
+    if not types:
+        raise MisuseError(f"picture: draws is {listed!r}; expected visual event types, as ePicture")
+    return types

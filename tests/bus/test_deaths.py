@@ -1,0 +1,169 @@
+"""Members that are killed, raise, hang or give up over a real bus; the world does not mind."""
+
+import os
+import re
+import signal
+
+import pytest
+from running import ALL_KINDS, MEMBERS, STRING, World, eventually, minerva, summary, write_world
+
+RASCAL = """
+[process.rascal]
+service = "yard:Rascal"
+deed = "{deed}"
+{more}
+"""
+
+
+def rascal(deed, more=""):
+    return MEMBERS + RASCAL.format(deed=deed, more=more)
+
+
+def test_whoever_is_killed_is_named_and_started_again_and_the_string_is_the_same(tmp_path):
+    path = write_world(tmp_path, ALL_KINDS, frames=250, rate=60)
+    alone = summary(minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json"))
+    names = ("steps", "walkers", "water", "eye", "screen", "noise")
+    with World(path, "--json") as world:
+        for name in names:
+            pid = world.runs(*names)[name]
+            os.kill(pid, signal.SIGKILL)
+            world.says(f"{name} │ was killed by SIGKILL; restart 1 of 5 in")
+
+            def successor(name=name, pid=pid):
+                one = world.members().get(name)
+                return one and one["pid"] != pid and one["state"] == "present"
+
+            eventually(successor, f"a successor of {name}")
+            assert re.search(rf"^{name} │ is gone; the world waits for it$", world.text, re.M)
+        found = world.summary()
+        world.gone()
+    assert (found["frames"], found["digest"]) == (250, alone["digest"])
+
+
+def test_one_that_raises_says_where_and_is_started_again(tmp_path):
+    memory = tmp_path / "memory"
+    path = write_world(tmp_path, rascal("raises", f'memory = "{memory}"'))
+    with World(path, "--json") as world:
+        world.summary()
+        text = world.text
+    assert memory.exists()
+    assert (
+        "rascal │ failed in frame 5: ZeroDivisionError: the rascal's own fault\n"
+        "rascal │ Traceback (most recent call last):" in text
+    )
+    assert 'in raises\nrascal │     raise ZeroDivisionError("the rascal\'s own fault")' in text
+    assert "rascal │ ended with exit code 1; restart 1 of 5 in 0.05 s" in text
+    assert text.count("Traceback") == 1
+
+
+def test_an_agent_that_raises_is_named_with_its_event_and_frame(tmp_path):
+    memory = tmp_path / "memory"
+    members = MEMBERS + '\n[process.fragile]\nagents = "yard:Fragile"\n'
+    string = f"{STRING} · AFragile#f<memory={str(memory)!r}>".replace("'", '"')
+    path = write_world(tmp_path, members, string)
+    alone = write_world(tmp_path, members, string.replace(str(memory), ""))
+    with World(path, "--json") as world:
+        found = world.summary()
+        text = world.text
+    assert re.search(
+        r"fragile │ failed in frame 3: λ of AFragile#f failed at eStep<count=\d+> in frame 3:"
+        r" KeyError: 'a lost key'",
+        text,
+    )
+    assert 'raise KeyError("a lost key")' in text
+    assert found["frames"] == 30
+    with World(alone, "--json") as world:
+        assert world.ends() == 1
+        assert re.search(r"fragile .*, 6 times in a row; the world stops", world.text)
+
+
+@pytest.mark.parametrize(("policy", "code", "line"), [
+    ("stop", 1, "rascal │ ended with exit code 7; the world stops"),
+    ("ignore", 0, "rascal │ ended with exit code 7; the world goes on without it"),
+])  # fmt: skip
+def test_what_happens_on_a_failure_is_up_to_the_world_file(tmp_path, policy, code, line):
+    path = write_world(tmp_path, rascal("exits", f'on_failure = "{policy}"'))
+    with World(path) as world:
+        assert world.ends() == code
+        assert line in world.text
+        shown = "\n".join(world.output)
+    assert ("30 frames" in shown) is (policy == "ignore")
+
+
+def test_in_the_end_a_world_stops_when_one_fails_again_and_again(tmp_path):
+    path = write_world(tmp_path, rascal("exits", "restarts = 2"))
+    with World(path) as world:
+        assert world.ends() == 1
+        text = world.text
+    assert "rascal │ ended with exit code 7; restart 2 of 2 in 0.10 s" in text
+    assert "rascal │ ended with exit code 7, 3 times in a row; the world stops" in text
+
+
+def test_one_that_ends_by_itself_is_started_again_and_not_for_ever(tmp_path):
+    """With exit code 0, before it ever joins: as a command may that is no member at all."""
+    members = MEMBERS + '\n[process.stranger]\ncommand = ["true"]\nrestarts = 2\n'
+    path = write_world(tmp_path, members)
+    with World(path) as world:
+        assert world.ends() == 1
+        assert "stranger" in world.text
+        assert "the world stops" in world.text
+
+
+@pytest.mark.parametrize("deed", ["loops", "sleeps"])
+def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
+    memory = tmp_path / "memory"
+    path = write_world(tmp_path, rascal(deed, f'memory = "{memory}"'), bus="soft = 0.2\nhard = 1.0")
+    alone = summary(minerva(tmp_path, "run", write_world(tmp_path), "--in-process", "--json"))
+    with World(path, "--json") as world:
+        found = world.summary()
+        text = world.text
+    assert re.search(
+        r"rascal │ frame 5 \(events\) has been waiting for it for 0\.\d s;"
+        r" it is given up in [01] s", text
+    )  # fmt: skip
+    assert "rascal │ has not answered for 1 s: it is killed" in text
+    assert "rascal │ was killed by SIGKILL; restart 1 of 5" in text
+    assert "│ has not answered" in text
+    assert text.count("it is killed") == 1
+    assert found["digest"] == alone["digest"]
+
+
+@pytest.mark.parametrize("name", ["steps", "walkers"])
+def test_one_that_is_frozen_is_killed_and_started_again(tmp_path, name):
+    path = write_world(tmp_path, frames=60, rate=30, bus="soft = 0.2\nhard = 1.0")
+    alone = summary(minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json"))
+    with World(path, "--json") as world:
+        os.kill(world.runs("steps", "walkers")[name], signal.SIGSTOP)
+        world.says(name, "has been waiting for it")
+        world.says(name, "it is killed")
+        found = world.summary()
+        world.gone()
+    assert found["digest"] == alone["digest"]
+
+
+def test_one_that_hangs_for_good_is_killed_again_and_again_until_the_world_stops(tmp_path):
+    path = write_world(tmp_path, rascal("loops", "restarts = 1"), bus="soft = 0.1\nhard = 0.5")
+    with World(path) as world:
+        assert world.ends() == 1
+        assert "rascal │ was killed by SIGKILL, 2 times in a row; the world stops" in world.text
+        world.gone()
+
+
+def test_what_members_print_is_shown_with_their_names_and_all_of_it(tmp_path):
+    path = write_world(tmp_path, rascal("chatters"))
+    with World(path) as world:
+        assert world.ends() == 0
+        lines = [line for line in world.lines if line.startswith("rascal │ line ")]
+    assert [int(line.split()[3]) for line in lines] == list(range(3000))
+
+
+def test_the_coordinator_is_killed_and_the_world_ends_at_once(tmp_path):
+    path = write_world(tmp_path, frames=0, rate=30)
+    with World(path) as world:
+        pids = set(world.runs("steps", "walkers").values())
+        world.look()
+        (coordinator,) = set(world.pids.values()) - pids
+        os.kill(coordinator, signal.SIGKILL)
+        assert world.ends() == 1
+        world.gone()
+    assert "the coordinator was killed by SIGKILL" in world.text

@@ -1,0 +1,154 @@
+"""Ctrl-C, SIGTERM and worse: a world ends in under two seconds and leaves no process behind."""
+
+import os
+import signal
+import time
+
+import pytest
+from running import ALL_KINDS, MEMBERS, World, alive, eventually, write_world
+
+AT_ONCE = 2.0
+
+
+def interrupted(world, number):
+    """Send the launcher a signal; its exit code. The bound is the specification's."""
+    world.look()
+    began = time.monotonic()
+    world.kill(number)
+    code = world.ends()
+    assert time.monotonic() - began < AT_ONCE
+    assert not [pid for pid in world.pids.values() if alive(pid)]
+    assert not list((world.folder / "runtime").glob("*.json"))
+    return code
+
+
+@pytest.mark.parametrize(("number", "word"), [
+    (signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"),
+])  # fmt: skip
+def test_a_running_world_ends_at_once(tmp_path, number, word):
+    path = write_world(tmp_path, ALL_KINDS, frames=0, rate=50)
+    with World(path, "--json") as world:
+        world.runs("steps", "walkers", "water", "eye", "screen", "noise")
+        assert interrupted(world, number) == 130
+        assert f'"ended": "{word}"' in "\n".join(world.output)
+        assert "Traceback" not in world.text
+
+
+def test_also_while_it_runs_as_fast_as_it_can(tmp_path):
+    path = write_world(tmp_path, frames=0, rate=0)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        assert interrupted(world, signal.SIGINT) == 130
+        assert "Traceback" not in world.text
+
+
+@pytest.mark.parametrize("deed", ["loops", "sleeps"])
+def test_also_while_a_member_hangs(tmp_path, deed):
+    members = MEMBERS + f'\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "{deed}"\n'
+    with World(write_world(tmp_path, members, bus="soft = 0.1\nhard = 30.0")) as world:
+        world.says("rascal", "has been waiting for it")
+        assert interrupted(world, signal.SIGINT) == 130
+        assert "Traceback" not in world.text
+
+
+def test_also_while_a_member_is_frozen(tmp_path):
+    with World(write_world(tmp_path, frames=0, rate=50, bus="soft = 0.2")) as world:
+        os.kill(world.runs("steps", "walkers")["walkers"], signal.SIGSTOP)
+        world.says("walkers", "has been waiting for it")
+        assert interrupted(world, signal.SIGINT) == 130
+
+
+def test_also_while_the_coordinator_is_frozen(tmp_path):
+    with World(write_world(tmp_path, frames=0, rate=50)) as world:
+        pids = set(world.runs("steps", "walkers").values())
+        (coordinator,) = set(world.pids.values()) - pids
+        os.kill(coordinator, signal.SIGSTOP)
+        assert interrupted(world, signal.SIGINT) in (1, 130)
+
+
+def test_also_before_the_first_frame(tmp_path):
+    members = MEMBERS + '\n[process.absent]\ncommand = ["sleep", "1000"]\n'
+    with World(write_world(tmp_path, members, bus="soft = 0.2")) as world:
+        world.says("absent", "has been waiting for it")
+        assert interrupted(world, signal.SIGINT) == 130
+
+
+def test_a_second_ctrl_c_ends_it_without_a_word(tmp_path):
+    members = MEMBERS + '\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "loops"\n'
+    with World(write_world(tmp_path, members, bus="soft = 0.1")) as world:
+        world.says("rascal", "has been waiting for it")
+        world.look()
+        world.kill(signal.SIGINT)
+        world.kill(signal.SIGINT)
+        assert world.ends() in (1, 130)
+        world.gone()
+
+
+@pytest.mark.parametrize("children", [
+    '["sleep", "1000"]', '["sh", "-c", "sleep 1000 & sleep 1000"]',
+])  # fmt: skip
+def test_a_command_and_what_it_started_end_too(tmp_path, children):
+    members = MEMBERS + f"\n[process.other]\ncommand = {children}\n"
+    with World(write_world(tmp_path, members, bus="soft = 0.2")) as world:
+        world.says("other", "has been waiting for it")
+        assert interrupted(world, signal.SIGTERM) == 130
+        world.gone()
+
+
+def test_what_a_command_leaves_behind_ends_with_it(tmp_path):
+    members = MEMBERS + (
+        '\n[process.other]\ncommand = ["sh", "-c", "sleep 1000 & echo $! ; kill -TERM $$"]\n'
+        'on_failure = "ignore"\n'
+    )
+    with World(write_world(tmp_path, members, frames=0, rate=50)) as world:
+        world.says("other │ was killed by SIGTERM; the world goes on without it")
+        (left,) = [line.split()[-1] for line in world.lines if line.startswith("other │ ")][:1]
+        eventually(lambda: not alive(int(left)), "what it had started is gone")
+        world.runs("steps", "walkers")
+
+
+def test_a_command_that_is_not_there_is_named(tmp_path):
+    members = MEMBERS + '\n[process.other]\ncommand = ["no-such-program"]\nrestarts = 0\n'
+    with World(write_world(tmp_path, members)) as world:
+        assert world.ends() == 2
+        assert "no-such-program" in world.text
+        assert "Traceback" not in world.text
+
+
+@pytest.mark.parametrize("more", [
+    "", '\n[process.other]\ncommand = ["sleep", "1000"]\n',
+    '\n[process.rascal]\nservice = "yard:Rascal"\ndeed = "loops"\nframe = 0\n',
+])  # fmt: skip
+def test_nothing_survives_a_launcher_that_is_killed(tmp_path, more):
+    with World(write_world(tmp_path, MEMBERS + more, frames=0, rate=50)) as world:
+        if more:
+            eventually(world.members, "it answers")
+            eventually(lambda: world.look() or len(world.pids) >= 4, "all have started")
+        else:
+            world.runs("steps", "walkers")
+        world.look()
+        world.kill(signal.SIGKILL)
+        world.gone(10.0)
+
+
+def test_a_world_that_was_killed_may_be_run_again_at_once(tmp_path):
+    path = write_world(tmp_path, frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        world.look()
+        world.kill(signal.SIGKILL)
+        world.ends()
+        with World(path, "--frames", "3", "--json") as again:
+            assert again.summary()["frames"] == 3
+        world.gone(10.0)
+
+
+def test_in_one_process(tmp_path):
+    path = write_world(tmp_path, MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n',
+                       frames=0, rate=50)  # fmt: skip
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with World(path, "--in-process") as world:
+            eventually(lambda w=world: "frame 3" in "\n".join(w.output), "frames go by")
+            assert interrupted(world, number) == 130
+            assert "Traceback" not in world.text
+            assert "interrupted" in "\n".join(world.output)

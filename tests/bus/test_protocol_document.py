@@ -1,0 +1,360 @@
+"""PROTOCOL.md against the code: its tables, its examples, and members written from it alone."""
+
+import json
+import os
+import re
+import struct
+import subprocess
+import sys
+from hashlib import blake2b
+from pathlib import Path
+
+import msgpack
+import pytest
+
+from minerva_bus import Event
+from minerva_bus.grammar.parser import parse_value
+from minerva_bus.grammar.printer import value_text
+from minerva_bus.protocol import codec
+from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
+from minerva_bus.protocol.limits import DEFAULT
+from minerva_bus.protocol.values import Reader, plain_event, plain_scene, plain_value
+
+DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
+BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```$", re.M | re.S)
+HEX_LINE = re.compile(r"\s*((?:[0-9a-f]{2}\s{1,2})*[0-9a-f]{2})(?:\s{2,}|$)")
+
+
+def blocks(language: str, kind: str = "") -> list[str]:
+    return [
+        body for lang, what, body in BLOCK.findall(DOCUMENT) if (lang, what) == (language, kind)
+    ]
+
+
+def section(title: str) -> str:
+    return DOCUMENT.split(f"### {title}", 1)[1].split("\n## ", 1)[0].split("\n### ", 1)[0]
+
+
+def hexadecimal(body: str) -> tuple[str, bytes]:
+    """What an example says in its first line, and its bytes."""
+    first, *lines = body.strip("\n").split("\n")
+    found = [HEX_LINE.match(line) for line in lines]
+    assert all(found), body
+    return first.removeprefix("# "), bytes.fromhex("".join(one[1] for one in found if one))
+
+
+def examples(kind: str) -> list[tuple[str, bytes]]:
+    return [hexadecimal(body) for body in blocks("hex", kind)]
+
+
+VOCABULARY = read_vocabulary(json.loads(blocks("json", "vocabulary")[0]))
+READER = Reader(VOCABULARY)
+
+
+# --- the tables ---
+
+
+def table(title: str) -> dict[str, int]:
+    rows = re.findall(r"^\| `(\w+)`\s*\| (\d+)\s*\|", section(title), re.M)
+    return {name: int(count) for name, count in rows}
+
+
+def test_every_message_of_a_member_is_in_the_document_and_no_other() -> None:
+    told = {name: count for name, (count, _) in codec._FROM_MEMBER.items()}
+    assert table("From a member, on `from/<member>`") == told
+
+
+def test_every_message_of_the_coordinator_is_in_the_document_and_no_other() -> None:
+    told = {name: count for name, (count, _) in codec._TO_MEMBER.items()}
+    assert table("From the coordinator") == told
+
+
+def test_whatever_can_be_written_is_in_the_document() -> None:
+    everyone = table("For all who listen")
+    written = {name for name, _ in codec._WRITERS.values()}
+    assert written == codec._FROM_MEMBER.keys() | codec._TO_MEMBER.keys() | everyone.keys()
+
+
+def test_the_keys_of_a_hello() -> None:
+    told = re.findall(r"^\| `(\w+)`\s*\| (?:whole|text|boolean|\[\w+\])\s*\|", DOCUMENT, re.M)
+    hello = codec.m.Hello("someone", 1)
+    assert told == list(msgpack.unpackb(codec.encode(hello))[1])
+
+
+def test_the_limits() -> None:
+    told = dict(re.findall(r"^\| ([a-z' ]+?)\s+\| ([\d ]+(?: MiB)?)", DOCUMENT, re.M))
+    numbers = {
+        name: int(value.removesuffix(" MiB").replace(" ", "")) for name, value in told.items()
+    }
+    assert numbers["bytes of a message"] * 1024 * 1024 == DEFAULT.message_bytes
+    assert numbers["symbols of a string"] == DEFAULT.nodes
+    assert numbers["depth of scopes in a string"] == DEFAULT.depth
+    assert numbers["events in one message's list"] == DEFAULT.events
+
+
+# --- the examples in hexadecimal ---
+
+
+def test_the_vocabulary_is_as_the_code_writes_it() -> None:
+    assert plain_vocabulary(VOCABULARY) == json.loads(blocks("json", "vocabulary")[0])
+
+
+@pytest.mark.parametrize(("said", "data"), examples("value"))
+def test_values(said: str, data: bytes) -> None:
+    plain = msgpack.unpackb(data, ext_hook=msgpack.ExtType)
+    wanted = value_text(parse_value(said))
+    assert value_text(READER.value(plain)) == wanted
+    assert msgpack.packb(plain_value(READER.value(plain))) == data
+
+
+@pytest.mark.parametrize(("said", "data"), examples("string"))
+def test_strings(said: str, data: bytes) -> None:
+    scene = READER.scene(msgpack.unpackb(data))
+    assert scene == VOCABULARY.read(said)
+    assert str(scene) == said
+    assert msgpack.packb(plain_scene(scene)) == data
+
+
+@pytest.mark.parametrize(("said", "data"), examples("event"))
+def test_events(said: str, data: bytes) -> None:
+    event = READER.event(msgpack.unpackb(data))
+    assert isinstance(event, Event)
+    assert str(event) == said
+    assert msgpack.packb(plain_event(event)) == data
+
+
+@pytest.mark.parametrize(("said", "data"), examples("message"))
+def test_messages(said: str, data: bytes) -> None:
+    plain = json.loads(said)
+    assert msgpack.unpackb(data) == plain
+    decoder = codec.Decoder(VOCABULARY)
+    if plain[0] in codec._FROM_MEMBER:
+        message: codec.m.Message = decoder.from_member("someone", data)
+    else:
+        message = decoder.to_member(data)
+    assert codec.encode(message) == data
+
+
+@pytest.mark.parametrize(("said", "data"), examples("readings"))
+def test_readings(said: str, data: bytes) -> None:
+    assert msgpack.unpackb(data) == json.loads(said)
+    assert codec.encode(codec.Decoder().readings("sightings", "camera", data)) == data
+
+
+def test_there_are_examples_of_every_sort() -> None:
+    assert len(blocks("hex", "value")) == 3
+    for kind in ("string", "event", "message", "readings"):
+        assert blocks("hex", kind)
+
+
+# --- digests, reckoned from the document's definition ---
+
+
+def H(data: bytes) -> bytes:
+    return blake2b(data, digest_size=16).digest()
+
+
+def real(number: float) -> str:
+    return repr(number).removesuffix(".0")
+
+
+def digests(flat: list, names: dict[str, list[str]]) -> tuple[bytes, dict[str, bytes]]:
+    """The digest of a flat string and those of its nodes by their heads; reals and texts only."""
+    queue, found = flat[1:], {}
+
+    def nodes(count: int) -> bytes:
+        return H(b"".join(node() for _ in range(count)))
+
+    def node() -> bytes:
+        symbol, *rest = queue.pop(0)
+        owner = f"{symbol}#{rest.pop(0)}" if symbol[0] == "A" else symbol
+        values = [
+            real(v) if isinstance(v, float) else json.dumps(v, ensure_ascii=False) for v in rest[0]
+        ]
+        pairs = ", ".join(f"{n}={v}" for n, v in zip(names[symbol], values, strict=True))
+        head = f"{owner}<{pairs}>"
+        scope = b"" if symbol[0] == "P" else nodes(rest[1])
+        found[head] = H(head.encode() + b"\0" + scope)
+        return found[head]
+
+    return nodes(flat[0]), found
+
+
+def test_the_digests_of_the_document() -> None:
+    ((said, data),) = examples("string")
+    names = {s: list(VOCABULARY.fields(s).names) for s in ("PStar", "TMove", "AFox")}
+    whole, nodes = digests(msgpack.unpackb(data), names)
+    told = {
+        what.split(":")[0]: bytes.fromhex(digest)
+        for digest, what in re.findall(r"^([0-9a-f]{32})  (.*)$", blocks("digest", "")[0], re.M)
+    }
+    assert told["the string"] == whole == VOCABULARY.read(said).digest
+    assert told["ε"] == VOCABULARY.read("ε").digest == H(b"")
+    assert told["the scope of #a"] == H(nodes["PStar<size=1>"])
+    assert {head: told[head] for head in nodes} == nodes
+
+
+@pytest.mark.parametrize("number", [0.1, 2.0, -0.0, 1e-4, 1e-5, 1e15, 1e16, 2.5e-10, 1 / 3])
+def test_reals_are_written_as_the_document_says(number: float) -> None:
+    wanted = "-0.0" if struct.pack("d", number) == struct.pack("d", -0.0) else real(number)
+    assert value_text(number) == wanted
+
+
+# --- members that know nothing but the document ---
+
+COUNTING = """
+from minerva_bus import Agent, EventType, Metres, Primitive, Vocabulary, on, view
+
+PBar = Primitive("PBar", length=Metres)
+eAdd = EventType("eAdd", amount=float)
+eShow = EventType("eShow", visual=True)
+
+
+class Counter(Agent, symbol="ACounter"):
+    total: float = 0.0
+
+    @on("eAdd")
+    def add(self, event, moment):
+        self.total += event.amount
+
+    @view("eShow")
+    def show(self, event):
+        return PBar(self.total)
+
+
+vocabulary = Vocabulary.of(PBar, eAdd, eShow, Counter)
+"""
+
+FOREIGN_HOST = """
+HELLO |= {
+    "kinds": [["ACounter", [["total", "real", "0"]], ["eAdd"], ["eShow"]]],
+    "generates": [], "lockstep": False,
+}
+KEYS = ("all", "evolve", f"to/{NAME}")
+FRAGMENTS = {}
+
+
+def evolve(frame, asked, events, visual, part, only):
+    if NAME not in asked:
+        return
+    changed, views = {}, {}
+    for one in only or list(FRAGMENTS):
+        count, (symbol, agent, (total,), inside) = FRAGMENTS[one]
+        if visual:
+            views[one] = [1, ["PBar", [total]]]
+        for type_, data, *rest in events:
+            if type_ == "eAdd":
+                total += data[0]
+        new = [1, [symbol, agent, [total], 0]]
+        if new != FRAGMENTS[one]:
+            changed[one] = FRAGMENTS[one] = new
+    send("evolved", frame, part, changed, {}, {"eShow": views} if visual else {})
+
+
+def hear(name, items):
+    if name == "fragments":
+        FRAGMENTS.update(items[0])
+        for gone in items[1]:
+            FRAGMENTS.pop(gone, None)
+    elif name == "evolve":
+        evolve(*items)
+"""
+
+FOREIGN_OBSERVER = """
+HELLO |= {"generates": [], "lockstep": False, "draws": ["eShow"], "every": 1}
+KEYS = ("all", "view/eShow", f"to/{NAME}")
+SEEN = {}
+
+
+def hear(name, items):
+    if name != "view":
+        return
+    type_, frame, sequence, parts, skeleton = items
+    if skeleton is not None:
+        SEEN.clear()
+        SEEN["skeleton"] = skeleton
+    if "skeleton" in SEEN:
+        SEEN["frame"] = frame
+        SEEN.update(parts)
+
+
+def figures():
+    slots = [node[1] for node in SEEN["skeleton"][1:]]
+    return {"drawn": " ".join(f"{one} {SEEN[one][1][1][0]:g}" for one in slots)}
+"""
+
+
+def foreign(face: str) -> str:
+    """The document's member with another face, put in where the listing has its own."""
+    (listing,) = blocks("python", "member")
+    listing = listing.replace("\n\nconfig = ", f"\n\n{face}\n\nconfig = ", 1)
+    listing = listing.replace('("all", "tick", f"to/{NAME}")', "KEYS")
+    listing = listing.replace(
+        'elif name == "refused"',
+        'else:\n            hear(name, items)\n        if name == "refused"',
+    )
+    if "def figures" in face:
+        listing = listing.replace('{"asked": asked}', "figures()")
+    return listing
+
+
+def run(folder: Path, world: str, **scripts: str) -> dict:
+    """Run a world of this text and these scripts; its summary."""
+    (folder / "counting.py").write_text(COUNTING)
+    for name, script in scripts.items():
+        assert "minerva_bus" not in script
+        (folder / f"{name}.py").write_text(script)
+        world += f'[process.{name}]\ncommand = ["{sys.executable}", "{folder / name}.py"]\n'
+        world += 'on_failure = "stop"\n'
+    file = folder / "counting.toml"
+    file.write_text(world)
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", "run", str(file), "--json"],
+        env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+WORLD = """
+[world]
+string = "ACounter#c · ACounter#d<total=1>"
+vocabulary = "counting:vocabulary"
+frames = 5
+"""
+
+
+def digest_after(folder: Path) -> str:
+    sys.path.insert(0, str(folder))
+    try:
+        from counting import vocabulary  # type: ignore[import-not-found]
+
+        return vocabulary.read("ACounter#c<total=12.5> · ACounter#d<total=13.5>").digest.hex()
+    finally:
+        sys.path.remove(str(folder))
+        sys.modules.pop("counting", None)
+
+
+def test_the_documents_generator_is_heard(tmp_path: Path) -> None:
+    """In frame t it adds t + 0.5 to every counter: 12.5 in five frames."""
+    world = WORLD + '[process.counters]\nagents = "counting:Counter"\n'
+    summary = run(tmp_path, world, far=blocks("python", "member")[0])
+    assert summary["frames"] == 5
+    assert summary["asked"] == 5
+    assert summary["digest"] == digest_after(tmp_path)
+
+
+def test_a_world_of_foreign_members_only(tmp_path: Path) -> None:
+    """Generator, host and observer: what the observer drew last is what the host showed last."""
+    summary = run(
+        tmp_path,
+        WORLD,
+        far=blocks("python", "member")[0],
+        host=foreign(FOREIGN_HOST),
+        observer=foreign(FOREIGN_OBSERVER),
+    )
+    assert summary["digest"] == digest_after(tmp_path)
+    assert summary["drawn"] == "c 12.5 d 13.5"

@@ -1,0 +1,204 @@
+"""A small world for runs over a real bus, beside its world files: `write_world` puts both down."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+from minerva_bus import (
+    Agent,
+    Device,
+    EventType,
+    Generator,
+    Metres,
+    Primitive,
+    Transformation,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.world.readings import Sighting, Sightings
+
+PDot = Primitive("PDot", x=Metres)
+TAt = Transformation("TAt", x=Metres)
+eStep = EventType("eStep", count=int)
+eCall = EventType("eCall", x=Metres)
+eSeen = EventType("eSeen", ripples=int)
+eNoise = EventType("eNoise")
+eWish = EventType("eWish", x=Metres, name=str)
+eShow = EventType("eShow", visual=True)
+
+
+class Walker(Agent, symbol="AWalker"):
+    x: Metres = 0.0
+    heard: int = 0
+    wish: str = ""
+    births: int = 0
+
+    @on("eStep")
+    def walk(self, step, moment):
+        self.x += moment.random.normal() + 0.001 * step.count
+        if moment.random.random() < 0.3:
+            moment.emit(eCall(self.x))
+        if self.births == 0 and self.id in ("a", "b") and moment.number > 5:
+            return self.string + self.child(x=self.x)
+        return None
+
+    @on("eCall")
+    def listen(self, call, moment):
+        self.heard += call.sender != self.id
+
+    @on("eSeen")
+    def shy(self, seen, moment):
+        self.x -= 0.001 * (seen.ripples % 7)
+
+    @on("eWish")
+    def wishes(self, wish, moment):
+        self.x, self.wish = wish.x, wish.name
+
+    @view("eShow")
+    def picture(self, event):
+        return TAt(self.x)(PDot(float(self.heard)))
+
+
+class Steps(Generator, events=("eStep",)):
+    def __init__(self):
+        self.count = 0
+
+    def generate(self, tick):
+        self.count += int(tick.random.integers(1, 5))
+        return (eStep(self.count),)
+
+    def save(self):
+        return {"count": self.count}
+
+    def restore(self, saved):
+        self.count = saved["count"]
+
+    def report(self):
+        return {"steps": self.count}
+
+
+class Water(Generator, Device, draws=("eShow",), coupled=True):
+    """A coupled device that publishes in step what it was shown."""
+
+    every = 1
+    publishes = ("sight",)
+
+    def __init__(self):
+        self.figures = 0
+        self.ripples = 0
+
+    def show(self, view):
+        self.figures = len(view.scene)
+
+    def generate(self, tick):
+        self.ripples += self.figures
+        tick.publish("sight", Sightings("yard", (Sighting("r", float(self.ripples), 0.0),), 0.0))
+        return ()
+
+    def save(self):
+        return {"ripples": self.ripples}
+
+    def restore(self, saved):
+        self.ripples = saved["ripples"]
+
+
+class Eye(Generator, events=("eSeen",)):
+    topics = ("sight",)
+
+    def generate(self, tick):
+        return [eSeen(int(one.distance)) for r in tick.readings for one in r.seen]
+
+
+class Screen(Device, draws=("eShow",)):
+    """An observer that says what it sees, if it is told to."""
+
+    every = 1
+
+    def __init__(self, said: bool = False):
+        self.said = said
+        self.pictures = 0
+
+    def show(self, view):
+        self.pictures += 1
+        if self.said:
+            print(f"frame {view.frame}: {len(view.scene)} figures", flush=True)
+
+    def report(self):
+        return {"pictures": self.pictures}
+
+
+class Noise(Generator, events=("eNoise",), lockstep=False):
+    """Runs freely, and says what nobody listens to."""
+
+    def run(self, emit, stop):
+        while not stop.wait(0.02):
+            emit(eNoise())
+
+
+class Wishes(Generator, events=("eWish",)):
+    """Passes on what people wish."""
+
+    def takes_orders(self):
+        return self.events
+
+    def generate(self, tick):
+        return tick.orders
+
+
+class Rascal(Generator, events=("eNoise",)):
+    """Does something wrong from a frame on; once only, if it is given a file to remember it by."""
+
+    def __init__(self, deed: str, frame: int = 5, memory: str = ""):
+        self.deed, self.frame, self.memory = deed, frame, memory
+
+    def generate(self, tick):
+        if tick.number >= self.frame and not (self.memory and Path(self.memory).exists()):
+            if self.memory:
+                Path(self.memory).touch()
+            getattr(self, self.deed)()
+        return ()
+
+    def raises(self):
+        raise ZeroDivisionError("the rascal's own fault")
+
+    def loops(self):
+        while True:
+            pass
+
+    def sleeps(self):
+        while True:
+            time.sleep(60)
+
+    def exits(self):
+        os._exit(7)
+
+    def leaves(self):
+        sys.exit("no more")
+
+    def chatters(self):
+        self.deed = "rests"
+        for n in range(3000):
+            print(f"line {n} " + "x" * 50)
+
+    def rests(self):
+        """Does nothing more."""
+
+
+class Fragile(Agent, symbol="AFragile"):
+    """An agent whose activity fails for a certain step, once."""
+
+    n: int = 0
+    memory: str = ""
+
+    @on("eStep")
+    def live(self, step, moment):
+        self.n += 1
+        if self.n == 4 and not (self.memory and Path(self.memory).exists()):
+            if self.memory:
+                Path(self.memory).touch()
+            raise KeyError("a lost key")
+
+
+vocabulary = Vocabulary.of(*(PDot, TAt, eStep, eCall, eSeen, eNoise, eWish, eShow, Walker, Fragile))

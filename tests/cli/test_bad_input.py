@@ -1,0 +1,194 @@
+"""Bad input of any kind gets one clear message and an exit code, never a traceback or a hang."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+WORDS = """
+from minerva_bus import *
+
+PDot = Primitive("PDot")
+TMove = Transformation("TMove", dist=Metres)
+eStep = EventType("eStep")
+
+class Walker(Agent, symbol="AWalker"):
+    x: Metres = 0.0
+
+    @on("eStep")
+    def walk(self, step, moment):
+        self.x += 1
+
+vocabulary = Vocabulary.of(PDot, TMove, eStep, Walker)
+"""
+
+WORLD = """
+[world]
+string = "PDot · AWalker#w"
+vocabulary = "words:vocabulary"
+frames = 5
+
+[process.walkers]
+agents = "words:Walker"
+
+[process.steps]
+service = "each"
+event = "eStep"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "words.py").write_text(WORDS, encoding="utf-8")
+    (tmp_path / "world.toml").write_text(WORLD, encoding="utf-8")
+    return tmp_path
+
+
+def minerva(folder, *words):
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "run")},
+    )
+    assert "Traceback" not in done.stderr + done.stdout, done.stderr
+    return done
+
+
+def changed(folder, old, new, name="changed.toml"):
+    text = (folder / "world.toml").read_text(encoding="utf-8")
+    assert old in text
+    (folder / name).write_text(text.replace(old, new), encoding="utf-8")
+    return name
+
+
+def test_the_world_itself_is_right(folder):
+    assert minerva(folder, "check", "world.toml").returncode == 0
+    found = json.loads(minerva(folder, "run", "world.toml", "--json").stdout)
+    assert found["frames"] == 5
+    assert found["members"] == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("frames = 5", "frams = 5", "world.frams is unknown; did you mean 'frames'?"),
+        ("frames = 5", 'frames = "many"', "world.frames must be a whole number"),
+        ("frames = 5", "frames = -1", "world.frames must be at least 0"),
+        ("frames = 5", "frames = ", "Invalid value"),
+        ("AWalker#w", "AWolker#w", "did you mean 'AWalker'?"),
+        ("AWalker#w", "AWalker#w<y=1>", "AWalker#w has no y"),
+        ("AWalker#w", "AWalker#w<x=1s>", "x must be a number in m"),
+        ("AWalker#w", "TMove<dist=1>(AWalker#w", "the scope of TMove is not closed"),
+        ("words:vocabulary", "wards:vocabulary", "there is no module wards"),
+        ("words:vocabulary", "words:vocabular", "words has no vocabular"),
+        ('service = "each"', 'service = "eech"', "did you mean 'each'?"),
+        ('event = "eStep"', 'evnt = "eStep"', "did you mean 'event'?"),
+        ('event = "eStep"', 'event = "eStop"', "eStop"),
+        ('agents = "words:Walker"', "", "needs exactly one of service, agents and command"),
+        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is no program"),
+        ("[process.walkers]", "[process.coordinator]", "the name coordinator is taken"),
+        ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is no endpoint"),
+    ],
+)
+def test_a_wrong_world_file(folder, old, new, message):
+    name = changed(folder, old, new)
+    checked = minerva(folder, "check", name)
+    assert checked.returncode == 1
+    assert message in checked.stderr
+    run = minerva(folder, "run", name)
+    assert run.returncode == 2
+    assert message in run.stderr
+
+
+def test_an_error_in_a_string_has_line_column_and_caret(folder):
+    (folder / "cut.mnv").write_text("PDot\n · TMove<dist=>(PDot)\n", encoding="utf-8")
+    done = minerva(folder, "check", "cut.mnv")
+    assert done.returncode == 1
+    first, shown, caret = done.stderr.rstrip("\n").split("\n")
+    assert first.startswith("cut.mnv:2:15: found '>'; expected a number")
+    assert shown[caret.index("^")] == ">"
+
+
+def test_symbols_are_checked_with_a_vocabulary(folder):
+    (folder / "scene.mnv").write_text("PDot · PDat", encoding="utf-8")
+    assert minerva(folder, "check", "scene.mnv").returncode == 0
+    words = ("check", "scene.mnv", "--vocabulary", "words:vocabulary")
+    done = minerva(folder, *words)
+    assert done.returncode == 1
+    assert "did you mean 'PDot'?" in done.stderr
+    found = json.loads(minerva(folder, *words, "--json").stdout)
+    assert found["ok"] is False
+    assert (found["line"], found["column"]) == (1, 8)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("run", "nowhere.toml"), "there is no world file nowhere.toml"),
+        (("run", "robt"), "did you mean 'robot'?"),
+        (("run", "robot", "--objectiv", "x"), "did you mean 'objective'?"),
+        (("run", "robot", "--objective", "kichen"), "did you mean 'kitchen'?"),
+        (("run", "robot", "--robots", "many"), "--robots must be a whole number"),
+        (("run", "robot", "--planner", "dijkstra"), "astar"),
+        (("run", "robot", "--map", "nowhere.yaml"), "nowhere.yaml"),
+        (("run", "robot", "--set", "physics.beems=3"), "did you mean 'beams'?"),
+        (("run", "robot", "--view", "swg"), "did you mean 'svg'?"),
+        (("run", "world.toml", "--rate", "-1"), "--rate must be"),
+        (("list", "--world", "none"), "no world 'none' runs on this machine"),
+        (("pub", "eStep", "x"), "Expected data as KEY=VALUE"),
+        (("attach", "words:Walker"), "no world runs on this machine"),
+        (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is no endpoint"),
+        (
+            ("attach", "words:Walker", "--connect", "tcp/127.0.0.1:9", "--world", "w"),
+            "nobody answers",
+        ),
+    ],
+)
+def test_a_wrong_command_line(folder, words, message):
+    done = minerva(folder, *words)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"P5\n10 10\n255\n\x00\x00",
+        b"P5\n-3 10\n255\n",
+        b"GIF89a",
+        b"",
+        b"P5\n99999999 99999999\n255\n",
+    ],
+)
+def test_a_corrupt_map(folder, data):
+    (folder / "map.pgm").write_bytes(data)
+    (folder / "map.yaml").write_text(
+        '{"image": "map.pgm", "resolution": 0.05, "origin": [0, 0, 0], "negate": 0,'
+        ' "occupied_thresh": 0.65, "free_thresh": 0.2}',
+        encoding="utf-8",
+    )
+    done = minerva(folder, "run", "robot", "--map", "map.yaml")
+    assert done.returncode == 2
+    assert "map.pgm" in done.stderr
+
+
+def test_a_port_in_use(folder):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        done = minerva(folder, "run", "world.toml", "--listen", endpoint)
+    assert done.returncode == 1
+    assert f"cannot listen at {endpoint}" in done.stderr
+
+
+def test_versions_and_help(folder):
+    found = json.loads(minerva(folder, "version", "--json").stdout)
+    assert found["protocol"] == 1
+    shown = minerva(folder, "--help")
+    for command in ("run", "check", "attach", "list", "echo", "pub", "version"):
+        assert f" {command} " in shown.stdout

@@ -1,0 +1,231 @@
+"""The frame algorithm's parts by themselves: the table of states, places, pace and strings in parts."""
+
+import re
+from itertools import product
+from pathlib import Path
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from minerva_bus import EMPTY, Scene
+from minerva_bus.errors import VocabularyError
+from minerva_bus.frame import membership
+from minerva_bus.frame.composition import Composition, fill
+from minerva_bus.frame.membership import TRANSITIONS, Change, Member, State
+from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.placement import place
+from minerva_bus.frame.roster import PROTOCOL_VERSION, Roster, objection
+from minerva_bus.frame.showing import Showing
+from minerva_bus.grammar.scene import AgentNode, agents, scene_of
+from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
+from minerva_bus.testing.strategies import family_strings, ids
+
+law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+read = FAMILY_VOCABULARY.read
+
+
+# --- members ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("state", "change"), product(State, Change))
+def test_a_member_moves_by_the_table_and_not_otherwise(state, change):
+    member = Member("m", state=state)
+    moved = member.change(change)
+    assert moved is ((state, change) in TRANSITIONS)
+    assert member.state is TRANSITIONS.get((state, change), state)
+
+
+@given(st.lists(st.sampled_from(Change), max_size=30), st.booleans())
+def test_one_takes_part_or_is_awaited_but_never_both(changes, expected):
+    member = Member("m", expected=expected, state=State.LOST if expected else State.LEFT)
+    for change in changes:
+        member.change(change)
+        assert not (member.here and member.awaited)
+        assert expected or not member.awaited
+
+
+def test_every_state_can_be_reached_and_left():
+    reached = {State.LEFT}
+    for _ in State:
+        reached |= {after for (before, _), after in TRANSITIONS.items() if before in reached}
+    assert reached == set(State)
+    assert {before for before, _ in TRANSITIONS} == set(State)
+
+
+def test_the_drawing_of_the_table_has_all_states():
+    drawn = set(re.findall(r"[A-Z]{4,}", membership.__doc__))
+    assert drawn == {state.name for state in State}
+    assert Path(membership.__file__).exists()
+
+
+def test_a_roster_is_sorted_whoever_came_first():
+    roster = Roster(["z", "m"])
+    for name in ("q", "a"):
+        member = roster.get(name)
+        roster.change(member, Change.APPEARED)
+    assert [member.name for member in roster] == ["a", "m", "q", "z"]
+    assert [member.name for member in roster.awaited()] == ["m", "z"]
+
+
+KINDS = tuple(cls.kind for cls in FAMILY)
+
+
+@pytest.mark.parametrize(("hello", "reason"), [
+    (Hello("m", PROTOCOL_VERSION, kinds=KINDS, generates=("eHit",), draws=("eShow",), every=1), ""),
+    (Hello("m", PROTOCOL_VERSION + 1), f"it speaks protocol {PROTOCOL_VERSION + 1}"),
+    (Hello("m", PROTOCOL_VERSION, generates=("eHitt",)), "no event type eHitt; did you mean 'eHit'?"),
+    (Hello("m", PROTOCOL_VERSION, orders=("eNo",)), "no event type eNo"),
+    (Hello("m", PROTOCOL_VERSION, draws=("eNo",)), "no event type eNo"),
+    (Hello("m", PROTOCOL_VERSION, draws=("eMark",), every=2), "cannot be the source of eMark"),
+    (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
+])  # fmt: skip
+def test_who_may_join(hello, reason):
+    found = objection(hello, FAMILY_VOCABULARY)
+    assert reason in found
+    assert bool(found) is bool(reason)
+
+
+# --- places ----------------------------------------------------------------------------------
+
+hosts = st.lists(ids(), min_size=1, max_size=6, unique=True)
+
+
+@law
+@given(ids(), hosts, st.randoms())
+def test_a_place_does_not_depend_on_the_order_of_hosts(agent, names, chance):
+    shuffled = list(names)
+    chance.shuffle(shuffled)
+    assert place(agent, names) == place(agent, shuffled)
+
+
+@law
+@given(st.lists(ids(), max_size=40, unique=True), hosts, ids())
+def test_only_what_goes_to_the_newcomer_moves(names, hosts, newcomer):
+    for agent in names:
+        after = place(agent, [*hosts, newcomer])
+        assert after in (place(agent, hosts), newcomer)
+
+
+def test_agents_spread_over_hosts():
+    names = [f"a{n}" for n in range(1000)]
+    counts = [sum(place(one, ["h1", "h2", "h3", "h4"]) == host for one in names)
+              for host in ("h1", "h2", "h3", "h4")]  # fmt: skip
+    assert min(counts) > 180
+    assert place("a", []) is None
+
+
+# --- pace ------------------------------------------------------------------------------------
+
+
+def test_frames_are_due_in_rhythm():
+    pace = Pace(10.0)
+    assert [round(pace.due(now), 6) for now in (5.0, 5.01, 5.15, 5.2)] == [5.0, 5.1, 5.2, 5.3]
+
+
+def test_after_a_late_frame_the_rhythm_starts_anew():
+    pace = Pace(10.0)
+    assert [pace.due(now) for now in (5.0, 7.0, 7.0)] == [5.0, 7.0, 7.1]
+
+
+def test_without_a_rate_every_frame_is_due_at_once():
+    assert [Pace(0.0).due(now) for now in (1.0, 9.0)] == [1.0, 9.0]
+
+
+@law
+@given(st.floats(0.5, 1000), st.lists(st.floats(0, 10), max_size=30))
+def test_two_frames_are_never_due_closer_than_a_period_unless_one_was_late(rate, pauses):
+    pace, now, last = Pace(rate), 0.0, None
+    for pause in pauses:
+        due = pace.due(now)
+        assert last is None or due >= last + 1 / rate - 1e-9
+        last, now = due, max(now, due) + pause
+
+
+# --- strings in parts ------------------------------------------------------------------------
+
+
+@law
+@given(family_strings())
+def test_a_string_taken_apart_and_put_together_is_the_same(w):
+    composition = Composition(w)
+    assert composition.scene == w
+    parts = {one: scene_of(node) for one, node in composition.fragments.items()}
+    assert fill(composition.skeleton, parts) == w
+    assert set(composition.agents()) == {agent.id for agent in agents(w)}
+    for agent in agents(w):
+        home = composition.fragments[composition.home(agent.id)]
+        assert agent.id in {inner.id for inner in agents(scene_of(home))}
+        assert composition.kind(agent.id) == agent.symbol
+
+
+@law
+@given(family_strings(), family_strings(), st.randoms())
+def test_replacing_is_the_same_as_writing_it_anew(w, other, chance):
+    composition = Composition(w)
+    free = [
+        node for node in other if not (isinstance(node, AgentNode) or list(agents(scene_of(node))))
+    ]
+    changes = {
+        one: chance.choice([EMPTY, Scene(tuple(free)), scene_of(*free, node)])
+        for one, node in composition.fragments.items()
+        if chance.random() < 0.6
+    }
+    parts = {one: scene_of(node) for one, node in composition.fragments.items()}
+    wanted = fill(composition.skeleton, parts | changes)
+    composition.replace(changes)
+    assert composition.scene == wanted
+    assert composition.scene == Composition(wanted).scene
+    assert composition.fragments.keys() == Composition(wanted).fragments.keys()
+
+
+@pytest.mark.parametrize(("before", "changes", "another"), [
+    ("AMortal#a", {"a": "AMortal#a<energy=5>"}, False),
+    ("AMortal#a", {}, False),
+    ("AMortal#a", {"a": ""}, True),
+    ("AMortal#a", {"a": "PGrave"}, True),
+    ("AMortal#a", {"a": "AMortal#a · AMortal#b"}, True),
+    ("AMortal#a", {"a": "TShift<x=1>(AMortal#a)"}, True),
+    ("AMortal#a", {"a": "AWalker#a"}, True),
+    ("AWalker#a(AMortal#b)", {"a": "AWalker#a"}, True),
+    ("AWalker#a", {"a": "AWalker#a(AMortal#b)"}, True),
+])  # fmt: skip
+def test_whether_the_skeleton_is_another(before, changes, another):
+    composition = Composition(read(before))
+    old = composition.skeleton
+    assert composition.replace({one: read(text) for one, text in changes.items()}) is another
+    assert (composition.skeleton is old) is not another
+
+
+def test_twins_are_refused_and_nothing_changes():
+    w = read("AMortal#a · TShift<x=1>(AMortal#b)")
+    composition = Composition(w)
+    for twins in ("AMortal#a · AMortal#b", "AWalker#a(AMortal#b)"):
+        with pytest.raises(VocabularyError, match="two agents have the id #b"):
+            composition.replace({"a": read(twins)})
+        assert composition.scene is w
+        assert sorted(composition.fragments) == ["a", "b"]
+
+
+# --- views -----------------------------------------------------------------------------------
+
+
+def test_deltas_add_up_to_the_whole():
+    skeleton, dot = read("AMortal#a · AMortal#b"), read("PDot<size=1>")
+    showing = Showing("eShow")
+    alive = {"a", "b"}
+    first = showing.next(0, skeleton, {"a": dot}, alive)
+    assert (first.sequence, first.skeleton, first.parts) == (1, skeleton, {"a": dot})
+    second = showing.next(1, skeleton, {"b": dot}, alive)
+    assert (second.sequence, second.skeleton, second.parts) == (2, None, {"b": dot})
+    assert showing.key().parts == {"a": dot, "b": dot}
+    assert showing.key().sequence == 2
+
+
+def test_the_dead_are_forgotten_with_their_skeleton():
+    dot, showing = read("PDot<size=1>"), Showing("eShow")
+    showing.next(0, read("AMortal#a · AMortal#b"), {"a": dot, "b": dot}, {"a", "b"})
+    whole = showing.next(1, read("AMortal#b"), {}, {"b"})
+    assert whole.parts == {"b": dot}
+    assert whole.skeleton is not None

@@ -1,0 +1,155 @@
+"""Strategies for every message of the protocol, over any vocabulary."""
+
+from dataclasses import fields, is_dataclass
+
+import hypothesis.strategies as st
+import numpy as np
+
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.scene import AgentNode, Scene, rebuild, rescoped
+from minerva_bus.testing.strategies import (
+    events_of,
+    ids,
+    integers,
+    names,
+    reals,
+    strings_of,
+    texts,
+    vocabularies,
+)
+from minerva_bus.world.readings import Scan, Sighting, Sightings
+
+numbers = st.integers(0, (1 << 63) - 1)
+members = names()
+conditions = ("", "energy > 0.5", 'name == "x" and alive == true')
+
+
+def plain_data(leaves=None):
+    """What a member may save: plain values in maps and lists."""
+    leaves = leaves or st.none() | st.booleans() | integers() | reals() | texts() | st.binary()
+    return st.recursive(
+        leaves, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts(), inner, max_size=3),
+        max_leaves=6,
+    )  # fmt: skip
+
+
+saved = st.none() | st.dictionaries(texts(), plain_data(), max_size=3)
+figures = st.dictionaries(texts(), st.booleans() | integers() | reals() | texts(), max_size=4)
+
+
+def without_agents(scene):
+    def leave(node, scope):
+        return scope if isinstance(node, AgentNode) else rescoped(node, scope)
+
+    return rebuild(scene, leave)
+
+
+def with_slots(scene):
+    """Each outermost agent as a mere `A#id()`."""
+
+    def leave(node, scope):
+        bare = isinstance(node, AgentNode)
+        return AgentNode(node.symbol, node.id) if bare else rescoped(node, scope)
+
+    return rebuild(scene, leave)
+
+
+def from_member(vocabulary):
+    """Messages to the coordinator."""
+    strings, events = (
+        strings_of(vocabulary),
+        st.lists(events_of(vocabulary, ["a", "b"], conditions)),
+    )
+    parts = st.dictionaries(ids(), strings, max_size=3)
+    views = st.dictionaries(ids(), strings.map(without_agents), max_size=3)
+    some = events.map(tuple)
+    few = st.lists(names(), max_size=3).map(tuple)
+    return st.one_of(
+        st.builds(
+            m.Hello, member=members, version=numbers, service=texts(),
+            kinds=st.lists(st.sampled_from(sorted(vocabulary.kinds)), max_size=2, unique=True).map(
+                lambda found: tuple(vocabulary.kinds[one] for one in found)
+            ),
+            generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
+            every=numbers, topics=few, publishes=few, pid=numbers, host=texts(),
+        ),
+        st.builds(m.TickReply, members, numbers, some, saved),
+        st.builds(
+            m.EvolveReply, members, numbers, numbers, parts,
+            st.dictionaries(ids(), some, max_size=2),
+            st.dictionaries(names(), views, max_size=2),
+        ),
+        st.builds(m.Emitted, members, some),
+        st.builds(m.Failed, members, st.integers(-1, 1 << 40), texts(), texts()),
+        st.builds(m.Resync, members, texts()),
+        st.builds(m.Leaving, members),
+        st.builds(m.Report, members, figures),
+    )  # fmt: skip
+
+
+def to_member(vocabulary):
+    """Messages of the coordinator."""
+    strings, events = (
+        strings_of(vocabulary),
+        st.lists(events_of(vocabulary, ["a", "b"], conditions)),
+    )
+    some = events.map(tuple)
+    few = st.lists(ids(), max_size=3).map(tuple)
+    parts = st.dictionaries(ids(), strings, max_size=3)
+    views = st.dictionaries(ids(), strings.map(without_agents), max_size=3)
+    return st.one_of(
+        st.just(m.Greet()),
+        st.builds(
+            m.Welcome, texts(), st.just(vocabulary), integers(), reals(), numbers,
+            st.sampled_from(["sequential", "literal"]), saved,
+        ),
+        st.builds(m.Refused, texts()),
+        st.builds(m.Sources, st.dictionaries(names(), few, max_size=3)),
+        st.builds(m.TickRequest, numbers),
+        st.builds(m.Fragments, parts, few),
+        st.builds(m.EvolveRequest, numbers, few, some, some, numbers, few),
+        st.builds(
+            m.ViewShown, numbers, names(), numbers, views, st.none() | strings.map(with_slots)
+        ),
+        st.builds(m.Orders, some),
+        st.builds(m.Repeat, names()),
+        st.builds(m.Stop, texts()),
+    )  # fmt: skip
+
+
+def records(vocabulary):
+    """What happened in a frame."""
+    some = st.lists(events_of(vocabulary, ["a", "b"], conditions)).map(tuple)
+    parts = st.dictionaries(ids(), strings_of(vocabulary), max_size=3)
+    return st.builds(m.FrameRecord, numbers, some, parts, st.binary(min_size=16, max_size=16))
+
+
+scans = st.builds(
+    lambda ranges, robot, rest: Scan(robot, np.array(ranges, np.float32), *rest),
+    st.lists(st.floats(0, 100, width=32), max_size=5),
+    texts(),
+    st.tuples(*[reals()] * 7),
+)
+sightings = st.builds(
+    Sightings, texts(), st.lists(st.builds(Sighting, texts(), reals(), reals())).map(tuple), reals()
+)
+readings = st.builds(
+    m.Readings, members, names(), st.integers(-1, 1 << 40),
+    st.lists(scans | sightings, max_size=3).map(tuple),
+)  # fmt: skip
+
+spoken = vocabularies().flatmap(lambda v: st.tuples(st.just(v), from_member(v)))
+heard = vocabularies().flatmap(lambda v: st.tuples(st.just(v), to_member(v)))
+recorded = vocabularies().flatmap(lambda v: st.tuples(st.just(v), records(v)))
+
+
+def same(one, other):
+    """Equality of messages; vocabularies by what they say, arrays by their values."""
+    if is_dataclass(one) and not isinstance(one, Scene) and type(one).__eq__ is object.__eq__:
+        pairs = [(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)]
+        return type(one) is type(other) and all(same(*pair) for pair in pairs)
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return one == other

@@ -1,0 +1,287 @@
+"""Grid planning: the rules of a move, Dijkstra's search as the judge, and the MovingAI benchmarks.
+
+The benchmarks (https://movingai.com/benchmarks, Sturtevant 2012) list the optimal length of each
+problem under the same moves. `pytest -m slow` solves all of them, the quick suite a sample.
+"""
+
+import math
+import time
+from heapq import heappop, heappush
+from itertools import pairwise
+from pathlib import Path as File
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from minerva_agents.robot.maps import MapError
+from minerva_agents.robot.planning import (
+    Path,
+    clearance,
+    inflate,
+    nearest,
+    shortest_path,
+)
+
+BENCHMARKS = File(__file__).parents[2].parent / "shared" / "data" / "movingai"
+NAMES = ("32room_000", "Berlin_0_256", "maze512-8-0")
+ROOT2 = math.sqrt(2.0)
+
+
+def grid(*rows):
+    """A grid from rows of text: # is blocked."""
+    return np.array([[mark == "#" for mark in row] for row in rows])
+
+
+def can_move(blocked, cell, to):
+    """The rules of a move, written down once more."""
+    rows, columns = blocked.shape
+    if not (0 <= to[0] < rows and 0 <= to[1] < columns) or blocked[to]:
+        return False
+    return not (blocked[cell[0], to[1]] or blocked[to[0], cell[1]])
+
+
+def distances(blocked, start):
+    """Dijkstra's search over the whole grid, as plain as can be."""
+    best = {start: 0.0}
+    queue = [(0.0, start)]
+    while queue:
+        distance, cell = heappop(queue)
+        if distance > best[cell]:
+            continue
+        for down in (-1, 0, 1):
+            for across in (-1, 0, 1):
+                to = (cell[0] + down, cell[1] + across)
+                length = distance + math.hypot(down, across)
+                if can_move(blocked, cell, to) and length < best.get(to, math.inf) - 1e-9:
+                    best[to] = length
+                    heappush(queue, (length, to))
+    return best
+
+
+def check_path(blocked, path, start):
+    """The path begins at the start, makes only allowed moves, and is as long as it says."""
+    assert path.cells[0] == start
+    assert all(can_move(blocked, one, other) for one, other in pairwise(path.cells))
+    lengths = [math.dist(one, other) for one, other in pairwise(path.cells)]
+    assert all(length in (1.0, ROOT2) for length in lengths)
+    diagonals = sum(length > 1 for length in lengths)
+    assert path.length == len(lengths) - diagonals + ROOT2 * diagonals
+
+
+# --- unit cases ---------------------------------------------------------------------------------
+
+
+def test_open_ground_is_crossed_diagonally():
+    path = shortest_path(grid("....", "....", "...."), (0, 0), (2, 3))
+    assert path == Path(((0, 0), (1, 1), (2, 2), (2, 3)), 1 + 2 * ROOT2)
+
+
+def test_no_corner_is_cut():
+    path = shortest_path(grid("..", "#."), (0, 0), (1, 1))
+    assert path == Path(((0, 0), (0, 1), (1, 1)), 2.0)
+
+
+def test_two_corners_that_touch_are_a_wall():
+    assert shortest_path(grid(".#", "#."), (0, 0), (1, 1)) is None
+
+
+def test_start_is_goal():
+    assert shortest_path(grid(".."), (0, 1), (0, 1)) == Path(((0, 1),), 0.0)
+
+
+@pytest.mark.parametrize(("start", "goal"), [((0, 0), (0, 2)), ((0, 2), (0, 0)), ((0, 2), (0, 2))])
+def test_a_blocked_end_has_no_path(start, goal):
+    assert shortest_path(grid("..#"), start, goal) is None
+
+
+@pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (1, 0), (0, 3), (0.5, 0)])
+def test_a_cell_outside_is_an_error_that_names_it(cell):
+    with pytest.raises(MapError, match=r"shortest_path: goal .* is no cell of the grid; expected"):
+        shortest_path(grid("..."), (0, 0), cell)
+    with pytest.raises(MapError, match=r"shortest_path: start"):
+        shortest_path(grid("..."), cell, (0, 0))
+    with pytest.raises(MapError, match=r"nearest: start"):
+        nearest(grid("..."), cell, grid("###"))
+
+
+def test_what_is_no_grid_of_bool_is_an_error():
+    for wrong in (np.zeros((3, 3)), np.zeros(3, np.bool_)):
+        with pytest.raises(MapError, match="expected a 2-D array of bool"):
+            shortest_path(wrong, (0, 0), (0, 0))
+        with pytest.raises(MapError, match="clearance: obstacles"):
+            clearance(wrong)
+
+
+def test_cells_may_be_numpy_integers():
+    rows = np.argwhere(np.ones((200, 1)))
+    blocked = np.zeros((200, 1), np.bool_)
+    assert shortest_path(blocked, tuple(rows[0]), tuple(rows[-1])).length == 199.0
+
+
+def test_the_same_question_has_the_same_answer():
+    blocked = np.random.default_rng(1).random((60, 60)) < 0.2
+    blocked[0, 0] = blocked[59, 59] = False
+    assert len({shortest_path(blocked.copy(), (0, 0), (59, 59)) for _ in range(5)}) == 1
+
+
+def test_nearest_is_nearest_by_path_not_by_air():
+    path = nearest(grid("..#.", "..#.", "...."), (0, 1), grid("...#", "....", "#..."))
+    assert path.cells[-1] == (2, 0)
+
+
+def test_nearest_takes_the_start_itself():
+    assert nearest(grid(".."), (0, 0), grid("#.")) == Path(((0, 0),), 0.0)
+
+
+@pytest.mark.parametrize("targets", [grid("..."), grid(".#."), grid("..#")])
+def test_nearest_without_a_target_in_reach(targets):
+    assert nearest(grid(".#."), (0, 0), targets) is None
+
+
+def test_nearest_wants_grids_of_one_shape():
+    with pytest.raises(MapError, match=r"targets is \(1, 2\), expected .* \(1, 3\)"):
+        nearest(grid("..."), (0, 0), grid(".."))
+
+
+def test_inflate_grows_a_disc():
+    dot = np.zeros((5, 5), np.bool_)
+    dot[2, 2] = True
+    assert np.array_equal(inflate(dot, 0), dot)
+    assert np.array_equal(inflate(dot, 1), grid(".....", "..#..", ".###.", "..#..", "....."))
+    assert np.array_equal(inflate(dot, 1.5), grid(".....", ".###.", ".###.", ".###.", "....."))
+    assert np.array_equal(inflate(dot, 2), grid("..#..", ".###.", "#####", ".###.", "..#.."))
+
+
+@pytest.mark.parametrize("radius", [-1, math.nan, math.inf])
+def test_inflate_wants_a_radius(radius):
+    with pytest.raises(MapError, match="inflate: radius_cells is"):
+        inflate(grid("."), radius)
+
+
+def test_clearance_without_obstacles_is_infinite():
+    assert np.isinf(clearance(grid("..", ".."))).all()
+
+
+# --- against the plain way ----------------------------------------------------------------------
+
+
+@st.composite
+def problems(draw):
+    """A grid with walls as dense as drawn, a free start, and any goal."""
+    rows, columns = draw(st.integers(1, 14)), draw(st.integers(1, 14))
+    density = draw(st.sampled_from([0.0, 0.1, 0.25, 0.4, 0.6]))
+    seed = draw(st.integers(0, 2**32 - 1))
+    blocked = np.random.default_rng(seed).random((rows, columns)) < density
+    start, goal = (
+        (draw(st.integers(0, rows - 1)), draw(st.integers(0, columns - 1))) for _ in range(2)
+    )
+    blocked[start] = False
+    return blocked, start, goal
+
+
+@settings(max_examples=500, deadline=None)
+@given(problems())
+def test_paths_are_as_short_as_dijkstra_finds(problem):
+    blocked, start, goal = problem
+    best = distances(blocked, start)
+    path = shortest_path(blocked, start, goal)
+    if goal not in best:
+        assert path is None
+        return
+    check_path(blocked, path, start)
+    assert path.cells[-1] == goal
+    assert path.length == pytest.approx(best[goal], abs=1e-9)
+
+
+@settings(max_examples=300, deadline=None)
+@given(problems(), st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.5]))
+def test_nearest_targets_are_as_near_as_dijkstra_finds(problem, seed, density):
+    blocked, start, _ = problem
+    targets = np.random.default_rng(seed).random(blocked.shape) < density
+    best = distances(blocked, start)
+    near = min((best[cell] for cell in best if targets[cell]), default=None)
+    path = nearest(blocked, start, targets)
+    if near is None:
+        assert path is None
+        return
+    check_path(blocked, path, start)
+    assert targets[path.cells[-1]]
+    assert path.length == pytest.approx(near, abs=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(problems(), st.floats(0, 6))
+def test_clearance_and_inflate_agree_with_every_pair_of_cells(problem, radius):
+    obstacles, _, _ = problem
+    cells = np.argwhere(np.ones(obstacles.shape))
+    walls = np.argwhere(obstacles)
+    squared = ((cells[:, None] - walls[None]) ** 2).sum(axis=2).min(axis=1, initial=10**9)
+    squared = squared.reshape(obstacles.shape)
+    exact = np.where(squared == 10**9, np.inf, np.sqrt(squared))
+    assert np.array_equal(clearance(obstacles), exact)
+    assert np.array_equal(inflate(obstacles, radius), squared <= radius * radius)
+
+
+# --- MovingAI -----------------------------------------------------------------------------------
+
+
+def read_benchmark(name):
+    """The map as blocked[x, y], and its problems as (start, goal, optimal length)."""
+    if not (BENCHMARKS / f"{name}.map").exists():
+        pytest.skip(f"no MovingAI benchmark {name}.map in {BENCHMARKS}")
+    lines = (BENCHMARKS / f"{name}.map").read_text().splitlines()
+    assert lines[0] == "type octile"
+    assert lines[3] == "map"
+    height, width = int(lines[1].split()[1]), int(lines[2].split()[1])
+    blocked = np.array([[mark not in ".GS" for mark in line] for line in lines[4 : 4 + height]]).T
+    assert blocked.shape == (width, height)
+    problems = []
+    for line in (BENCHMARKS / f"{name}.map.scen").read_text().splitlines()[1:]:
+        _, _, _, _, x, y, goal_x, goal_y, optimum = line.split("\t")
+        problems.append(((int(x), int(y)), (int(goal_x), int(goal_y)), float(optimum)))
+    return np.ascontiguousarray(blocked), problems
+
+
+def solve(blocked, problems):
+    for start, goal, optimum in problems:
+        path = shortest_path(blocked, start, goal)
+        check_path(blocked, path, start)
+        assert path.cells[-1] == goal
+        assert path.length == pytest.approx(optimum, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_sample_of_the_benchmarks_has_the_listed_lengths(name):
+    blocked, problems = read_benchmark(name)
+    solve(blocked, [*problems[:: max(1, len(problems) // 60)], *problems[-5:]])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", NAMES)
+def test_all_of_the_benchmarks_have_the_listed_lengths(name, request):
+    if "slow" not in request.config.getoption("markexpr"):
+        pytest.skip("takes minutes; run it with pytest -m slow")
+    solve(*read_benchmark(name))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_parts_of_the_benchmarks_agree_with_dijkstra(name):
+    blocked, problems = read_benchmark(name)
+    start = problems[-1][0]
+    window = tuple(slice(max(0, at - 40), at + 40) for at in start)
+    part = np.ascontiguousarray(blocked[window])
+    inside = tuple(at - cut.start for at, cut in zip(start, window, strict=True))
+    best = distances(part, inside)
+    for goal in sorted(best)[:: max(1, len(best) // 40)]:
+        assert shortest_path(part, inside, goal).length == pytest.approx(best[goal], abs=1e-9)
+
+
+def test_clearance_of_a_large_map_is_quick():
+    walls = np.zeros((600, 300), np.bool_)
+    walls[0, 0] = True
+    began = time.perf_counter()
+    clearance(walls)
+    assert time.perf_counter() - began < 2.0

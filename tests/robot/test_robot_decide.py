@@ -1,0 +1,256 @@
+"""λ for eDecide, 4.2.3 and 4.2.5: pose, action, and the two ways to decide."""
+
+import math
+
+import numpy as np
+import pytest
+from robots import PAPER, after, changed, emitted, robot
+
+from minerva_agents.robot.ground import blocked, cell_of, is_clear, room_of, sees, straightened
+from minerva_agents.robot.knowledge import FREE, MARKER, obstacles
+from minerva_agents.robot.motion import STAY, TURNING, Move, Pose, action_of, move_of, towards
+from minerva_agents.robot.planning import shortest_path
+from minerva_agents.robot.vocabulary import eDecide, eObjective, eReached
+from minerva_bus import EMPTY
+
+STANDING = {"action": action_of(STAY, "r", 0.18)}
+
+
+def floor(*walls, free=FREE):
+    """Free ground of 40 x 40 cells with walls: (first row, last row, first column, last column)."""
+    grid = np.full((40, 40), free, np.int16)
+    for top, bottom, left, right in walls:
+        grid[top : bottom + 1, left : right + 1] = 9
+    return grid
+
+
+def with_marker(grid, row, column, marker=0):
+    grid[row, column] = MARKER + marker
+    return grid
+
+
+def seeking(grid, **state):
+    return robot(grid, speed=0.5, objective="kitchen", **(STANDING | state))
+
+
+def drive(scene, frames):
+    """The robot after so many decisions, and where it has been."""
+    places = []
+    for frame in range(frames):
+        now = after(scene, eDecide(), frame=frame)
+        places.append(now.position)
+        scene = now.string
+    return now, places
+
+
+# --- the timeline -------------------------------------------------------------------------------
+
+
+def test_the_first_decision_is_to_stay():
+    scene = robot(speed=0.5, objective="kitchen")
+    now = after(scene, eDecide())
+    assert str(now.action) == 'PRobot<name="r", radius=0.18>'
+    assert changed(scene, now) == ["action"]
+
+
+def test_the_pose_is_where_the_action_leads():
+    scene = robot(angle=80.0, action=action_of(Move(10.0, 0.5), "r", 0.18))
+    now = after(scene, eDecide())
+    assert (now.row, now.column, now.angle) == pytest.approx((20.5, 25.5, 90.0))
+    assert move_of(now.action) == STAY
+
+
+def test_a_robot_with_nothing_to_do_stays_the_very_same():
+    scene = robot(speed=0.5, **STANDING)
+    assert after(scene, eDecide()).string.nodes[0] is scene.nodes[0]
+
+
+def test_of_the_papers_attributes_grid_speed_and_objective_stay():
+    scene = seeking(with_marker(floor(), 30, 20))
+    now = after(scene, eDecide())
+    assert [name for name in changed(scene, now) if name in PAPER] == ["action"]
+    now = after(now.string, eDecide())
+    assert [name for name in changed(scene, now) if name in PAPER] == ["row", "action"][::-1]
+
+
+def test_without_speed_it_stays():
+    scene = robot(with_marker(floor(), 30, 20), objective="kitchen", **STANDING)
+    assert move_of(after(scene, eDecide()).action) == STAY
+
+
+def test_off_its_grid_it_is_lost_and_stays():
+    scene = seeking(with_marker(floor(), 30, 20), row=-3.0)
+    assert move_of(after(scene, eDecide()).action) == STAY
+
+
+# --- moves --------------------------------------------------------------------------------------
+
+
+def test_an_action_says_its_move():
+    for move in (STAY, Move(10.0, 0.0), Move(-20.0, 0.3), Move(0.0, 0.1)):
+        assert move_of(action_of(move, "r", 0.18)) == move
+    assert move_of(EMPTY) == STAY
+
+
+def test_a_turn_comes_before_the_way():
+    pose = Pose(2.0, 3.0, 170.0).after(Move(20.0, 0.2), 0.1)
+    turned = math.radians(190.0)
+    assert (pose.row, pose.column) == pytest.approx(
+        (2 + 2 * math.cos(turned), 3 + 2 * math.sin(turned))
+    )
+    assert pose.angle == pytest.approx(-170.0)
+
+
+def test_it_turns_on_the_spot_until_it_faces_its_way():
+    pose, turns = Pose(0.5, 0.5, 0.0), 0
+    while not (move := towards(pose, 0.5, 9.5, 0.1, 0.05, 0.1)).dist:
+        assert 0 < move.turn <= TURNING * 0.1
+        pose, turns = pose.after(move, 0.1), turns + 1
+    assert turns == 4
+    assert move == Move(pytest.approx(18.0), 0.05)
+
+
+def test_it_stops_where_it_wants_to_be():
+    assert towards(Pose(0.5, 0.5, 0.0), 0.9, 0.5, 0.1, 0.08, 0.1).dist == pytest.approx(0.04)
+    assert towards(Pose(0.5, 0.5, 0.0), 0.5, 0.5, 0.1, 0.08, 0.1) == STAY
+
+
+# --- ground -------------------------------------------------------------------------------------
+
+
+def test_a_way_keeps_its_distance():
+    grid, room = floor((20, 20, 20, 20)), room_of(0.18, 0.1)
+    assert is_clear(grid, [(10.5, 23.1), (30.5, 23.1)], room)
+    assert not is_clear(grid, [(10.5, 22.9), (30.5, 22.9)], room)
+    assert is_clear(grid, [(10.5, 22.0), (15.0, 22.0)], room)
+
+
+def test_one_that_is_too_near_may_only_go_away():
+    grid, room, at = floor((22, 22, 0, 39)), room_of(0.18, 0.1), (20.4, 20.5)
+    assert not is_clear(grid, [at, (21.0, 20.5)], room)
+    assert is_clear(grid, [at, (15.0, 20.5)], room)
+    closed = blocked(grid, at, room)
+    assert not closed[20, 20]
+    assert not closed[19, 20]
+    assert closed[21, 20]
+    assert shortest_path(closed, cell_of(at), (5, 5)) is not None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_straightened_ways_are_clear_and_lead_to_the_end(seed):
+    random = np.random.default_rng(seed)
+    grid, room = floor(), room_of(0.18, 0.1)
+    grid[random.random(grid.shape) < 0.01] = 9
+    free = np.argwhere(~blocked(grid, (0.5, 0.5), room))
+    start, goal = (tuple(one) for one in random.choice(free, 2).tolist())
+    at = start[0] + random.random(), start[1] + random.random()
+    path = shortest_path(blocked(grid, at, room), start, goal)
+    if path is not None:
+        way = straightened(grid, at, path.cells, room)
+        assert way[-1] == (goal[0] + 0.5, goal[1] + 0.5)
+        assert len(way) <= len(path.cells)
+        assert is_clear(grid, way, room)
+
+
+def test_a_wall_hides_what_is_behind():
+    walls = obstacles(floor((20, 20, 10, 20)))
+    assert not sees(walls, (15.5, 15.5), (25.5, 15.5))
+    assert sees(walls, (15.5, 25.5), (25.5, 25.5))
+    assert sees(walls, (15.5, 15.5), (20.5, 15.5))
+
+
+# --- A* -----------------------------------------------------------------------------------------
+
+
+def test_it_goes_round_a_wall_to_a_marker_that_it_knows():
+    grid = with_marker(floor((15, 15, 5, 39)), 5, 30)
+    now, places = drive(seeking(grid, row=30.5, column=30.5, angle=180.0), 150)
+    assert now.objective == ""
+    assert math.dist(places[-1], (5.5, 30.5)) < 14
+    assert (
+        min(math.dist(place, (15.5, column + 0.5)) for place in places for column in range(5, 40))
+        > 2.5
+    )
+
+
+def test_a_plan_is_kept_until_something_turns_up_on_it():
+    grid = with_marker(floor(), 35, 20)
+    now, _ = drive(seeking(grid, row=5.5), 3)
+    assert now.way == [(35.5, 20.5)]
+    later = after(now.string, eDecide())
+    assert later.plan_rows is now.plan_rows
+    grid = now.grid.copy()
+    grid[20, 19] = 9
+    later.grid = grid
+    assert after(later.string, eDecide()).way != now.way
+
+
+def test_it_says_once_that_it_is_there():
+    scene = seeking(with_marker(floor(), 24, 20))
+    assert emitted(scene, eDecide())[0].marker == "kitchen"
+    assert emitted(scene, eDecide())[0].type == eReached.name
+    now = after(scene, eDecide())
+    assert now.objective == ""
+    assert emitted(now.string, eDecide()) == ()
+
+
+def test_behind_a_wall_is_not_there():
+    scene = seeking(with_marker(floor((22, 22, 0, 30)), 24, 20))
+    assert emitted(scene, eDecide()) == ()
+
+
+def test_a_marker_within_a_wall_is_reached_before_it():
+    grid = with_marker(floor((28, 32, 0, 39)), 30, 20)
+    now, places = drive(seeking(grid), 200)
+    assert now.objective == ""
+    assert 24 < max(row for row, _ in places) < 26
+
+
+def test_then_it_makes_way_and_stands_still():
+    now, places = drive(seeking(with_marker(floor(), 24, 20)), 80)
+    assert math.dist(places[-1], (24.5, 20.5)) > 5
+    assert places[-1][0] > 24
+    assert places[-1] == places[-10]
+    assert move_of(now.action) == STAY
+    again = after(now.string, eObjective("store"), eDecide())
+    assert again.objective == "store"
+
+
+def test_it_looks_for_a_marker_that_it_has_not_seen():
+    grid = floor(free=0)
+    grid[10:31, 10:31] = FREE
+    now = after(seeking(grid), eDecide())
+    assert now.purpose == "search"
+    assert now.way
+    assert move_of(now.action) != STAY
+
+
+def test_where_there_is_no_way_it_waits_and_tries_again():
+    grid = with_marker(floor((10, 30, 10, 30)), 35, 35)
+    grid[14:27, 14:27] = FREE
+    now = after(seeking(grid, row=20.5), eDecide())
+    assert (now.failures, now.way) == (1, [])
+    assert now.pause > 0
+    assert move_of(now.action) == STAY
+
+
+# --- random -------------------------------------------------------------------------------------
+
+
+def test_random_ways_differ_by_seed_and_not_otherwise():
+    scene = seeking(floor(), planner="random")
+    ways = [after(scene, eDecide(), seed=seed).way for seed in (1, 1, 2)]
+    assert ways[0] == ways[1] != ways[2]
+
+
+def test_random_goes_straight_to_a_marker_in_sight():
+    now, _ = drive(seeking(with_marker(floor(), 35, 33), planner="random"), 60)
+    assert now.objective == ""
+
+
+def test_random_touches_nothing():
+    grid = floor((0, 0, 0, 39), (39, 39, 0, 39), (0, 39, 0, 0), (0, 39, 39, 39), (10, 12, 8, 30))
+    _, places = drive(seeking(grid, planner="random"), 400)
+    walls = np.argwhere(obstacles(grid)) + 0.5
+    assert min(np.hypot(*(walls - place).T).min() for place in places) > 2.5
+    assert max(math.dist(places[0], place) for place in places) > 8

@@ -1,0 +1,101 @@
+"""The robot at work: from laser and camera to the marker, frame by frame, without bus or physics.
+
+Seeds and floors are fixed, so the same run comes out every time.
+"""
+
+from pathlib import Path
+
+import pytest
+from floor_simulator import Simulator
+
+from minerva_agents.robot.options import Options
+from minerva_agents.robot.world import scene
+
+ROS_MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
+RADIUS = 0.18
+
+
+def simulator(options, objective="", seed=0):
+    chosen = Options.read(options)
+    return Simulator(
+        chosen.floor, chosen.places, scene(options), objective or chosen.goal, seed=seed
+    )
+
+
+def test_astar_finds_the_kitchen():
+    run = simulator({}).go(600)
+    assert run.reached
+    assert run.frames < 500
+    assert run.metres < 35
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize("objective", ["office", "store", "meeting"])
+def test_astar_finds_other_rooms(objective):
+    run = simulator({}, objective).go(600)
+    assert run.reached
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize(
+    ("name", "objective", "frames"),
+    [
+        ("turtlebot3/map.yaml", "A", 400),
+        ("turtlebot3/map.yaml", "C", 400),
+        ("depot.yaml", "D", 800),
+        ("depot.yaml", "F", 800),
+    ],
+)
+def test_astar_finds_its_way_on_maps_of_real_floors(name, objective, frames):
+    if not (ROS_MAPS / name).is_file():
+        pytest.skip("the ROS maps are not here")
+    run = simulator({"map": str(ROS_MAPS / name)}, objective).go(frames)
+    assert run.reached
+    assert run.least_gap > RADIUS
+
+
+def test_random_finds_a_marker_in_the_next_room():
+    run = simulator({"planner": "random"}, "office", seed=1).go(3000)
+    assert run.reached
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("seed", range(3))
+def test_random_finds_the_kitchen_given_time(seed, request):
+    if "slow" not in request.config.getoption("markexpr"):
+        pytest.skip("takes minutes; run it with pytest -m slow")
+    run = simulator({"planner": "random"}, seed=seed).go(20_000)
+    assert run.reached
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize("planner", ["astar", "random"])
+def test_the_same_run_comes_out_every_time(planner):
+    one, other = (simulator({"planner": planner}, seed=3) for _ in range(2))
+    one.go(60)
+    other.go(60)
+    assert one.scene == other.scene
+    assert one.run.poses == other.run.poses
+
+
+def test_any_frame_is_a_place_to_go_on_from():
+    """All that the robot remembers is in the string, which may go through its text."""
+    from minerva_agents.robot.world import vocabulary
+
+    one, other = simulator({}), simulator({})
+    one.go(80)
+    for _ in range(8):
+        other.go(other.run.frames + 10)
+        other.scene = vocabulary.read(str(other.scene))
+    assert one.scene == other.scene
+
+
+def test_where_the_robot_believes_to_be_it_is():
+    run = simulator({})
+    run.go(100)
+    (node,) = run.scene.nodes[-1:]
+    state = node.state
+    believed = state["row"], state["column"], state["angle"]
+    assert believed == (run.pose.row, run.pose.column, run.pose.angle)

@@ -1,0 +1,145 @@
+"""The initial string of 4.2.4, the options that it is made from, and what is wrong with them."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from minerva_agents.robot.maps import MapError
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.world import defaults, scene, vocabulary
+from minerva_bus import EMPTY, MinervaError
+from minerva_bus.grammar.scene import agents
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A map of a hall of 6 m x 4 m, turned by 30 degrees, without start and markers."""
+    image = np.zeros((40, 60), np.uint8)
+    image[1:-1, 1:-1] = 254
+    (tmp_path / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
+    keys = {"image": "hall.pgm", "resolution": 0.1, "origin": [2.0, -1.0, math.radians(30)]}
+    keys |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196}
+    (tmp_path / "hall.yaml").write_text(json.dumps(keys))
+    return str(tmp_path / "hall.yaml")
+
+
+def robots(string):
+    return [ARobot.thaw(node) for node in agents(string)]
+
+
+def places(string):
+    return [robot.metres(robot.position) for robot in robots(string)]
+
+
+def test_the_initial_string_is_that_of_the_paper():
+    string = scene({})
+    assert [node.symbol for node in string] == ["PMap", *["TPlace"] * 8, "ARobot"]
+    (robot,) = robots(string)
+    assert not robot.grid.any()
+    assert (robot.speed, robot.objective, robot.action) == (0.0, "", EMPTY)
+    assert places(string) == [pytest.approx((1.4, 1.3))]
+    assert robot.angle == 90.0
+
+
+def test_it_is_a_string_of_the_vocabulary():
+    string = scene({"robots": 2})
+    assert vocabulary.check(string) == string
+    assert vocabulary.read(str(string)) == string
+
+
+def test_the_kind_responds_to_the_papers_events():
+    papers = {"eLaser", "eCamera", "eDecide", "eObjective", "eSpeed"}
+    assert ARobot.kind.subscribes == papers | {"eCollision"}
+    assert ARobot.kind.views == {"eRepresent", "ePicture"}
+    names = ARobot.kind.fields.names
+    assert names[:7] == ("grid", "row", "column", "angle", "speed", "objective", "action")
+
+
+def test_the_grid_lies_under_all_of_a_turned_map(hall):
+    string = scene({"map": hall})
+    (robot,) = robots(string)
+    turn = math.radians(30)
+    for along, across in ((0, 0), (6, 0), (0, 4), (6, 4)):
+        x = 2 + along * math.cos(turn) - across * math.sin(turn)
+        y = -1 + along * math.sin(turn) + across * math.cos(turn)
+        row, column = (x - robot.x0) / robot.cell, (y - robot.y0) / robot.cell
+        assert 0.9 < row < robot.grid.shape[0] - 0.9
+        assert 0.9 < column < robot.grid.shape[1] - 0.9
+
+
+def test_a_map_without_markers_gets_some(hall):
+    assert [node.symbol for node in scene({"map": hall})].count("TPlace") == 6
+    assert defaults({"map": hall})["objective"] in "ABCDEF"
+
+
+def test_markers_may_be_given(hall):
+    string = scene({"map": hall, "markers": {"desk": [3.0, 1.0]}})
+    assert 'TPlace<x=3, y=1, angle=0>(PMarker<name="desk">)' in str(string)
+    assert robots(string)[0].markers == ("desk",)
+
+
+def test_robots_start_side_by_side():
+    string = scene({"robots": 5})
+    assert [robot.id for robot in robots(string)] == ["r1", "r2", "r3", "r4", "r5"]
+    found = places(string)
+    gaps = [math.dist(one, other) for one in found for other in found if one is not other]
+    assert min(gaps) >= 3 * 0.18
+    assert max(gaps) < 3
+
+
+def test_the_start_may_be_given():
+    string = scene({"start": "7, 2.9, -45"})
+    assert places(string) == [pytest.approx((7, 2.9))]
+    assert robots(string)[0].angle == -45.0
+
+
+def test_options_reach_the_robot():
+    given = {"cell": 0.2, "radius": 0.25, "planner": "random", "fov": 90, "sight": 3}
+    (robot,) = robots(scene(given))
+    assert {name: getattr(robot, name) for name in given} == given
+
+
+def test_defaults_complete_the_options():
+    done = defaults({"speed": 0.8, "robots": 2})
+    assert (done["objective"], done["speed"], done["robots"]) == ("kitchen", 0.8, 2)
+    assert (done["planner"], done["map"]) == ("astar", "")
+    assert defaults({"objective": "lab"})["objective"] == "lab"
+
+
+def test_without_a_kitchen_the_objective_is_the_farthest(hall):
+    markers = {"near": [4.0, 1.6], "far": [2.0, 0.5]}
+    assert defaults({"map": hall, "markers": markers})["objective"] == "far"
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"planner": "A*"}, "planner: expected 'astar' or 'random'"),
+        ({"planner": "astra"}, "did you mean 'astar'"),
+        ({"objective": "kichen"}, "no marker 'kichen'; did you mean 'kitchen'"),
+        ({"robots": 0}, "robots: expected a whole number from 1 up, not 0"),
+        ({"robots": 2.5}, "robots: expected a whole number"),
+        ({"robots": 2000}, r"room for \d+ robots .* of the 2000 asked for"),
+        ({"cell": 0}, "cell: expected a number above 0"),
+        ({"cell": "wide"}, "cell: expected a number above 0, not 'wide'"),
+        ({"radius": -1.0}, "radius: expected a number above 0"),
+        ({"start": "here"}, "start: expected 'x, y, degrees', not 'here'"),
+        ({"start": "0.1, 0.1"}, r"does not fit at \(0.1, 0.1\)"),
+        ({"start": "99, 0"}, "does not fit"),
+        ({"markers": {"desk": [99, 0]}}, "markers: desk at .* is not on the map"),
+        ({"markers": {"desk": [1]}}, r"markers.desk: expected a place \[x, y\]"),
+        ({"markers": [1]}, "markers: expected names with places"),
+        ({"map": "nowhere.yaml"}, "nowhere.yaml: is not a file"),
+        ({"map": 3}, "map: expected a text"),
+    ],
+)
+def test_what_is_wrong_is_said(options, says):
+    with pytest.raises(MinervaError, match=says):
+        scene(defaults(options))
+
+
+def test_a_map_error_is_one_of_ours():
+    assert issubclass(MapError, MinervaError)
+    assert issubclass(MapError, ValueError)

@@ -1,0 +1,280 @@
+"""A pond: a small world in which everything can happen that the frame algorithm must cope with.
+
+Frogs move by chance, croak, are born and die; flies hear frogs; a lily is an agent around others.
+Water is a coupled device and a generator with a memory, and publishes what it sees; an eye makes
+events of it; steps have a memory too.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import Any
+
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Device,
+    Event,
+    EventType,
+    Generator,
+    Metres,
+    Moment,
+    Primitive,
+    Scene,
+    Tick,
+    Transformation,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.scene import walk
+from minerva_bus.testing.memory_bus import MemoryBus
+from minerva_bus.world.order import Order
+from minerva_bus.world.readings import Sighting, Sightings
+
+PDot = Primitive("PDot", x=Metres)
+TAt = Transformation("TAt", x=Metres)
+eAdd = EventType("eAdd", n=int)
+eStep = EventType("eStep", count=int)
+eCroak = EventType("eCroak", x=Metres)
+eSeen = EventType("eSeen", figures=int)
+eDone = EventType("eDone")
+eShow = EventType("eShow", visual=True)
+
+
+class Counter(Agent, symbol="ACounter"):
+    """As plain as can be, for traces that a person can follow."""
+
+    n: int = 0
+
+    @on("eAdd")
+    def add(self, add: Event, moment: Moment) -> Scene | None:
+        self.n += add.n
+        if self.n >= 100:
+            return EMPTY
+        if self.n == 7:
+            moment.emit(eDone())
+        return None
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return PDot(float(self.n))
+
+
+class Mother(Agent, symbol="AMother"):
+    """Bears a counter beside itself with every event."""
+
+    births: int = 0
+
+    @on("eAdd")
+    def bear(self, add: Event, moment: Moment) -> Scene:
+        return self.string + self.child(Counter, n=add.n)
+
+
+class Tadpole(Agent, symbol="ATadpole"):
+    """Turns into a counter in time."""
+
+    n: int = 0
+
+    @on("eAdd")
+    def grow(self, add: Event, moment: Moment) -> Scene | None:
+        self.n += add.n
+        return Counter(self.id, n=self.n).string if self.n >= 2 else None
+
+
+class Frog(Agent, symbol="AFrog"):
+    x: Metres = 0.0
+    heard: int = 0
+    births: int = 0
+
+    @on("eStep")
+    def hop(self, step: Event, moment: Moment) -> Scene | None:
+        self.x += moment.random.normal() + 0.001 * step.count
+        if moment.random.random() < 0.4:
+            moment.emit(eCroak(self.x))
+        if moment.random.random() < 0.15:
+            return self.string + self.child(x=self.x)
+        return None
+
+    @on("eCroak")
+    def listen(self, croak: Event, moment: Moment) -> Scene | None:
+        self.heard += croak.sender != self.id
+        return EMPTY if self.heard > 12 else None
+
+    @on("eSeen")
+    def hide(self, seen: Event, moment: Moment) -> None:
+        self.x -= 0.01 * seen.figures
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return TAt(self.x)(PDot(float(self.heard)))
+
+
+class Fly(Agent, symbol="AFly"):
+    jumps: int = 0
+    x: Metres = 0.0
+
+    @on("eCroak")
+    def flee(self, croak: Event, moment: Moment) -> None:
+        self.jumps += 1
+        self.x = croak.x + moment.random.random()
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return PDot(self.x)
+
+
+class Lily(Agent, symbol="ALily"):
+    """Stands around other agents."""
+
+    steps: int = 0
+
+    @on("eStep")
+    def count(self, step: Event, moment: Moment) -> None:
+        self.steps += 1 + len(self.scope)
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return TAt(1.0)(self.scope)
+
+
+class Add(Generator, events=("eAdd",)):
+    """One event a frame, always the same."""
+
+    def __init__(self, n: int = 1) -> None:
+        self.n = n
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        return (eAdd(self.n),)
+
+    def report(self) -> Mapping[str, int]:
+        return {"adders": 1, "added": self.n}
+
+
+class Steps(Generator, events=("eStep",)):
+    """Has a memory that a successor must inherit."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        self.count += int(tick.random.integers(1, 4))
+        return (eStep(self.count),)
+
+    def save(self) -> Mapping[str, Any]:
+        return {"count": self.count}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self.count = saved["count"]
+
+
+class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
+    """Draws the view into its own state, and publishes what can be seen of it."""
+
+    every = 1
+    publishes = ("sight",)
+
+    def __init__(self) -> None:
+        self.figures = 0
+        self.ripples = 0
+
+    def show(self, view: View) -> None:
+        self.figures = sum(1 for opens, _ in walk(view.scene) if opens)
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        self.ripples += self.figures
+        seen = (Sighting("figure", float(self.ripples), 0.0),)
+        tick.publish("sight", Sightings("pond", seen, tick.time))
+        return ()
+
+    def save(self) -> Mapping[str, Any]:
+        return {"ripples": self.ripples}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self.ripples = saved["ripples"]
+
+    def report(self) -> Mapping[str, int]:
+        return {"ripples": self.ripples}
+
+
+class Eye(Generator, events=("eSeen",)):
+    topics = ("sight",)
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        return [eSeen(int(one.distance)) for r in tick.readings for one in r.seen]
+
+
+class Screen(Device, draws=("eShow",)):
+    """An observer that remembers what it was shown, each time a text."""
+
+    def __init__(self, every: int = 1) -> None:
+        self.every = every
+        self.shown: list[str] = []
+
+    def show(self, view: View) -> None:
+        self.shown.append(f"{view.frame}: {view.scene}")
+
+    def report(self) -> Mapping[str, int]:
+        return {"pictures": len(self.shown)}
+
+
+VOCABULARY = Vocabulary.of(
+    *(
+        PDot,
+        TAt,
+        eAdd,
+        eStep,
+        eCroak,
+        eSeen,
+        eDone,
+        eShow,
+        Counter,
+        Mother,
+        Tadpole,
+        Frog,
+        Fly,
+        Lily,
+    )
+)
+
+
+def world(text: str, expected: Iterable[str], **rest: Any) -> World:
+    """A world of the pond's vocabulary."""
+    rest = {"order": Order(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
+    return World(
+        rest.pop("name", "pond"),
+        VOCABULARY.read(text),
+        VOCABULARY,
+        expected=frozenset(expected),
+        **rest,
+    )
+
+
+def service(name: str, make: Any) -> Any:
+    """A maker of a member with a service."""
+    return lambda: Participant(name, make())
+
+
+def host(name: str, *kinds: type[Agent]) -> Any:
+    """A maker of a host of agents."""
+    return partial(Participant, name, None, kinds)
+
+
+def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> MemoryBus:
+    """The plain world: one generator, and one host of counters; `members` adds to them."""
+    members = {
+        "add": service("add", Add),
+        "host": host("host", Counter),
+        **rest.pop("members", {}),
+    }
+    expected = rest.pop("expected", members)
+    return MemoryBus(world(text, expected, **rest), members)
+
+
+def expect(bus: MemoryBus, trace: str) -> None:
+    """The trace since this was last asked must be this one; blanks around lines do not count."""
+    lines = [line.strip() for line in bus.trace]
+    bus.trace.clear()
+    assert lines == [line.strip() for line in trace.strip().splitlines()], "\n".join(lines)

@@ -1,0 +1,259 @@
+"""How a world ends: by its rules, by a person, in any phase; and what its members report."""
+
+import pytest
+from pond import Add, Counter, Mother, Screen, counters, eDone, expect, host, service
+
+from minerva_bus import EMPTY, Agent, on
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import Phase
+from minerva_bus.testing.memory_bus import BEGIN
+
+
+@pytest.mark.parametrize("frames", [1, 2, 9])
+def test_after_so_many_frames(frames):
+    bus = counters(frames=frames)
+    bus.start()
+    bus.run()
+    assert bus.ended.reason == "the frames are over"
+    assert len(bus.records) == bus.algorithm.frame == frames
+
+
+def test_when_every_agent_has_sent_an_event():
+    """Counters send eDone when they come to 7."""
+    bus = counters("ACounter#a<n=5> · ACounter#b<n=3>", until="eDone")
+    bus.start()
+    bus.run()
+    assert bus.ended.reason == "every agent has sent eDone"
+    assert bus.algorithm.reached
+    assert bus.algorithm.frame == 4
+
+
+def test_agents_of_kinds_that_do_not_send_it_are_not_asked():
+    bus = counters("ACounter#a<n=5> · AMother#m", until="eDone")
+    bus.start()
+    bus.run()
+    assert bus.algorithm.frame == 2
+
+
+def test_it_is_not_reached_while_one_of_the_kind_has_not_sent_it():
+    bus = counters("ACounter#a<n=5> · ACounter#b<n=7>", until="eDone")
+    bus.start()
+    bus.run(10)
+    assert bus.ended is None
+    assert not bus.algorithm.reached
+
+
+class Mayfly(Agent, symbol="ACounter"):
+    """Says that it is done, and dies of it."""
+
+    n: int = 0
+
+    @on("eAdd")
+    def add(self, add, moment):
+        self.n += add.n
+        if self.n == 7:
+            moment.emit(eDone())
+            return EMPTY
+        return None
+
+
+def test_one_that_sends_it_and_dies_does_not_speak_for_the_others():
+    bus = counters(
+        "ACounter#a<n=5> · ACounter#b<n=3>", until="eDone", members={"host": host("host", Mayfly)}
+    )
+    bus.start()
+    bus.run()
+    assert bus.algorithm.frame == 4
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_a_person_may_end_it_in_any_phase(phase):
+    bus = counters(frames=2, members={"screen": service("screen", Screen)})
+    for name in sorted(bus.makers):
+        if phase is not Phase.WAITING or name != "host":
+            bus.appear(name)
+    links = {
+        Phase.TICK: ("up", "add"),
+        Phase.EVOLVE: ("up", "host"),
+        Phase.CLOSING: ("up", "host"),
+        Phase.STOPPING: ("up", "screen"),
+    }
+    bus.settle()
+    if phase is Phase.CLOSING:
+        bus.frame()
+    if phase in (Phase.STOPPING, Phase.ENDED):
+        bus.frame()
+        bus.hold(("down", "screen"))
+        bus.frame()
+        if phase is Phase.ENDED:
+            bus.release()
+            bus.settle()
+    elif phase is Phase.CLOSING:
+        bus.hold(("down", "host"))
+        bus.frame()
+        bus.step(("down", "host"))
+        bus.step(("up", "host"))
+    elif phase in links:
+        bus.hold(links[phase])
+        bus.frame()
+    assert bus.algorithm.phase is phase
+    bus.tell(s.End("a person wishes it"))
+    bus.release()
+    bus.settle()
+    assert bus.ended is not None
+    wanted = (
+        "the frames are over" if phase in (Phase.STOPPING, Phase.ENDED) else "a person wishes it"
+    )
+    assert bus.ended.reason == wanted
+
+
+def test_what_comes_after_the_end_is_ignored():
+    bus = counters(frames=1)
+    bus.start()
+    bus.run()
+    bus.trace.clear()
+    for told in (
+        s.Begin(),
+        s.End("again"),
+        s.Silent(),
+        m.TickReply("add", 0),
+        m.EvolveReply("host", 0),
+        m.Report("add", {"added": 5}),
+        m.Emitted("add", ()),
+        s.Violation("add", "late"),
+        s.GaveUp("add"),
+        s.Vanished("host"),
+    ):
+        bus.tell(told)
+    assert bus.ended.figures == {"adders": 1, "added": 1}
+    assert not any("ended" in line for line in bus.trace)
+
+
+def test_figures_of_one_name_are_added_and_others_stand_side_by_side():
+    members = {
+        "add": service("add", lambda: Add(3)),
+        "more": service("more", lambda: Add(10)),
+        "screen": service("screen", Screen),
+    }
+    bus = counters(frames=2, members=members)
+    bus.start()
+    bus.run()
+    assert bus.ended.figures == {"adders": 2, "added": 13, "pictures": 3}
+
+
+def test_figures_of_guests_count_and_those_of_the_dead_do_not():
+    bus = counters(members={"more": service("more", lambda: Add(10))})
+    bus.start()
+    bus.makers["guest"] = service("guest", lambda: Add(30))
+    bus.appear("guest")
+    bus.run(1)
+    bus.vanish("more")
+    bus.tell(s.End("enough"))
+    bus.settle()
+    assert bus.ended.figures == {"adders": 2, "added": 31}
+
+
+def test_a_report_counts_once_and_only_from_who_takes_part():
+    bus = counters(frames=1)
+    bus.start()
+    bus.settle()
+    bus.hold(("up", "add"), ("up", "host"))
+    bus.frame()
+    bus.release()
+    bus.put(m.Report("stranger", {"added": 5}))
+    bus.settle()
+    bus.put(m.Report("add", {"added": 5}))
+    bus.settle()
+    assert bus.ended.figures == {"adders": 1, "added": 1}
+
+
+def test_one_that_dies_with_its_report_unsaid_does_not_hold_the_end_up():
+    bus = counters(frames=1)
+    bus.start()
+    bus.settle()
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.step(("down", "host"))
+    bus.step(("down", "host"))
+    bus.settle()
+    bus.vanish("host")
+    bus.trace.clear()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > host vanished
+        > silent
+        > silent
+            ended: the frames are over {'adders': 1, 'added': 1}
+    """,
+    )
+
+
+def test_one_that_says_nothing_is_not_waited_for_for_ever():
+    """The clock at the rim says when it has been long enough."""
+    bus = counters(frames=1)
+    bus.start()
+    bus.settle()
+    bus.hold(("up", "host"))
+    bus.step(BEGIN)
+    bus.settle()
+    bus.step(("up", "host"))
+    bus.settle()
+    assert bus.algorithm.phase is Phase.STOPPING
+    assert bus.algorithm.waiting_for() == ["host"]
+    bus.tell(s.End("no report in time"))
+    assert bus.ended.reason == "the frames are over"
+
+
+def test_a_world_without_anybody_ends_at_once():
+    bus = counters(members={"add": service("add", Add)}, expected=[])
+    bus.tell(s.End("never mind"))
+    assert bus.ended.reason == "never mind"
+    assert bus.ended.figures == {}
+
+
+def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
+    bus = counters(frames=1, members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.settle()
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.step(("down", "host"))
+    bus.step(("down", "host"))
+    bus.step(("up", "host"))
+    bus.vanish("host")
+    bus.settle()
+    assert bus.algorithm.phase is Phase.CLOSING
+    assert bus.algorithm.waiting_for() == ["host"]
+    bus.trace.clear()
+    bus.tell(s.GaveUp("host"))
+    bus.settle()
+    expect(
+        bus,
+        """
+        > host is given up
+            says host: will not come back; the world goes on without it
+            screen ← view 1 of eShow, number 2: all of #a #b
+            stopping
+            ~all ← stop: the frames are over
+        > add: report {'adders': 1, 'added': 1}
+        > screen: report {'pictures': 2}
+            ended: the frames are over {'adders': 1, 'added': 1, 'pictures': 2}
+        > add vanished
+        > screen vanished
+    """,
+    )
+
+
+def test_mothers_and_counters_end_the_same_way_however_often():
+    def run():
+        bus = counters(
+            "AMother#m · ACounter#c", members={"host": host("host", Counter, Mother)}, frames=5
+        )
+        bus.start()
+        bus.run()
+        return bus.digests, bus.trace
+
+    assert run() == run()

@@ -1,0 +1,354 @@
+"""Members that come: before the start, late, while the world runs, twice, or wrongly."""
+
+from dataclasses import replace
+
+import pytest
+from pond import (
+    VOCABULARY,
+    Add,
+    Counter,
+    Frog,
+    Mother,
+    Screen,
+    Steps,
+    counters,
+    expect,
+    host,
+    service,
+)
+
+from minerva_bus import Agent, Generator, Vocabulary
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.membership import State
+from minerva_bus.frame.participant import Participant
+
+
+def test_all_are_there_before_the_first_frame():
+    bus = counters(frames=1)
+    bus.start()
+    bus.run()
+    expect(
+        bus,
+        """
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 0
+        > host appeared
+            host ← greet
+        > host: hello, agents
+            host ← welcome to frame 0
+            ready for frame 0
+        > begin
+            ~tick ← tick 0
+        > add: ticked 0: eAdd<n=1>
+            host ← fragments #a #b
+            ~hosts ← evolve 0 on host: eAdd<n=1>
+        > host: evolved 0: #a #b
+            frame 0 done: eAdd<n=1>; #a: ACounter#a<n=1>(), #b: ACounter#b<n=1>()
+            stopping
+            ~all ← stop: the frames are over
+        > add: report {'adders': 1, 'added': 1}
+        > host: report
+            ended: the frames are over {'adders': 1, 'added': 1}
+        > add vanished
+        > host vanished
+    """,
+    )
+
+
+def test_the_first_frame_waits_for_all_whom_the_world_file_names():
+    bus = counters()
+    bus.appear("add")
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["host"]
+    expect(
+        bus,
+        """
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 0
+    """,
+    )
+    bus.appear("host")
+    bus.settle()
+    expect(
+        bus,
+        """
+        > host appeared
+            host ← greet
+        > host: hello, agents
+            host ← welcome to frame 0
+            ready for frame 0
+    """,
+    )
+
+
+def test_a_host_that_joins_takes_over_agents_and_changes_nothing():
+    plain, bus = counters(), counters()
+    plain.start()
+    plain.run(4)
+    bus.start()
+    bus.run(2)
+    bus.trace.clear()
+    bus.makers["heir"] = host("heir", Counter)
+    bus.appear("heir")
+    bus.run(2)
+    expect(
+        bus,
+        """
+        > heir appeared
+            heir ← greet
+        > heir: hello, agents
+            heir ← welcome to frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            heir ← fragments #b
+            host ← fragments nothing, without #b
+            ~hosts ← evolve 2 on heir, host: eAdd<n=1>
+        > heir: evolved 2: #b
+        > host: evolved 2: #a
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+            ready for frame 3
+        > begin
+            ~tick ← tick 3
+        > add: ticked 3: eAdd<n=1>
+            ~hosts ← evolve 3 on heir, host: eAdd<n=1>
+        > heir: evolved 3: #b
+        > host: evolved 3: #a
+            frame 3 done: eAdd<n=1>; #a: ACounter#a<n=4>(), #b: ACounter#b<n=4>()
+            ready for frame 4
+    """,
+    )
+    assert bus.digests == plain.digests
+
+
+def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.makers["heir"] = host("heir", Counter)
+    bus.trace.clear()
+    bus.hold(("up", "host"))
+    bus.frame()
+    bus.appear("heir")
+    bus.settle()
+    assert bus.algorithm.roster.get("heir").state is State.JOINING
+    bus.release()
+    bus.settle()
+    bus.frame()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > heir appeared
+            heir ← greet
+        > heir: hello, agents
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+        > begin
+            heir ← welcome to frame 2
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            heir ← fragments #b
+            host ← fragments nothing, without #b
+            ~hosts ← evolve 2 on heir, host: eAdd<n=1>
+        > heir: evolved 2: #b
+        > host: evolved 2: #a
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+            ready for frame 3
+    """,
+    )
+
+
+def test_an_observer_that_joins_gets_the_last_view_whole():
+    bus = counters(members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.run(2)
+    bus.makers["look"] = service("look", lambda: Screen(0))
+    bus.trace.clear()
+    bus.appear("look")
+    bus.settle()
+    expect(
+        bus,
+        """
+        > look appeared
+            look ← greet
+        > look: hello, device
+            look ← welcome to frame 2
+            look ← view 1 of eShow, number 2: all of #a #b
+    """,
+    )
+    bus.frame()
+    assert bus.alive["look"].service.shown == bus.alive["screen"].service.shown[-2:]
+
+
+def test_a_generator_that_joins_is_asked_from_the_next_frame_on():
+    bus = counters("ACounter#a")
+    bus.start()
+    bus.run(1)
+    bus.makers["more"] = service("more", lambda: Add(10))
+    bus.appear("more")
+    bus.trace.clear()
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > more appeared
+            more ← greet
+        > more: hello, generator
+            more ← welcome to frame 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+        > more: ticked 1: eAdd<n=10>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=10>
+        > host: evolved 1: #a
+            frame 1 done: eAdd<n=1>, eAdd<n=10>; #a: ACounter#a<n=12>()
+            ready for frame 2
+    """,
+    )
+
+
+def test_a_successor_with_the_same_name_and_other_faces_is_taken_for_what_it_is():
+    """A member leaves in the midst of a frame and another of its name comes, as a host."""
+    bus = counters()
+    bus.start()
+    bus.makers["heir"] = service("heir", Screen)
+    bus.appear("heir")
+    bus.run(1)
+    bus.leave("heir")
+    bus.makers["heir"] = host("heir", Counter)
+    bus.appear("heir")
+    bus.step(("up", "heir"))
+    bus.hold(("up", "heir"))
+    bus.settle()
+    bus.frame()
+    bus.release()
+    bus.run(2)
+    assert bus.stuck == []
+    assert bus.algorithm.roster.get("heir").hello.roles == ("agents",)
+    assert len(bus.alive["heir"].host.fragments) + len(bus.alive["host"].host.fragments) == 2
+
+
+class Elsewhere(Agent, symbol="ACounter"):
+    n: int = 0
+    m: float = 0.0
+
+
+class Rain(Generator, events=("eRain",)):
+    pass
+
+
+@pytest.mark.parametrize(
+    ("stranger", "reason"),
+    [
+        (service("new", Rain), "the world's vocabulary has no event type eRain"),
+        (host("new", type("Toad", (Frog,), {}, symbol="AToad")), "no agents AToad"),
+        (host("new", Elsewhere), "its ACounter has the state (n, m), the world's (n): both must"),
+    ],
+)
+def test_a_stranger_is_refused_with_a_reason_and_the_world_goes_on(stranger, reason):
+    bus = counters(members={})
+    bus.start()
+    bus.run(1)
+    bus.makers["new"] = stranger
+    bus.appear("new")
+    bus.run(1)
+    assert "new" not in bus.alive
+    assert any(f"new: may not join: {reason}" in said or reason in said for said in bus.said)
+    assert len(bus.records) == 2
+
+
+def test_a_member_of_another_protocol_is_refused():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.tell(s.Appeared("old"))
+    bus.put(m.Hello("old", 0, generates=("eAdd",)))
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > old appeared
+            old ← greet
+        > old: hello, generator
+            says old: may not join: it speaks protocol 0, this world 1
+            old ← refused: it speaks protocol 0, this world 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+
+
+def test_a_world_ends_when_one_that_it_needs_is_refused():
+    bus = counters(members={"rain": service("rain", Rain)})
+    bus.start()
+    bus.settle()
+    assert bus.ended.reason.startswith("rain cannot take part: the world's vocabulary has no")
+    assert bus.algorithm.failed
+
+
+def test_a_hello_out_of_turn_is_ignored():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    hello = bus.alive["add"].hello()
+    bus.put(replace(hello, generates=("eStep",), lockstep=False))
+    bus.put(replace(hello, member="nobody"))
+    bus.trace.clear()
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > add: hello, generator
+        > nobody: hello, generator
+            says nobody: is no member and is not heard
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+
+
+def test_a_member_that_appears_while_the_world_ends_is_told_so():
+    bus = counters()
+    bus.start()
+    bus.settle()
+    bus.tell(s.End("enough"))
+    bus.makers["late"] = host("late", Mother)
+    bus.appear("late")
+    bus.settle()
+    assert bus.ended.reason == "enough"
+    assert "late" not in bus.alive
+
+
+def test_the_welcome_says_all_that_a_member_must_know():
+    bus = counters(seed=3, dt=0.5, name="garden")
+    bus.start()
+    bus.run(2)
+    bus.makers["new"] = service("new", Steps)
+    bus.appear("new")
+    bus.run(1)
+    welcome = bus.alive["new"].world
+    assert (welcome.world, welcome.seed, welcome.dt, welcome.frame) == ("garden", 3, 0.5, 2)
+    assert isinstance(welcome.vocabulary, Vocabulary)
+    assert welcome.vocabulary is VOCABULARY
+    assert isinstance(bus.alive["new"], Participant)

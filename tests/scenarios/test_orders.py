@@ -1,0 +1,131 @@
+"""What people send: through a generator that takes it, or straight into the next frame."""
+
+from pond import Add, Steps, counters, eAdd, eStep, expect, service
+
+from minerva_bus.frame import stimuli as s
+
+
+class Taker(Add):
+    """Doubles what people order, and adds nothing of its own."""
+
+    def takes_orders(self):
+        return self.events
+
+    def generate(self, tick):
+        return [eAdd(2 * order.n, receivers=order.receivers) for order in tick.orders]
+
+
+def taking(**more):
+    return counters(members={"add": service("add", Taker), **more})
+
+
+def test_an_order_goes_through_the_generator_that_takes_it():
+    bus = taking()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.tell(s.Order(eAdd(3)))
+    bus.run(2)
+    expect(
+        bus,
+        """
+        > order: eAdd<n=3>
+            add ← orders: eAdd<n=3>
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=6>
+            host ← fragments #a #b
+            ~hosts ← evolve 1 on host: eAdd<n=6>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=6>; #a: ACounter#a<n=6>(), #b: ACounter#b<n=6>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: no events
+            frame 2 done: no events; no change
+            ready for frame 3
+    """,
+    )
+
+
+def test_an_order_that_nobody_takes_counts_in_the_next_frame():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.tell(s.Order(eAdd(3, receivers=["b"])))
+    bus.run(2)
+    expect(
+        bus,
+        """
+        > order: eAdd<n=3> to #b
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=3> to #b
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>, eAdd<n=3> to #b; #a: ACounter#a<n=2>(), #b: ACounter#b<n=5>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on host: eAdd<n=1>
+        > host: evolved 2: #a #b
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=6>()
+            ready for frame 3
+    """,
+    )
+
+
+def test_orders_in_a_tick_wait_for_the_next():
+    bus = taking(slow=service("slow", Steps))
+    bus.start()
+    bus.run(1)
+    bus.hold(("up", "slow"))
+    bus.frame()
+    bus.tell(s.Order(eAdd(3)))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    assert "n=0" in str(bus.algorithm.scene)
+    bus.run(1)
+    assert "n=6" in str(bus.algorithm.scene)
+
+
+def test_many_orders_keep_their_order_and_each_counts():
+    bus = taking()
+    bus.start()
+    bus.run(1)
+    for n in (1, 2, 3):
+        bus.tell(s.Order(eAdd(n)))
+    bus.run(1)
+    assert [str(event) for event in bus.records[-1].events] == [
+        "eAdd<n=2>", "eAdd<n=4>", "eAdd<n=6>",
+    ]  # fmt: skip
+
+
+def test_an_order_whose_taker_is_away_is_not_lost():
+    """Nobody takes it then, so it counts as it is."""
+    bus = taking()
+    bus.start()
+    bus.run(1)
+    bus.vanish("add")
+    bus.settle()
+    bus.tell(s.Order(eAdd(3)))
+    bus.appear("add")
+    bus.run(1)
+    assert "n=3" in str(bus.algorithm.scene)
+
+
+def test_an_order_of_a_type_that_concerns_nobody_changes_nothing():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    before = bus.algorithm.scene
+    bus.vanish("add")
+    bus.tell(s.GaveUp("add"))
+    bus.tell(s.Order(eStep(1)))
+    bus.settle()
+    bus.run(1)
+    assert bus.algorithm.scene == before
+    assert [str(event) for event in bus.records[-1].events] == ["eStep<count=1>"]

@@ -1,0 +1,243 @@
+"""What becomes of the string: births, deaths, shapes that change, and fragments on their way."""
+
+import pytest
+from pond import (
+    VOCABULARY,
+    Add,
+    Counter,
+    Fly,
+    Frog,
+    Lily,
+    Mother,
+    Screen,
+    Steps,
+    Tadpole,
+    counters,
+    expect,
+    host,
+    service,
+    world,
+)
+
+from minerva_bus import Agent, on
+from minerva_bus.frame.composition import Composition
+from minerva_bus.testing.memory_bus import MemoryBus
+
+
+def test_a_newborn_meets_its_first_events_in_the_next_frame():
+    bus = counters("AMother#m", members={"host": host("host", Counter, Mother)}, frames=3)
+    bus.start()
+    bus.settle()
+    bus.trace.clear()
+    bus.run()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 0
+        > add: ticked 0: eAdd<n=1>
+            host ← fragments #m
+            ~hosts ← evolve 0 on host: eAdd<n=1>
+        > host: evolved 0: #m
+            frame 0 done: eAdd<n=1>; #m: AMother#m<births=1>() · ACounter#m:1<n=1>()
+            ready for frame 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            host ← fragments #m #m:1
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #m #m:1
+            frame 1 done: eAdd<n=1>; #m: AMother#m<births=2>() · ACounter#m:2<n=1>(), #m:1: ACounter#m:1<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            host ← fragments #m #m:2
+            ~hosts ← evolve 2 on host: eAdd<n=1>
+        > host: evolved 2: #m #m:1 #m:2
+            frame 2 done: eAdd<n=1>; #m: AMother#m<births=3>() · ACounter#m:3<n=1>(), #m:1: ACounter#m:1<n=3>(), #m:2: ACounter#m:2<n=2>()
+            stopping
+            ~all ← stop: the frames are over
+        > add: report {'adders': 1, 'added': 1}
+        > host: report
+            ended: the frames are over {'adders': 1, 'added': 1}
+        > add vanished
+        > host vanished
+    """,
+    )
+
+
+def test_the_dead_are_gone_from_everywhere():
+    bus = counters("ACounter#a<n=98> · ACounter#b", members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.run(4)
+    assert str(bus.algorithm.scene) == "ACounter#b<n=4>()"
+    assert list(bus.alive["host"].host.fragments) == ["b"]
+    assert bus.alive["screen"].service.shown == [
+        "0: PDot<x=98> · PDot<x=0>",
+        "1: PDot<x=99> · PDot<x=1>",
+        "2: PDot<x=2>",
+        "3: PDot<x=3>",
+    ]
+
+
+def test_what_stands_around_agents_stays():
+    text = "PDot<x=5> · TAt<x=1>(ACounter#a<n=99> · TAt<x=2>(ACounter#b)) · PDot<x=6>"
+    bus = counters(text)
+    bus.start()
+    bus.run(1)
+    assert str(bus.algorithm.scene) == (
+        "PDot<x=5> · TAt<x=1>(TAt<x=2>(ACounter#b<n=1>())) · PDot<x=6>"
+    )
+
+
+def test_the_world_ends_with_the_empty_string():
+    bus = counters("ACounter#a<n=98>")
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.run()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a
+            frame 1 done: eAdd<n=1>; #a: 
+            stopping
+            ~all ← stop: the string is empty
+        > add: report {'adders': 1, 'added': 1}
+        > host: report
+            ended: the string is empty {'adders': 1, 'added': 1}
+        > add vanished
+        > host vanished
+    """,
+    )
+
+
+def test_only_what_has_changed_travels():
+    """A host that makes its fragments itself is never given them."""
+    members = {"host": host("host", Counter), "steps": service("steps", Steps)}
+    bus = counters(members=members)
+    bus.start()
+    bus.run(5)
+    assert sum("host ← fragments" in line for line in bus.trace) == 1
+
+
+def test_hosts_that_no_event_concerns_are_not_asked():
+    members = {"frogs": host("frogs", Frog), "flies": host("flies", Fly)}
+    bus = counters("ACounter#a · AFrog#f · AFly#y", members=members)
+    bus.start()
+    bus.run(3)
+    assert [line.strip() for line in bus.trace if "evolve" in line and "←" in line] == [
+        f"~hosts ← evolve {frame} on host: eAdd<n=1>" for frame in range(3)
+    ]
+
+
+def test_a_fragment_with_agents_of_many_kinds_goes_where_all_are_offered():
+    members = {
+        "lilies": host("lilies", Lily),
+        "frogs": host("frogs", Frog, Counter),
+        "all": host("all", Lily, Frog, Counter),
+        "steps": service("steps", Steps),
+    }
+    bus = counters("ALily#l(AFrog#f(ACounter#c))", members=members)
+    bus.start()
+    bus.run(2)
+    assert [name for name, one in bus.alive.items() if one.host.fragments] == ["all"]
+    assert "ALily#l<steps=4>" in str(bus.algorithm.scene)
+
+
+def test_an_agent_that_leaves_another_s_scope_becomes_a_fragment_of_its_own():
+    class Pond(Agent, symbol="ALily"):
+        steps: int = 0
+
+        @on("eStep")
+        def spill(self, step, moment):
+            self.steps += 1
+            out, self.scope = self.scope, VOCABULARY.read("")
+            return self.string + out
+
+    members = {"host": host("host", Pond, Counter), "steps": service("steps", Steps)}
+    bus = counters("ALily#l(ACounter#c)", members=members)
+    bus.start()
+    bus.run(3)
+    assert str(bus.algorithm.scene) == "ALily#l<steps=3>() · ACounter#c<n=3>()"
+
+
+@pytest.mark.parametrize("text", ["ATadpole#t", "TAt<x=1>(ATadpole#t)", "ALily#l(ATadpole#t)"])
+def test_an_agent_that_turns_into_another_kind_goes_where_that_is_offered(text):
+    members = {"host": host("host", Counter), "pool": host("pool", Tadpole, Lily)}
+    if "Lily" in text:
+        members["all"] = host("all", Lily, Counter)
+    bus = counters(text, members=members)
+    bus.start()
+    bus.run(5)
+    assert "ACounter#t<n=5>" in str(bus.algorithm.scene)
+
+
+def test_a_kind_that_makes_one_id_twice_is_named():
+    class Careless(Agent, symbol="AMother"):
+        births: int = 0
+
+        @on("eAdd")
+        def bear(self, add, moment):
+            return self.string + Counter("same").string
+
+    bus = counters("AMother#m", members={"host": host("host", Careless)})
+    bus.start()
+    bus.run(5)
+    assert len(bus.records) == 1
+    assert bus.said[0] == "host: broke the protocol: it made a second agent #same"
+    assert bus.algorithm.waiting_for() == ["host"]
+
+
+def test_a_composition_that_refuses_a_change_stays_as_it_was():
+    w = VOCABULARY.read("TAt<x=1>(ACounter#a) · ACounter#b")
+    composition = Composition(w)
+    twin = VOCABULARY.read("ACounter#a · ACounter#b")
+    with pytest.raises(Exception, match="two agents have the id #b"):
+        composition.replace({"a": twin})
+    assert composition.scene is w
+    assert sorted(composition.fragments) == ["a", "b"]
+
+
+def test_one_host_or_many_give_the_same_strings():
+    text = " · ".join(f"AFrog#f{n}<x={n}>" for n in range(6)) + " · ALily#l(AFly#y · AFrog#g)"
+    kinds = (Frog, Fly, Lily)
+    found = []
+    for count in (1, 2, 5):
+        members = {f"host-{n}": host(f"host-{n}", *kinds) for n in range(count)}
+        members["steps"] = service("steps", Steps)
+        bus = MemoryBus(world(text, members, frames=15, seed=3), members)
+        bus.start()
+        bus.run()
+        found.append(bus.digests)
+    assert found[0] == found[1] == found[2]
+    assert len(set(found[0])) == 15
+
+
+def test_another_seed_gives_other_strings():
+    def digests(seed):
+        members = {"host": host("host", Frog), "steps": service("steps", Steps)}
+        bus = MemoryBus(world("AFrog#f", members, frames=2, seed=seed), members)
+        bus.start()
+        bus.run()
+        return bus.digests
+
+    assert digests(1) == digests(1)
+    assert digests(1) != digests(2)
+
+
+def test_without_events_nothing_is_asked_and_nothing_changes():
+    class Silent(Add):
+        def generate(self, tick):
+            return ()
+
+    bus = counters(members={"add": service("add", Silent)}, frames=3)
+    bus.start()
+    bus.run()
+    assert len(set(bus.digests)) == 1
+    assert not any("evolve" in line for line in bus.trace)

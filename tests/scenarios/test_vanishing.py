@@ -1,0 +1,541 @@
+"""Members that go: in a tick, in evolution, between frames; waited for, given up, or not missed."""
+
+import pytest
+from pond import (
+    Add,
+    Counter,
+    Eye,
+    Fly,
+    Mother,
+    Steps,
+    Water,
+    counters,
+    expect,
+    host,
+    service,
+    world,
+)
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.membership import State
+from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+
+
+def undisturbed(frames, **rest):
+    bus = counters(**rest)
+    bus.start()
+    bus.run(frames)
+    return bus.digests
+
+
+def test_the_world_waits_for_a_generator_that_dies_in_a_tick():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.step(BEGIN)
+    bus.vanish("add")
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["add"]
+    bus.appear("add")
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add vanished
+            says add: is gone; the world waits for it
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 1
+            add ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+    assert bus.digests == undisturbed(2)
+
+
+def test_the_world_waits_for_a_generator_that_died_between_frames():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.vanish("add")
+    bus.run(1)
+    assert bus.algorithm.waiting_for() == ["add"]
+    bus.appear("add")
+    bus.settle()
+    expect(
+        bus,
+        """
+        > add vanished
+            says add: is gone; the world waits for it
+        > begin
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 1
+            add ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+    assert bus.digests == undisturbed(2)
+
+
+def test_what_a_generator_said_before_it_died_is_asked_for_again_while_the_tick_lasts():
+    """Its successor must know what it had published; here there is nothing, the answer is one."""
+    bus = counters(members={"slow": service("slow", Steps)})
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.hold(("up", "slow"))
+    bus.frame()
+    bus.restart("add")
+    bus.settle()
+    bus.release()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+        > add vanished
+            says add: is gone; the world waits for it
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 1
+            add ← tick 1
+        > add: ticked 1: eAdd<n=1>
+        > slow: ticked 1: eStep<count=2>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eStep<count=2>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>, eStep<count=2>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+
+
+def test_a_successor_goes_on_from_what_was_saved_in_the_last_whole_frame():
+    plain = MemoryBus(world("ACounter#a", ["steps"]), {"steps": service("steps", Steps)})
+    plain.start()
+    plain.run(6)
+    bus = MemoryBus(world("ACounter#a", ["steps"]), {"steps": service("steps", Steps)})
+    bus.start()
+    for _ in range(6):
+        bus.run(1)
+        bus.restart("steps")
+    assert [record.events for record in bus.records] == [record.events for record in plain.records]
+
+
+def test_the_world_waits_for_a_host_that_dies_in_evolution():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.vanish("host")
+    bus.settle()
+    bus.release()
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["host"]
+    bus.appear("host")
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host vanished
+            says host: is gone; the world waits for it
+        > host appeared
+            host ← greet
+        > host: hello, agents
+            host ← welcome to frame 1
+            host ← fragments #a #b
+            host ← evolve 1 on host (#a #b only): eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+    assert bus.digests == undisturbed(2)
+
+
+def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
+    members = {"host": host("host", Counter), "other": host("other", Counter)}
+    bus = counters(members=members)
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.vanish("host")
+    bus.settle()
+    bus.release()
+    bus.settle()
+    bus.frame()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host, other: eAdd<n=1>
+        > other: evolved 1: #b
+        > host vanished
+            says host: is gone; the world waits for it
+            other ← fragments #a
+            other ← evolve 1 on other (#a only): eAdd<n=1>
+        > other: evolved 1: #a
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on other: eAdd<n=1>
+        > other: evolved 2: #a #b
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+            ready for frame 3
+    """,
+    )
+    assert bus.digests == undisturbed(3)
+
+
+def test_what_a_host_answered_before_it_died_counts_and_its_heir_is_given_it():
+    members = {"host": host("host", Counter), "other": host("other", Counter)}
+    bus = counters(members=members)
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.hold(("down", "other"))
+    bus.frame()
+    bus.vanish("host")
+    bus.settle()
+    bus.release()
+    bus.settle()
+    bus.frame()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host, other: eAdd<n=1>
+        > host: evolved 1: #a
+        > host vanished
+            says host: is gone; the world waits for it
+        > other: evolved 1: #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            other ← fragments #a
+            ~hosts ← evolve 2 on other: eAdd<n=1>
+        > other: evolved 2: #a #b
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+            ready for frame 3
+    """,
+    )
+    assert bus.digests == undisturbed(3)
+
+
+def test_a_host_that_comes_back_in_the_frame_in_which_it_answered_has_nothing():
+    """It alone has mothers, for which the frame waits; it shares counters with another."""
+    members = {"host": host("host", Counter, Mother), "other": host("other", Counter)}
+    text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AMother#m"
+    bus = counters(text, members=members)
+    bus.start()
+    bus.run(1)
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.restart("host")
+    bus.settle()
+    bus.release()
+    bus.run(3)
+    assert bus.stuck == []
+    assert bus.digests == undisturbed(5, text=text, members={"host": host("host", Counter, Mother)})
+
+
+def test_agents_that_move_to_another_host_while_the_old_one_answers_move_with_what_it_answered():
+    """`host` alone has flies, for which the frame waits; when it comes back, counters move to it."""
+    members = {"host": host("host", Counter, Fly), "other": host("other", Counter)}
+    text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AFly#y"
+    bus = counters(text, members=members)
+    bus.start()
+    bus.run(1)
+    bus.vanish("host")
+    bus.hold(("up", "other"))
+    bus.frame()
+    bus.appear("host")
+    bus.settle()
+    bus.release()
+    bus.run(3)
+    assert bus.stuck == []
+    assert bus.digests == undisturbed(5, text=text)
+
+
+def test_agents_that_nobody_offers_stand_still_and_the_rest_goes_on():
+    bus = counters("ACounter#a · AMother#m")
+    bus.start()
+    bus.run(2)
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · AMother#m<births=0>()"
+
+
+def test_agents_of_a_host_that_is_given_up_stand_still():
+    bus = counters("ACounter#a · AMother#m", members={"mothers": host("mothers", Mother)})
+    bus.start()
+    bus.run(1)
+    bus.vanish("mothers")
+    bus.trace.clear()
+    bus.run(1)
+    bus.tell(s.GaveUp("mothers"))
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > mothers vanished
+            says mothers: is gone; the world waits for it
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            host ← fragments #m:1
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #m:1
+        > mothers is given up
+            says mothers: will not come back; the world goes on without it
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #m:1: ACounter#m:1<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on host: eAdd<n=1>
+        > host: evolved 2: #a #m:1
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=3>(), #m:1: ACounter#m:1<n=3>()
+            ready for frame 3
+    """,
+    )
+    bus.appear("mothers")
+    bus.run(1)
+    assert "#m<births=2>" in str(bus.algorithm.scene)
+
+
+def test_a_generator_that_is_given_up_in_a_tick_is_missed_no_longer():
+    bus = counters(members={"more": service("more", lambda: Add(10))})
+    bus.start()
+    bus.run(1)
+    bus.vanish("more")
+    bus.run(1)
+    bus.trace.clear()
+    bus.tell(s.GaveUp("more"))
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > more is given up
+            says more: will not come back; the world goes on without it
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=12>(), #b: ACounter#b<n=12>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on host: eAdd<n=1>
+        > host: evolved 2: #a #b
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=13>(), #b: ACounter#b<n=13>()
+            ready for frame 3
+    """,
+    )
+
+
+def test_one_that_is_given_up_before_the_start_is_not_waited_for():
+    bus = counters(members={"more": service("more", Add)})
+    bus.appear("add")
+    bus.appear("host")
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["more"]
+    bus.tell(s.GaveUp("more"))
+    bus.run(1)
+    assert len(bus.records) == 1
+
+
+@pytest.mark.parametrize("how", ["vanish", "leave"])
+@pytest.mark.parametrize(
+    "hold", [("down", "guest"), ("up", "guest"), ("up", "slow"), ("up", "host")]
+)
+def test_a_guest_that_goes_is_not_waited_for(how, hold):
+    """A generator that the world file does not name goes: before its answer, or after it."""
+    bus = counters(members={"slow": service("slow", Steps)})
+    bus.start()
+    bus.makers["guest"] = service("guest", Add)
+    bus.appear("guest")
+    bus.run(1)
+    bus.hold(hold)
+    bus.frame()
+    getattr(bus, how)("guest")
+    bus.settle()
+    bus.release()
+    bus.run(2)
+    assert bus.stuck == []
+    assert len(bus.records) == 4
+    assert bus.algorithm.roster.get("guest").state is State.LEFT
+
+
+@pytest.mark.parametrize("how", ["vanish", "leave"])
+@pytest.mark.parametrize(
+    "hold", [("down", "guest"), ("up", "guest"), ("up", "host"), ("up", "add")]
+)
+def test_a_guest_that_hosted_agents_gives_them_back(how, hold):
+    bus = counters()
+    bus.start()
+    bus.makers["guest"] = host("guest", Counter)
+    bus.appear("guest")
+    bus.run(1)
+    bus.hold(hold)
+    bus.frame()
+    getattr(bus, how)("guest")
+    bus.settle()
+    bus.release()
+    bus.run(2)
+    assert bus.stuck == []
+    assert bus.digests == undisturbed(4)
+
+
+def test_one_that_leaves_of_its_own_will_is_not_waited_for():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    bus.leave("add")
+    bus.run(1)
+    expect(
+        bus,
+        """
+        > add: leaving
+            says add: has left
+        > add vanished
+        > begin
+            frame 1 done: no events; no change
+            ready for frame 2
+    """,
+    )
+
+
+def sights():
+    return counters(
+        "ACounter#a",
+        members={"water": service("water", Water), "eye": service("eye", Eye)},
+        frames=4,
+    )
+
+
+def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
+    bus = sights()
+    bus.start()
+    bus.run(2)
+    expect(
+        bus,
+        """
+        > add appeared
+            add ← greet
+        > add: hello, generator
+            add ← welcome to frame 0
+        > eye appeared
+            eye ← greet
+        > eye: hello, generator
+            eye ← welcome to frame 0
+        > host appeared
+            host ← greet
+        > host: hello, agents
+            host ← welcome to frame 0
+        > water appeared
+            water ← greet
+        > water: hello, device
+            water ← welcome to frame 0
+            ~all ← sources: sight by water
+            ready for frame 0
+        > begin
+            ~tick ← tick 0
+        > add: ticked 0: eAdd<n=1>
+        > eye: ticked 0: eSeen<figures=0>
+        > water: ticked 0: no events
+            host ← fragments #a
+            ~hosts ← evolve 0 on host: eAdd<n=1>, eSeen<figures=0>, eShow
+        > host: evolved 0: #a
+            water ← view 0 of eShow, number 1: all of #a
+            frame 0 done: eAdd<n=1>, eSeen<figures=0>, eShow; #a: ACounter#a<n=1>()
+            ready for frame 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+        > eye: ticked 1: eSeen<figures=1>
+        > water: ticked 1: no events
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eSeen<figures=1>, eShow
+        > host: evolved 1: #a
+            water ← view 1 of eShow, number 2: #a
+            frame 1 done: eAdd<n=1>, eSeen<figures=1>, eShow; #a: ACounter#a<n=2>()
+            ready for frame 2
+    """,
+    )
+
+
+@pytest.mark.parametrize("who", ["water", "eye"])
+@pytest.mark.parametrize(
+    "hold", [("down", "eye"), ("down", "water"), ("up", "eye"), ("up", "water")]
+)
+def test_readings_are_there_again_whoever_dies(who, hold):
+    plain, bus = sights(), sights()
+    plain.start()
+    plain.run()
+    bus.start()
+    bus.run(1)
+    for _ in range(2):
+        bus.hold(hold)
+        bus.frame()
+        bus.restart(who)
+        bus.settle()
+        bus.release()
+        bus.settle()
+    bus.run()
+    assert bus.stuck == []
+    assert bus.ended is not None
+    assert [record.events for record in bus.records] == [record.events for record in plain.records]
+
+
+def test_a_generator_is_not_held_up_by_a_source_that_will_not_come_back():
+    bus = sights()
+    bus.start()
+    bus.run(1)
+    bus.vanish("water")
+    bus.run(1)
+    bus.trace.clear()
+    bus.tell(s.GaveUp("water"))
+    bus.settle()
+    expect(
+        bus,
+        """
+        > water is given up
+            says water: will not come back; the world goes on without it
+        > eye: ticked 1: eSeen<figures=0>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eSeen<figures=0>
+        > host: evolved 1: #a
+            frame 1 done: eAdd<n=1>, eSeen<figures=0>; #a: ACounter#a<n=2>()
+            ready for frame 2
+    """,
+    )

@@ -1,0 +1,311 @@
+"""Views: visual events, devices that are their own source, coupled ones, and observers that miss."""
+
+import pytest
+from pond import Counter, Mother, Screen, Water, counters, eShow, expect, host, service
+
+from minerva_bus import Device, Generator
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.testing.memory_bus import BEGIN
+
+
+def shown(bus, name="screen"):
+    return bus.alive[name].service.shown
+
+
+class Show(Generator, events=("eShow",)):
+    """Asks for a view every other frame."""
+
+    def generate(self, tick):
+        return () if tick.number % 2 else (eShow(),)
+
+
+class Looker(Screen):
+    def __init__(self):
+        super().__init__(every=0)
+
+
+def test_a_visual_event_of_a_generator_shows_the_string_of_its_frame():
+    bus = counters(
+        "ACounter#a", members={"show": service("show", Show), "look": service("look", Looker)}
+    )
+    bus.start()
+    bus.run(4)
+    assert shown(bus, "look") == ["0: PDot<x=0>", "2: PDot<x=2>"]
+
+
+def test_a_device_is_its_own_source_every_so_many_frames():
+    screens = {f"screen-{n}": service(f"screen-{n}", lambda n=n: Screen(n)) for n in (1, 2, 3)}
+    bus = counters("ACounter#a", members=screens)
+    bus.start()
+    bus.run(7)
+    views = {"screen-1": range(7), "screen-2": range(7), "screen-3": range(7)}
+    for name, frames in views.items():
+        assert shown(bus, name) == [f"{n}: PDot<x={n}>" for n in frames]
+    alone = counters("ACounter#a", members={"screen-3": screens["screen-3"]})
+    alone.start()
+    alone.run(7)
+    assert shown(alone, "screen-3") == ["0: PDot<x=0>", "3: PDot<x=3>", "6: PDot<x=6>"]
+
+
+def test_visual_events_are_collected_once_and_do_not_evolve_anything():
+    """Two screens and a generator ask for the same view: one event, by equation 6."""
+    members = {
+        "one": service("one", Screen),
+        "two": service("two", Screen),
+        "show": service("show", Show),
+    }
+    bus, plain = counters(members=members), counters()
+    for each in (bus, plain):
+        each.start()
+        each.run(2)
+    assert [str(event) for event in bus.records[0].events] == ["eAdd<n=1>", "eShow"]
+    assert bus.digests == plain.digests
+
+
+def test_a_delta_has_only_what_looks_different_and_a_new_skeleton_makes_it_whole():
+    members = {"screen": service("screen", Screen), "host": host("host", Counter, Mother)}
+    bus = counters("ACounter#a<n=98> · TAt<x=1>(ACounter#b)", members=members)
+    bus.start()
+    bus.settle()
+    bus.trace.clear()
+    bus.run(4)
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 0
+        > add: ticked 0: eAdd<n=1>
+            host ← fragments #a #b
+            ~hosts ← evolve 0 on host: eAdd<n=1>, eShow
+        > host: evolved 0: #a #b
+            observers of eShow ← view 0 of eShow, number 1: all of #a #b
+            frame 0 done: eAdd<n=1>, eShow; #a: ACounter#a<n=99>(), #b: ACounter#b<n=1>()
+            ready for frame 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eShow
+        > host: evolved 1: #a #b
+            observers of eShow ← view 1 of eShow, number 2: #a #b
+            frame 1 done: eAdd<n=1>, eShow; #a: , #b: ACounter#b<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
+        > host: evolved 2: #b
+            observers of eShow ← view 2 of eShow, number 3: all of #b
+            frame 2 done: eAdd<n=1>, eShow; #b: ACounter#b<n=3>()
+            ready for frame 3
+        > begin
+            ~tick ← tick 3
+        > add: ticked 3: eAdd<n=1>
+            ~hosts ← evolve 3 on host: eAdd<n=1>, eShow
+        > host: evolved 3: #b
+            observers of eShow ← view 3 of eShow, number 4: #b
+            frame 3 done: eAdd<n=1>, eShow; #b: ACounter#b<n=4>()
+            ready for frame 4
+    """,
+    )
+
+
+def test_an_agent_that_looks_as_before_is_not_shown_again():
+    bus = counters("ACounter#a · AMother#m", members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.run(2)
+    bus.hold(("down", "screen"))
+    bus.vanish("add")
+    bus.tell(s.GaveUp("add"))
+    bus.settle()
+    bus.run(1)
+    assert shown(bus)[-1].startswith("1:")
+    bus.release()
+    bus.run(1)
+    assert shown(bus)[-1] == "3: PDot<x=2>"
+
+
+def test_a_coupled_device_has_the_view_of_a_frame_before_it_is_asked_for_the_next():
+    bus = counters("ACounter#a", members={"water": service("water", Water)}, frames=3)
+    bus.start()
+    bus.settle()
+    bus.trace.clear()
+    bus.run()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 0
+        > add: ticked 0: eAdd<n=1>
+        > water: ticked 0: no events
+            host ← fragments #a
+            ~hosts ← evolve 0 on host: eAdd<n=1>, eShow
+        > host: evolved 0: #a
+            water ← view 0 of eShow, number 1: all of #a
+            frame 0 done: eAdd<n=1>, eShow; #a: ACounter#a<n=1>()
+            ready for frame 1
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+        > water: ticked 1: no events
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eShow
+        > host: evolved 1: #a
+            water ← view 1 of eShow, number 2: #a
+            frame 1 done: eAdd<n=1>, eShow; #a: ACounter#a<n=2>()
+            ready for frame 2
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+        > water: ticked 2: no events
+            ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
+        > host: evolved 2: #a
+            water ← view 2 of eShow, number 3: #a
+            frame 2 done: eAdd<n=1>, eShow; #a: ACounter#a<n=3>()
+            ~hosts ← evolve 3 on host: eShow
+        > host: evolved 3: nothing
+            water ← view 3 of eShow, number 4: #a
+            stopping
+            ~all ← stop: the frames are over
+        > add: report {'adders': 1, 'added': 1}
+        > host: report
+        > water: report {'ripples': 2}
+            ended: the frames are over {'adders': 1, 'added': 1, 'ripples': 2}
+        > add vanished
+        > host vanished
+        > water vanished
+    """,
+    )
+
+
+def test_an_observer_never_holds_a_frame_up():
+    bus = counters("ACounter#a", members={"screen": service("screen", Screen)}, frames=20)
+    bus.start()
+    bus.settle()
+    bus.hold(("down", "screen"))
+    for _ in range(20):
+        bus.frame()
+    assert len(bus.records) == 20
+    assert bus.algorithm.waiting_for() == ["screen"]  # for its report
+    bus.release()
+    bus.settle()
+    assert bus.ended.reason == "the frames are over"
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_an_observer_that_missed_views_asks_for_a_whole_one(lost):
+    bus = counters("ACounter#a · ACounter#b", members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.run(1)
+    bus.hold(("down", "screen"))
+    for _ in range(lost):
+        bus.frame()
+    for _ in range(lost):
+        bus.drop(("down", "screen"))
+    bus.release()
+    bus.trace.clear()
+    bus.run(1)
+    if lost == 1:
+        expect(
+            bus,
+            """
+        > begin
+            ~tick ← tick 2
+        > add: ticked 2: eAdd<n=1>
+            ~hosts ← evolve 2 on host: eAdd<n=1>, eShow
+        > host: evolved 2: #a #b
+            observers of eShow ← view 2 of eShow, number 3: #a #b
+            frame 2 done: eAdd<n=1>, eShow; #a: ACounter#a<n=3>(), #b: ACounter#b<n=3>()
+            ready for frame 3
+        > screen: resync eShow
+            screen ← view 2 of eShow, number 3: all of #a #b
+    """,
+        )
+    assert shown(bus)[-1] == f"{lost + 1}: PDot<x={lost + 1}> · PDot<x={lost + 1}>"
+    bus.run(1)
+    assert shown(bus)[-1].startswith(f"{lost + 2}:")
+
+
+def test_a_view_that_comes_twice_or_late_is_not_shown_again():
+    bus = counters("ACounter#a", members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.run(3)
+    before = list(shown(bus))
+    for sequence in (1, 2, 3):
+        bus.alive["screen"].receive(m.ViewShown(0, "eShow", sequence, {}))
+    bus.alive["screen"].show()
+    assert shown(bus) == before
+
+
+def test_a_resync_for_what_was_never_shown_or_by_a_stranger_is_ignored():
+    bus = counters()
+    bus.start()
+    bus.run(1)
+    bus.put(m.Resync("host", "eShow"))
+    bus.put(m.Resync("stranger", "eShow"))
+    bus.put(m.Resync("host", "eNothing"))
+    bus.settle()
+    bus.run(1)
+    assert len(bus.records) == 2
+
+
+def test_the_last_string_is_shown_when_a_world_has_come_to_its_end():
+    bus = counters("ACounter#a", members={"screen": service("screen", lambda: Screen(5))}, frames=3)
+    bus.start()
+    screen = bus.alive["screen"].service
+    bus.run()
+    assert screen.shown == ["0: PDot<x=0>", "3: PDot<x=3>"]
+
+
+def test_a_guest_that_watches_changes_no_digest():
+    bus, plain = counters(), counters()
+    bus.start()
+    plain.start()
+    plain.run(6)
+    for n in range(3):
+        bus.makers[f"look-{n}"] = service(f"look-{n}", Screen)
+        bus.appear(f"look-{n}")
+        bus.run(1)
+        bus.vanish(f"look-{n}")
+        bus.run(1)
+    assert bus.digests == plain.digests
+
+
+class Sizes(Device, draws=("eMark",)):
+    """Draws events with data, which it cannot make itself."""
+
+    every = 1
+
+    def show(self, view):
+        raise AssertionError("nothing to see")
+
+
+def test_a_device_cannot_be_the_source_of_events_that_need_data():
+    from minerva_bus.frame.description import World
+    from minerva_bus.frame.participant import Participant
+    from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
+    from minerva_bus.testing.memory_bus import MemoryBus
+
+    members = {"host": lambda: Participant("host", None, FAMILY)}
+    w = FAMILY_VOCABULARY.read("AWalker#w")
+    bus = MemoryBus(World("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
+    bus.start()
+    bus.run(1)
+    bus.makers["sizes"] = service("sizes", Sizes)
+    bus.appear("sizes")
+    bus.run(2)
+    assert "host" in bus.alive
+    assert "sizes" not in bus.alive
+    assert len(bus.records) == 3
+
+
+def test_a_view_arrives_in_the_order_of_frames_also_for_one_that_lags():
+    bus = counters("ACounter#a", members={"screen": service("screen", Screen)})
+    bus.start()
+    bus.settle()
+    bus.hold(("down", "screen"))
+    for _ in range(5):
+        bus.step(BEGIN)
+        bus.settle()
+    bus.release()
+    bus.settle()
+    assert [int(line.split(":")[0]) for line in shown(bus)] == [0, 1, 2, 3, 4]

@@ -1,0 +1,327 @@
+"""Answers that come late, or from the wrong one, or about what is not the sender's."""
+
+import pytest
+from pond import (
+    VOCABULARY,
+    Counter,
+    Frog,
+    Screen,
+    counters,
+    eAdd,
+    eCroak,
+    eDone,
+    expect,
+    host,
+    service,
+)
+
+from minerva_bus import Generator
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.membership import State
+from minerva_bus.testing.memory_bus import BEGIN
+
+
+def started(text="ACounter#a · ACounter#b", **rest):
+    bus = counters(text, **rest)
+    bus.start()
+    bus.run(1)
+    bus.trace.clear()
+    return bus
+
+
+def roster(bus, name):
+    return bus.algorithm.roster.get(name)
+
+
+@pytest.mark.parametrize("frame", [0, 2, 99, 1 << 60])
+def test_an_answer_to_another_tick_is_dropped_and_counted(frame):
+    bus = started()
+    bus.step(BEGIN)
+    bus.put(m.TickReply("add", frame, (eAdd(50),)))
+    bus.settle()
+    assert roster(bus, "add").late == 1
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+
+
+def test_a_second_answer_to_a_tick_is_dropped_and_counted():
+    bus = started()
+    bus.hold(("up", "host"))
+    bus.frame()
+    bus.put(m.TickReply("add", 1, (eAdd(50),)))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>
+        > add: ticked 1: eAdd<n=50>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+    """,
+    )
+    assert roster(bus, "add").late == 1
+
+
+def test_an_answer_of_one_who_was_not_asked_is_dropped_and_counted():
+    bus = started(members={"screen": service("screen", Screen)})
+    bus.hold(("down", "add"))
+    bus.step(BEGIN)
+    for name in ("screen", "nobody", "host"):
+        bus.put(m.TickReply(name, 1, (eAdd(50),)))
+        bus.put(m.EvolveReply(name, 1, 0, {"a": VOCABULARY.read("ACounter#a<n=66>")}))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    assert [roster(bus, name).late for name in ("screen", "host")] == [2, 2]
+    assert bus.algorithm.strangers == 2
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+
+
+@pytest.mark.parametrize(("frame", "part"), [(0, 0), (2, 0), (1, 1), (1, 7)])
+def test_an_answer_of_a_host_for_another_frame_or_part_is_dropped_and_counted(frame, part):
+    bus = started()
+    bus.hold(("down", "host"))
+    bus.frame()
+    bus.put(m.EvolveReply("host", frame, part, {"a": VOCABULARY.read("ACounter#a<n=66>")}))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    assert roster(bus, "host").late == 1
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+
+
+def test_what_a_dead_host_had_answered_is_dropped_when_another_has_been_asked():
+    bus = started(members={"other": host("other", Counter)})
+    bus.hold(("up", "host"))
+    bus.frame()
+    bus.vanish("host")
+    bus.settle()
+    bus.release()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host, other: eAdd<n=1>
+        > other: evolved 1: #b
+        > host vanished
+            says host: is gone; the world waits for it
+            other ← fragments #a
+            other ← evolve 1 on other (#a only): eAdd<n=1>
+        > other: evolved 1: #a
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+        > host: evolved 1: #a
+    """,
+    )
+    assert roster(bus, "host").late == 1
+
+
+def test_a_late_member_is_one_until_it_answers():
+    bus = started()
+    bus.hold(("up", "add"))
+    bus.frame()
+    bus.tell(s.Silent())
+    assert roster(bus, "add").state is State.LATE
+    bus.release()
+    bus.settle()
+    assert roster(bus, "add").state is State.PRESENT
+    bus.hold(("up", "host"))
+    bus.frame()
+    bus.tell(s.Silent())
+    assert roster(bus, "host").state is State.LATE
+    bus.release()
+    bus.settle()
+    assert roster(bus, "host").state is State.PRESENT
+
+
+HIS = VOCABULARY.read("ACounter#b<n=66>")
+STRANGE = {
+    "changes": m.EvolveReply("other", 1, 0, {"b": HIS}),
+    "deletes": m.EvolveReply("other", 1, 0, {"b": VOCABULARY.read("")}),
+    "shows": m.EvolveReply("other", 1, 0, views={"eShow": {"b": VOCABULARY.read("PDot<x=1>")}}),
+    "invents": m.EvolveReply("other", 1, 0, {"z": VOCABULARY.read("ACounter#z")}),
+    "speaks for": m.EvolveReply("other", 1, 0, emitted={"b": (eDone(sender="b"),)}),
+    "speaks as": m.EvolveReply("other", 1, 0, emitted={"a": (eDone(sender="b"),)}),
+}
+
+
+@pytest.mark.parametrize("how", STRANGE)
+def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
+    """`other` has #a, `host` has #b; what is not its own is not taken, and #a goes to `host`."""
+    bus = started(members={"other": host("other", Counter)}, expected=["add", "host"])
+    mine = list(bus.alive["other"].host.fragments)
+    swap = {"other": "host", "host": "other"} if mine == ["b"] else {}
+    answer = STRANGE[how]
+    bus.hold(("down", "host"), ("down", "other"))
+    bus.frame()
+    name = swap.get("other", "other")
+    bus.put(m.EvolveReply(name, 1, 0, answer.changed, answer.emitted, answer.views))
+    bus.step(("up", name))
+    bus.release()
+    bus.settle()
+    assert name not in bus.alive
+    assert any(said.startswith(f"{name}: broke the protocol: ") for said in bus.said)
+    if name in bus.algorithm.world.expected:
+        bus.appear(name)
+    bus.settle()
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+    assert bus.algorithm._emitted == {}
+
+
+def test_the_trace_of_one_that_is_shut_out():
+    bus = started(members={"other": host("other", Counter)})
+    bus.hold(("down", "host"), ("down", "other"))
+    bus.frame()
+    bus.put(m.EvolveReply("other", 1, 0, {"z": VOCABULARY.read("ACounter#z")}))
+    bus.release()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host, other: eAdd<n=1>
+        > host: evolved 1: #a
+        > other: evolved 1: #z
+            says other: broke the protocol: it answered for #z, not its own
+            other ← refused: it answered for #z, not its own
+            host ← fragments #b
+            host ← evolve 1 on host (#b only): eAdd<n=1>
+        > host: evolved 1: #b
+            frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
+            ready for frame 2
+        > other: evolved 1: #b
+        > other vanished
+    """,
+    )
+
+
+def test_an_agent_may_not_become_two_with_an_id_of_another():
+    """Only the coordinator sees the whole string; it names the sender."""
+    bus = started(members={"other": host("other", Counter)})
+    ids = {name: sorted(one.host.fragments) for name, one in bus.alive.items() if one.host.kinds}
+    assert sorted(ids.values()) == [["a"], ["b"]]
+    (thief,) = [name for name, mine in ids.items() if mine == ["a"]]
+    bus.hold(("down", thief))
+    bus.frame()
+    twins = VOCABULARY.read("ACounter#a · ACounter#b<n=5>")
+    bus.put(m.EvolveReply(thief, 1, 0, {"a": twins}))
+    bus.step(("up", thief))
+    assert bus.said == [f"{thief}: broke the protocol: it made a second agent #b"]
+
+
+def test_events_that_a_generator_never_said_it_makes_are_refused():
+    bus = started()
+    bus.step(BEGIN)
+    bus.put(m.TickReply("add", 1, (eCroak(1.0),)))
+    bus.step(("up", "add"))
+    bus.settle()
+    expect(
+        bus,
+        """
+        > begin
+            ~tick ← tick 1
+        > add: ticked 1: eCroak<x=1>
+            says add: broke the protocol: it sent eCroak but said it makes ('eAdd',)
+            add ← refused: it sent eCroak but said it makes ('eAdd',)
+        > add: ticked 1: eAdd<n=1>
+        > add vanished
+    """,
+    )
+    bus.appear("add")
+    bus.settle()
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+
+
+class Free(Generator, events=("eAdd",), lockstep=False):
+    pass
+
+
+def test_what_a_free_generator_emits_counts_in_the_next_frame():
+    bus = started(members={"free": service("free", Free)})
+    bus.put(bus.alive["free"].emitted(eAdd(10)))
+    bus.put(bus.alive["free"].emitted(eAdd(20)))
+    bus.settle()
+    bus.hold(("up", "add"))
+    bus.frame()
+    bus.put(bus.alive["free"].emitted(eAdd(30)))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    expect(
+        bus,
+        """
+        > free: emitted eAdd<n=10>
+        > free: emitted eAdd<n=20>
+        > begin
+            ~tick ← tick 1
+        > free: emitted eAdd<n=30>
+        > add: ticked 1: eAdd<n=1>
+            ~hosts ← evolve 1 on host: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>
+        > host: evolved 1: #a #b
+            frame 1 done: eAdd<n=1>, eAdd<n=10>, eAdd<n=20>, eAdd<n=30>; #a: ACounter#a<n=62>(), #b: ACounter#b<n=62>()
+            ready for frame 2
+    """,
+    )
+
+
+def test_what_a_free_generator_may_not_emit_is_refused_and_it_is_shut_out():
+    bus = started(members={"free": service("free", Free)})
+    bus.put(m.Emitted("free", (eCroak(1.0),)))
+    bus.settle()
+    assert "free" not in bus.alive
+    assert "broke the protocol: it sent eCroak" in bus.said[0]
+
+
+def test_nobody_emits_who_has_not_joined():
+    bus = started()
+    bus.put(m.Emitted("stranger", (eAdd(50),)))
+    bus.run(1)
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
+
+
+def test_one_that_answers_in_lockstep_and_emits_besides_loses_nothing():
+    bus = started()
+    bus.put(m.Emitted("add", (eAdd(10),)))
+    bus.run(1)
+    assert str(bus.algorithm.scene) == "ACounter#a<n=12>() · ACounter#b<n=12>()"
+
+
+def test_a_member_that_fails_is_named_with_its_frame_and_the_world_waits_for_the_next():
+    class Broken(Frog, symbol="ACounter"):
+        pass
+
+    bus = started()
+    bus.put(m.Failed("add", 1, "ZeroDivisionError: division by zero", "Traceback ..."))
+    bus.vanish("add")
+    bus.run(1)
+    assert bus.said[0].startswith("add: failed in frame 1: ZeroDivisionError: division by zero")
+    assert bus.algorithm.waiting_for() == ["add"]
+
+
+def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
+    bus = started()
+    bus.tell(s.Violation("add", "this is no msgpack"))
+    bus.settle()
+    assert "add" not in bus.alive
+    assert bus.said == ["add: broke the protocol: this is no msgpack"]
+    bus.appear("add")
+    bus.run(1)
+    assert len(bus.records) == 2
+
+
+def test_garbage_in_the_name_of_a_stranger_changes_nothing():
+    bus = started()
+    bus.tell(s.Violation("stranger", "this is no msgpack"))
+    bus.run(1)
+    assert len(bus.records) == 2

@@ -1,0 +1,268 @@
+"""A small robotic vocabulary, an agent that drives blindly, and a world that can be hurt."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from minerva_bus import (
+    Agent,
+    Cells,
+    Default,
+    Degrees,
+    Event,
+    EventType,
+    Frame,
+    Metres,
+    Primitive,
+    Scene,
+    Tick,
+    Transformation,
+    Vocabulary,
+    WorldInfo,
+    on,
+    view,
+)
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.scene import agents
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.world.order import Order
+from minerva_bus.world.readings import Reading
+from minerva_bus.world.services import Service
+from minerva_services.camera import Camera
+from minerva_services.each import Each
+from minerva_services.laser import Laser
+from minerva_services.physics.service import Physics
+
+PMap = Primitive(
+    "PMap",
+    cells=Cells,
+    resolution=Metres,
+    x=Default(Metres, 0.0),
+    y=Default(Metres, 0.0),
+    angle=Default(Degrees, 0.0),
+)
+PMarker = Primitive("PMarker", name=str)
+PRobot = Primitive("PRobot", name=str, radius=Metres)
+PTree = Primitive("PTree")
+TPlace = Transformation("TPlace", x=Metres, y=Metres, angle=Degrees)
+TRotate = Transformation("TRotate", angle=Degrees)
+TMove = Transformation("TMove", dist=Metres)
+TPaint = Transformation("TPaint")
+
+RADIUS = 0.2
+
+
+class ADriver(Agent, symbol="ADriver"):
+    """Turns and drives the same in every frame, and believes its own dead reckoning."""
+
+    x: Metres = 2.0
+    y: Metres = 2.0
+    angle: Degrees = 0.0
+    turn: Degrees = 0.0
+    speed: Metres = 0.0
+    frames: int = 0
+    heard: float = 0.0
+    seen: tuple[str, ...] = ()
+    short: Metres = 0.0
+
+    @on("eLaser")
+    def hear(self, laser: Event, moment: object) -> None:
+        self.heard = self.heard * 0.5 + laser.dist * (1 + abs(laser.angle))
+
+    @on("eCamera")
+    def see(self, camera: Event, moment: object) -> None:
+        self.seen = tuple(sorted({*self.seen, camera.marker}))
+        self.heard += camera.dist + camera.angle
+
+    @on("eCollision")
+    def stop(self, collision: Event, moment: object) -> None:
+        self.short += collision.shortfall
+
+    @on("eDecide")
+    def decide(self, decide: Event, moment: object) -> None:
+        self.angle = self.angle + self.turn
+        self.x += self.speed * math.cos(math.radians(self.angle))
+        self.y += self.speed * math.sin(math.radians(self.angle))
+        self.frames += 1
+
+    @view("eRepresent")
+    def represent(self, event: Event) -> Scene:
+        action = TRotate(self.turn)(TMove(self.speed)(PRobot(self.id, RADIUS)))
+        return TPlace(self.x, self.y, self.angle)(action)
+
+
+EVENTS = (
+    EventType("eLaser", dist=Metres, angle=Degrees),
+    EventType("eCamera", marker=str, dist=Metres, angle=Degrees),
+    EventType("eCollision", shortfall=Metres),
+    EventType("eObjective", marker=str),
+    EventType("eDecide"),
+    EventType("eRepresent", visual=True),
+)
+VOCABULARY = Vocabulary.of(
+    PMap, PMarker, PRobot, PTree, TPlace, TRotate, TMove, TPaint, ADriver, *EVENTS
+)
+INFO = WorldInfo("yard", VOCABULARY, 7, 0.1)
+ORDER = Order(("eLaser", "eCamera", "eCollision", "eObjective", "eDecide", "eRepresent"))
+
+
+def world_with(*events: EventType) -> WorldInfo:
+    """A world that has these event types, and no others of their names."""
+    return WorldInfo("yard", Vocabulary.of(*events), 7, 0.1)
+
+
+def room(width_m: float, height_m: float, resolution: float = 0.1) -> Scene:
+    """A floor that is free from (0, 0) to (width, height), and solid around."""
+    shape = round(width_m / resolution), round(height_m / resolution)
+    return PMap(np.zeros(shape, np.int16), resolution)
+
+
+def tick(number: int = 1, *readings: Reading, orders: Iterable[Event] = (), seed: int = 7) -> Tick:
+    return Tick(Frame(number, 0.1, seed), "tested", readings=readings, orders=tuple(orders))
+
+
+def joined(service: Any, world: WorldInfo = INFO) -> Any:
+    service.joined(world)
+    return service
+
+
+class Mortal:
+    """A participant that dies at a message, and of which some answers may never get out.
+
+    `answers` tells how many of the answers to that message get out: none and it may as well never
+    have arrived, all and it died a moment later.
+    """
+
+    def __init__(self, name: str, born: Callable[[], Service]) -> None:
+        self.name = name
+        self._born = born
+        self.heard = 0
+        self.dies_at = -1
+        self.answers = 0
+        self.dead = False
+        self.reborn()
+
+    def reborn(self) -> None:
+        """A new process takes its place, without any memory."""
+        self.dead = False
+        self._participant = Participant(self.name, self._born())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__dict__["_participant"], name)
+
+    def receive(self, message: Any) -> list[Any]:
+        if self.dead:
+            return []
+        self.heard += 1
+        answers = self._participant.receive(message)
+        if self.heard - 1 != self.dies_at:
+            return answers
+        self.dead = True
+        return answers[: self.answers]
+
+
+class Yard(InProcess):
+    """A world of drivers in one process, which starts its physics again when that dies."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        seed: int = 7,
+        physics: Callable[[], Physics] = Physics,
+        notices_at_once: bool = True,
+        represents_every: int = 1,
+    ) -> None:
+        self.mortal = Mortal("physics", physics)
+        self.frames: list[m.FrameRecord] = []
+        self.scenes: list[Scene] = []
+        self.deaths = 0
+        self._notices_at_once = notices_at_once
+        others = [
+            Participant("camera", Camera()),
+            Participant("decide", Each("eDecide")),
+            Participant("drivers", agents=[ADriver]),
+            Participant("laser", Laser()),
+            Participant("represent", Each("eRepresent", represents_every)),
+        ]
+        names = frozenset({"physics", *(one.name for one in others)})
+        world = World("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
+        super().__init__(FrameAlgorithm(world), [self.mortal, *others], self._saw)  # type: ignore[list-item]
+        self.start()
+
+    def _saw(self, instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.FrameDone):
+            self.frames.append(instruction.record)
+
+    def _deliver(self, to: list[Participant], message: m.ToMember | m.Readings) -> None:
+        super()._deliver(to, message)
+        if self.mortal.dead and self._notices_at_once:
+            self._restart()
+
+    def _restart(self) -> None:
+        self.deaths += 1
+        self.mortal.reborn()
+        self._queue += (s.Vanished("physics"), s.Appeared("physics"))
+
+    def run(self, frames: int) -> "Yard":
+        for _ in range(frames):
+            self.scenes.append(self.algorithm.scene)
+            done = len(self.frames)
+            self.tell(s.Begin())
+            while len(self.frames) == done:
+                self._raise_the_dead()
+            if self.mortal.dead:  # nobody has missed it yet
+                self._raise_the_dead()
+        return self
+
+    def _raise_the_dead(self) -> None:
+        assert self.mortal.dead, f"waits for {self.algorithm.waiting_for()}"
+        self.deaths += 1
+        self.mortal.reborn()
+        self.tell(s.Vanished("physics"))
+        self.tell(s.Appeared("physics"))
+
+    @property
+    def digests(self) -> list[bytes]:
+        return [one.digest for one in self.frames]
+
+    def events(self, frame: int, event_type: str) -> list[Event]:
+        return [one for one in self.frames[frame].events if one.type == event_type]
+
+    def pose(self, name: str) -> tuple[float, ...]:
+        """Where the physics world has a body now: x, y in metres, angle in degrees."""
+        return tuple(self.mortal.service.save()["arena"]["bodies"][name][:3])
+
+    def belief(self, frame: int, name: str) -> Any:
+        """The state of an agent in the string that a frame began with."""
+        (found,) = [one for one in agents(self.scenes[frame]) if one.id == name]
+        return Belief(**found.state)
+
+
+@dataclass
+class Belief:
+    """The attributes of a driver."""
+
+    x: float
+    y: float
+    angle: float
+    turn: float
+    speed: float
+    frames: int
+    heard: float
+    short: float
+    seen: tuple[str, ...] = field(default=())
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        return self.x, self.y, self.angle
+
+
+def driver(name: str, **state: Any) -> Scene:
+    return ADriver(name, **state).string

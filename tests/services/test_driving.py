@@ -1,0 +1,169 @@
+"""Physics, laser, camera and clocks with agents in one world: Table 2 with section 4.2's cast."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from driving_world import RADIUS, PMarker, TPlace, Yard, driver, room
+
+from minerva_bus import Scene
+from minerva_services.physics.service import Physics
+
+NOISY: dict[str, Any] = {
+    "laser_noise": 0.02,
+    "laser_dropout": 0.1,
+    "drive_noise": 0.1,
+    "turn_noise": 1.0,
+    "camera_noise": 0.05,
+    "camera_angle_noise": 2.0,
+}
+MARKERS = TPlace(3.5, 3.0, 0.0)(PMarker("door")) + TPlace(0.3, 0.4, 0.0)(PMarker("desk"))
+CROWD = (
+    room(4, 4)
+    + MARKERS
+    + driver("r1", x=1.0, y=1.0, angle=10.0, turn=3.3, speed=0.11)
+    + driver("r2", x=2.5, y=1.7, angle=170.0, turn=-2.1, speed=0.09)
+)
+
+
+def alone(**state: float) -> Scene:
+    return room(6, 4) + driver("r", **state)
+
+
+def noisy() -> Physics:
+    return Physics(beams=30, **NOISY)
+
+
+def test_dead_reckoning_and_the_arena_agree_to_the_last_bit() -> None:
+    yard = Yard(alone(x=3.0, y=1.0, angle=11.1, turn=7.3, speed=0.123))
+    yard.run(1)
+    for frame in range(1, 200):
+        yard.run(1)
+        assert yard.pose("r") == yard.belief(frame, "r").pose
+    assert yard.mortal.service.report() == {
+        "distance_driven": pytest.approx(199 * 0.123),
+        "collisions": 0,
+    }
+
+
+def test_a_scan_is_taken_where_the_action_of_the_frame_before_has_led() -> None:
+    yard = Yard(alone(x=1.0, y=1.0, speed=0.25)).run(6)
+    assert yard.events(0, "eLaser") == []
+    for frame in range(1, 6):
+        (ahead,) = [one.dist for one in yard.events(frame, "eLaser") if one.angle == 0]
+        believed = yard.belief(frame, "r")
+        assert believed.x == 1.0 + 0.25 * frame
+        assert ahead == pytest.approx(6.0 - believed.x, abs=1e-6)
+
+
+def test_a_wall_stops_a_robot_and_the_next_frame_says_so() -> None:
+    yard = Yard(alone(x=5.0, y=1.0, speed=0.25)).run(8)
+    collisions = {frame: yard.events(frame, "eCollision") for frame in range(8)}
+    assert [frame for frame, found in collisions.items() if found] == [4, 5, 6, 7]
+    (first,) = collisions[4]
+    assert first.receivers == ("r",)
+    assert first.shortfall == pytest.approx(5.0 + 4 * 0.25 - (6.0 - RADIUS))
+    assert collisions[5][0].shortfall == pytest.approx(0.25)
+    assert yard.pose("r") == pytest.approx((6.0 - RADIUS, 1.0, 0.0))
+    believed = yard.belief(5, "r")
+    assert believed.x - believed.short == pytest.approx(6.0 - RADIUS + 0.25)
+    assert yard.mortal.service.report()["collisions"] == 4
+
+
+def test_two_robots_hear_their_own_sensors_and_see_each_other() -> None:
+    scene = room(6, 4) + driver("a", x=1.0, y=2.0) + driver("b", x=3.0, y=2.0, angle=180.0)
+    yard = Yard(scene).run(3)
+    for name, ahead in (("a", 3.0 - 1.0 - RADIUS), ("b", 3.0 - 1.0 - RADIUS)):
+        mine = [one for one in yard.events(2, "eLaser") if one.receivers == (name,)]
+        assert len(mine) == 90
+        (found,) = [one.dist for one in mine if one.angle == 0]
+        assert found == pytest.approx(ahead, abs=1e-6)
+    assert yard.belief(2, "a").heard != yard.belief(2, "b").heard
+
+
+def test_who_drives_into_the_other_is_told() -> None:
+    scene = room(6, 4) + driver("a", x=1.0, y=2.0, speed=0.25) + driver("b", x=2.0, y=2.0)
+    yard = Yard(scene).run(5)
+    told = [one for frame in range(5) for one in yard.events(frame, "eCollision")]
+    assert {one.receivers for one in told} == {("a",)}
+    assert yard.pose("a") == pytest.approx((2.0 - 2 * RADIUS, 2.0, 0.0))
+    assert yard.pose("b") == (2.0, 2.0, 0.0)
+
+
+def test_markers_are_seen_in_the_right_direction() -> None:
+    facing = math.degrees(math.atan2(1.0, 1.5))
+    yard = Yard(room(4, 4) + MARKERS + driver("r", x=2.0, y=2.0, angle=facing)).run(2)
+    (seen,) = yard.events(1, "eCamera")
+    assert (seen.marker, seen.receivers) == ("door", ("r",))
+    assert (seen.dist, seen.angle) == pytest.approx((math.hypot(1.0, 1.5), 0.0), abs=1e-6)
+
+
+def test_the_same_seed_gives_the_same_strings_and_another_seed_others() -> None:
+    one, again, other = (Yard(CROWD, seed, noisy).run(15).digests for seed in (7, 7, 8))
+    assert one == again
+    assert one[:1] == other[:1]
+    assert all(mine != its for mine, its in zip(one[1:], other[1:], strict=True))
+
+
+def test_noise_makes_beliefs_drift() -> None:
+    yard = Yard(alone(x=3.0, y=1.0, turn=5.0, speed=0.05), physics=noisy).run(30)
+    believed = yard.belief(29, "r")
+    drift = math.dist(yard.pose("r")[:2], (believed.x, believed.y))
+    assert 0.001 < drift < 0.5
+
+
+FRAMES = 6
+FIRST_TICK = 3
+"""The messages before it: a greeting, a welcome and who publishes what; behind it a view each."""
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Yard:
+    return Yard(CROWD, physics=noisy).run(FRAMES)
+
+
+def test_there_is_something_to_lose(undisturbed: Yard) -> None:
+    assert len(set(undisturbed.digests)) == FRAMES
+    assert undisturbed.mortal.heard == FIRST_TICK + 2 * FRAMES
+    assert any(undisturbed.events(frame, "eCamera") for frame in range(FRAMES))
+    assert all(a != b for a, b in pairwise(undisturbed.scenes))
+
+
+@pytest.mark.parametrize("notices_at_once", [True, False])
+@pytest.mark.parametrize("answers", [0, 1, 2, 3])
+@pytest.mark.parametrize("dies_at", range(FIRST_TICK, FIRST_TICK + 2 * FRAMES - 2))
+def test_wherever_physics_dies_the_strings_are_the_same(
+    undisturbed: Yard, dies_at: int, answers: int, notices_at_once: bool
+) -> None:
+    """Its answers to a tick are two topics' readings and the reply: none to all of them get out."""
+    yard = Yard(CROWD, physics=noisy, notices_at_once=notices_at_once)
+    yard.mortal.dies_at, yard.mortal.answers = dies_at, answers
+    yard.run(FRAMES)
+    assert yard.deaths == 1
+    assert yard.digests == undisturbed.digests
+    assert yard.mortal.service.save() == undisturbed.mortal.service.save()
+    assert yard.mortal.service.report() == undisturbed.mortal.service.report()
+
+
+@pytest.mark.parametrize("answers", [0, 1, 2, 3])
+@pytest.mark.parametrize("dies_at", range(FIRST_TICK, FIRST_TICK + FRAMES))
+def test_a_command_is_not_carried_out_twice_where_frames_pass_without_a_view(
+    dies_at: int, answers: int
+) -> None:
+    undisturbed = Yard(CROWD, physics=noisy, represents_every=3).run(FRAMES)
+    yard = Yard(CROWD, physics=noisy, represents_every=3)
+    yard.mortal.dies_at, yard.mortal.answers = dies_at, answers
+    yard.run(FRAMES)
+    assert yard.deaths == 1
+    assert yard.digests == undisturbed.digests
+    assert yard.mortal.service.report() == undisturbed.mortal.service.report()
+
+
+def test_dying_in_every_frame(undisturbed: Yard) -> None:
+    yard = Yard(CROWD, physics=noisy)
+    for frame in range(FRAMES):
+        yard.mortal.dies_at, yard.mortal.answers = yard.mortal.heard + 1, frame % 4
+        yard.run(1)
+    assert yard.deaths >= FRAMES - 1
+    assert yard.digests == undisturbed.digests

@@ -1,0 +1,133 @@
+"""gLaser and gCamera: readings become events, wherever they come from."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from driving_world import INFO, joined, tick, world_with
+
+from minerva_bus import Degrees, EventType, Metres, MinervaError
+from minerva_bus.grammar.symbols import Default
+from minerva_bus.world.readings import Scan, Sighting, Sightings
+from minerva_services.camera import Camera
+from minerva_services.laser import Laser
+
+
+def scan(ranges: list[float], first: float = -90.0, step: float = 45.0, **rest: Any) -> Scan:
+    return Scan(
+        "r", np.array(ranges, np.float32), first, step, rest.pop("range_max", 5.0), 0.1, **rest
+    )
+
+
+def hits(made: Scan, **options: Any) -> list[tuple[float, float]]:
+    events = joined(Laser(**options)).generate(tick(1, made))
+    return [(event.dist, event.angle) for event in events]
+
+
+def test_each_beam_that_hits_is_an_event_with_the_raw_numbers() -> None:
+    expected = [(float(np.float32(1.1)), -90.0), (float(np.float32(2.3)), 0.0)]
+    assert hits(scan([1.1, 5.0, 2.3])) == expected
+
+
+def test_events_go_to_the_robot_that_carries_the_sensor() -> None:
+    one, other = scan([1.0]), Scan("s", np.ones(2, np.float32), 0.0, 1.0, 5.0, 0.1)
+    events = list(joined(Laser()).generate(tick(1, one, other)))
+    assert [event.receivers for event in events] == [("r",), ("s",), ("s",)]
+
+
+def test_events_are_those_that_the_vocabulary_makes() -> None:
+    laser, declared = joined(Laser()), INFO.vocabulary.events["eLaser"]
+    (event,) = laser.generate(tick(1, scan([1.5])))
+    assert event == declared(dist=1.5, angle=-90.0, receivers=["r"])
+    assert INFO.vocabulary.check_event(event) is event
+
+
+@pytest.mark.parametrize("nothing", [0.0, -1.0, math.nan, math.inf, 5.0, 7.0])
+def test_a_beam_that_hits_nothing_is_no_event(nothing: float) -> None:
+    assert hits(scan([nothing, 1.0])) == [(1.0, -45.0)]
+
+
+@pytest.mark.parametrize("limit", [5.1, 5.3, 8.0, np.float64(5.1)])
+def test_the_limit_is_no_hit_although_a_float32_rounds_it(limit: float) -> None:
+    assert hits(scan([limit, 1.0], range_max=limit)) == [(1.0, -45.0)]
+
+
+def test_every_so_many_th_beam() -> None:
+    assert hits(scan([1, 2, 3, 4, 5, 4, 3]), every=3) == [(1, -90), (4, 45), (3, 180)]
+
+
+def test_a_turned_sensor() -> None:
+    assert hits(scan([1.0, 2.0], mount_angle=10.0)) == [(1.0, -80.0), (2.0, -35.0)]
+
+
+def test_a_sensor_that_sits_elsewhere_is_seen_from_the_centre() -> None:
+    (ahead, left) = hits(scan([1.0, 2.0], 0.0, 90.0, mount_x=0.25))
+    assert ahead == (1.25, 0.0)
+    assert left == pytest.approx((math.hypot(0.25, 2.0), math.degrees(math.atan2(2.0, 0.25))))
+    (behind,) = hits(scan([1.0], 0.0, 1.0, mount_y=0.5, mount_angle=180.0))
+    assert behind == pytest.approx((math.hypot(1, 0.5), math.degrees(math.atan2(0.5, -1))))
+
+
+def test_a_scan_without_beams_is_no_event() -> None:
+    assert hits(scan([])) == []
+
+
+def test_a_marker_in_view_is_an_event() -> None:
+    image = Sightings("r", (Sighting("A", 1.5, -3.0), Sighting("B", 2.5, 4.0)), 0.1)
+    events = list(joined(Camera()).generate(tick(1, image, Sightings("s", (), 0.1))))
+    declared = INFO.vocabulary.events["eCamera"]
+    assert events == [
+        declared(marker="A", dist=1.5, angle=-3.0, receivers=["r"]),
+        declared(marker="B", dist=2.5, angle=4.0, receivers=["r"]),
+    ]
+
+
+@pytest.mark.parametrize("service", [Laser, Camera])
+def test_topic_and_event_are_up_to_the_world(service: Any) -> None:
+    made = service(topic="front", event="eFront")
+    assert (made.topics, made.generates()) == (("front",), ("eFront",))
+    assert (Laser.topics, Camera.topics) == (("scan",), ("sightings",))
+    assert (Laser().generates(), Camera().generates()) == (("eLaser",), ("eCamera",))
+
+
+@pytest.mark.parametrize(
+    ("service", "reading"), [(Laser(), Sightings("r", (), 0.1)), (Camera(), scan([1.0]))]
+)
+def test_a_reading_of_another_kind_is_an_error(service: Any, reading: Any) -> None:
+    with pytest.raises(MinervaError, match=r"expected s.* on 's.*', found S"):
+        list(joined(service).generate(tick(1, reading)))
+
+
+def test_data_may_be_declared_in_another_order_and_with_more_that_has_defaults() -> None:
+    declared = EventType("eLaser", angle=Degrees, sensor=Default(str, "roof"), dist=Metres)
+    (event,) = joined(Laser(), world_with(declared)).generate(tick(1, scan([1.5])))
+    assert event == declared(angle=-90.0, dist=1.5, receivers=["r"])
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        ({"dist": Metres}, r"has no angle \(real deg\) among its data \(dist\)"),
+        ({"dist": str, "angle": Degrees}, "wants dist as text; laser makes real m"),
+        ({"dist": "real cm", "angle": Degrees}, "wants dist as real cm; laser makes real m"),
+        ({"dist": Metres, "angle": Degrees, "beam": int}, r"needs beam \(int\)"),
+    ],
+)
+def test_a_type_whose_data_do_not_fit_is_refused(data: dict[str, Any], problem: str) -> None:
+    with pytest.raises(MinervaError, match=f"laser: eLaser {problem}"):
+        joined(Laser(), world_with(EventType("eLaser", **data)))
+
+
+def test_numbers_without_a_unit_take_any() -> None:
+    joined(Laser(), world_with(EventType("eLaser", dist=float, angle=float)))
+
+
+def test_a_world_without_the_type_is_refused_with_a_hint() -> None:
+    with pytest.raises(MinervaError, match="no event type eLazer; did you mean 'eLaser'"):
+        joined(Laser(event="eLazer"))
+
+
+def test_every_counts_from_one() -> None:
+    with pytest.raises(MinervaError, match="laser: every is 0"):
+        Laser(every=0)

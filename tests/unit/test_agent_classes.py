@@ -1,0 +1,244 @@
+"""Classes of agents: what they declare, and what they must not."""
+
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from minerva_bus import EMPTY, Agent, Cells, EventType, Metres, Vocabulary, evolve, on, parse, view
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.kinds import kinds_of
+
+eHit = EventType("eHit")
+eStep = EventType("eStep")
+
+
+class Fox(Agent, symbol="AFox"):
+    SPEED: ClassVar[float] = 2.0
+    x: Metres
+    energy: float = 10.0
+    births: int = 0
+    _cache: int = 0
+    note = "no annotation, no state"
+
+    @on("eHit", "eStep")
+    def either(self, event, moment):
+        self.energy -= 1.0
+
+
+def test_annotations_are_the_state():
+    assert Fox.kind.name == "AFox"
+    assert Fox.kind.fields.names == ("x", "energy", "births")
+    assert [str(one.type) for one in Fox.kind.fields.all] == ["real m", "real", "int"]
+    assert Fox.kind.subscribes == {"eHit", "eStep"}
+
+
+def test_an_agent_is_a_string():
+    assert str(Fox("a", x=1).string) == "AFox#a<x=1, energy=10, births=0>()"
+    assert repr(Fox("a", x=1)) == "AFox#a<x=1, energy=10, births=0>()"
+    assert str(Fox("a", x=1, scope=parse("PA")).string).endswith("(PA)")
+
+
+def test_thaw_and_freeze_give_the_very_node():
+    node = Fox("a", x=1).freeze()
+    agent = Fox.thaw(node)
+    assert agent.freeze() is node
+    agent.energy = 10
+    assert agent.freeze() is node
+    agent.energy = 9
+    assert agent.freeze() is not node
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Fox("a"), r"AFox#a needs a value for x \(real m\)"),
+        (lambda: Fox("a", x="far"), "AFox#a: x must be a number in m, not 'far'"),
+        (lambda: Fox("a", x=1, enrgy=2), "did you mean 'energy'"),
+        (lambda: Fox("", x=1), "'' is no id of an agent"),
+        (lambda: Fox("a b", x=1), "'a b' is no id of an agent"),
+        (lambda: Fox("-a", x=1), "'-a' is no id of an agent"),
+        (lambda: on(), "name the event types"),
+        (lambda: on(lambda self: None), "name the event types"),
+        (lambda: view(eHit), "name the event types"),
+        (lambda: kinds_of([Agent]), "Agent has no symbol"),
+        (lambda: kinds_of([Fox, type("Fox2", (Agent,), {}, symbol="AFox")]), "two classes"),
+    ],
+)
+def test_misuse(make, said):
+    with pytest.raises(MisuseError, match=said):
+        make()
+
+
+def test_an_invalid_agent_can_still_be_shown_in_a_debugger():
+    fox = Fox("a", x=1)
+    fox.x = "far"
+    assert repr(fox).startswith("<AFox#a, not valid: AFox#a: x must be")
+
+
+def classes(**annotations):
+    return type("Bad", (Agent,), {"__annotations__": annotations}, symbol="ABad")
+
+
+@pytest.mark.parametrize(
+    "name", ["id", "scope", "kind", "string", "views", "activities", "child", "freeze", "writable"]
+)
+def test_names_that_every_agent_has_are_taken(name):
+    with pytest.raises(MisuseError, match=f"Bad.{name} is taken"):
+        classes(**{name: int})
+
+
+def test_attributes_have_types_of_the_language():
+    with pytest.raises(MisuseError, match="no type of a parameter"):
+        classes(x=dict)
+    with pytest.raises(MisuseError, match="the default of x must be a number"):
+
+        class Bad(Agent, symbol="ABad"):
+            x: float = "one"
+
+
+def test_annotations_that_cannot_be_read():
+    with pytest.raises(MisuseError, match="the annotations of Bad cannot be read"):
+        classes(x="Unheard")
+
+
+def test_one_method_for_one_event_type():
+    with pytest.raises(MisuseError, match="two methods for eHit: one and two"):
+
+        class Bad(Agent, symbol="ABad"):
+            @on("eHit")
+            def one(self, event, moment): ...
+
+            @on("eHit", "eStep")
+            def two(self, event, moment): ...
+
+
+class Base(Agent):
+    n: int = 0
+
+    @on("eHit")
+    def hit(self, event, moment):
+        self.n += 1
+
+
+class Plain(Base, symbol="APlain"):
+    pass
+
+
+class Overridden(Base, symbol="AOverridden"):
+    def hit(self, event, moment):
+        self.n += 10
+
+
+class Instead(Base, symbol="AInstead"):
+    @on("eHit")
+    def other(self, event, moment):
+        self.n += 100
+
+
+class Moved(Base, symbol="AMoved"):
+    @on("eStep")
+    def hit(self, event, moment):
+        self.n += 1000
+
+
+class Deaf(Base, symbol="ADeaf"):
+    hit = None
+
+
+class More(Plain):
+    m: int = 0
+
+    @on("eStep")
+    def step(self, event, moment):
+        self.m += 1
+
+
+@pytest.mark.parametrize(
+    ("cls", "hit", "step"),
+    [(Plain, 1, 0), (Overridden, 10, 0), (Instead, 100, 0), (Moved, 0, 1000), (Deaf, 0, 0)],
+)
+def test_inheritance(cls, hit, step):
+    w = cls("a").string
+    assert evolve(w, [eHit()], [cls]).scene.nodes[0].state["n"] == hit
+    assert evolve(w, [eStep()], [cls]).scene.nodes[0].state["n"] == step
+
+
+def test_a_subclass_without_a_symbol_is_of_the_same_kind_with_what_it_adds():
+    assert More.kind.name == "APlain"
+    assert More.kind.fields.names == ("n", "m")
+    assert More.kind.subscribes == {"eHit", "eStep"}
+    assert Plain.kind.fields.names == ("n",)
+
+
+class Sterile(Agent, symbol="ASterile"):
+    births: float = 0.0
+
+
+def test_births_must_be_declared():
+    for barren in (Plain("a"), Sterile("a")):
+        with pytest.raises(MisuseError, match="declare `births: int = 0`"):
+            barren.child()
+
+
+def test_children_get_ids_from_their_parent():
+    fox = Fox("a", x=1)
+    first, second = fox.child(x=2), fox.child(Plain, n=3)
+    assert str(first + second) == "AFox#a:1<x=2, energy=10, births=0>() · APlain#a:2<n=3>()"
+    assert fox.births == 2
+
+
+def test_the_id_of_a_long_lineage_stays_short_and_its_own():
+    fox, ids = Fox("adam", x=0), set()
+    for _ in range(200):
+        brother = fox.child(x=0)
+        (sister,) = fox.child(x=0).nodes
+        ids |= {brother.nodes[0].id, sister.id}
+        fox = Fox.thaw(sister)
+    assert len(ids) == 400
+    assert max(map(len, ids)) <= 64
+    assert parse(str(fox.string)) == fox.string
+
+
+class Painter(Agent, symbol="APainter"):
+    grid: Cells = np.zeros((2, 2), np.int16)
+    kept: ClassVar[list] = []
+
+    @on("eHit")
+    def paint(self, event, moment):
+        grid = self.writable("grid")
+        grid[0, 0] += 1
+        self.kept.append(grid)
+        self.kept.append(grid[0])
+
+    @on("eStep")
+    def repaint(self, event, moment):
+        self.grid[0, 0] = 9
+
+
+def test_what_user_code_keeps_of_a_matrix_is_not_the_strings():
+    w = Vocabulary.of(eHit, eStep, Painter).read("APainter#p")
+    after = evolve(w, [eHit(), eHit()], [Painter]).scene
+    text = str(after)
+    assert "grid=2x2[2 0*3]" in text
+    for array in Painter.kept:
+        array[...] = 77
+    assert str(after) == text
+    assert "grid=2x2[0*4]" in str(w)
+
+
+def test_a_matrix_is_written_to_through_writable_only():
+    w = Painter("p").string
+    with pytest.raises(Exception, match="read-only"):
+        evolve(w, [eStep()], [Painter])
+
+
+def test_a_default_matrix_is_not_the_one_in_the_class():
+    Painter.grid[0, 0] = 5
+    assert "grid=2x2[0*4]" in str(Painter("p").string)
+
+
+def test_mixins_need_no_symbol():
+    assert not hasattr(Base, "kind")
+    assert Base.activities.keys() == {"eHit"}
+    assert evolve(EMPTY, [eHit()], [Plain]).scene == EMPTY

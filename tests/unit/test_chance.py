@@ -1,0 +1,65 @@
+"""Chance: one stream for each (seed, who, frame), whatever runs where and in which order."""
+
+import numpy as np
+
+from minerva_bus import Agent, EventType, Frame, Vocabulary, evolve, on
+from minerva_bus.world.chance import stream
+
+eRoll = EventType("eRoll")
+
+
+class Die(Agent, symbol="ADie"):
+    roll: float = 0.0
+    second: float = 0.0
+
+    @on("eRoll")
+    def throw(self, event, moment):
+        self.roll, self.second = moment.random.random(), moment.random.random()
+
+
+W = Vocabulary.of(eRoll, Die).read("ADie#a · ADie#b · ADie#c(ADie#d)")
+
+
+def rolls(w, frame):
+    from minerva_bus.grammar.scene import agents
+
+    return {one.id: one.values for one in agents(evolve(w, [eRoll()], [Die], frame).scene)}
+
+
+def test_the_same_key_gives_the_same_numbers():
+    assert stream(1, "#a", 2).random(5).tolist() == stream(1, "#a", 2).random(5).tolist()
+
+
+def test_any_other_key_gives_others():
+    keys = [(1, "#a", 2), (2, "#a", 2), (1, "#b", 2), (1, "a", 2), (1, "#a", 3), (12, "#a", 2)]
+    drawn = {tuple(stream(*key).random(3)) for key in keys}
+    assert len(drawn) == len(keys)
+
+
+def test_the_numbers_are_those_of_every_platform():
+    """A change here breaks the records that people keep."""
+    assert stream(7, "#a", 0).integers(0, 1000, 4).tolist() == [41, 149, 316, 979]
+
+
+def test_agents_roll_the_same_alone_and_in_company_and_in_any_order():
+    together = rolls(W, Frame(3, seed=9))
+    assert len(set(together.values())) == 4
+    for node in W.nodes:
+        alone = rolls(type(W)((node,)), Frame(3, seed=9))
+        assert alone == {who: together[who] for who in alone}
+    assert rolls(type(W)(W.nodes[::-1]), Frame(3, seed=9)) == together
+
+
+def test_seeds_and_frames_matter_and_other_generators_do_not():
+    np.random.seed(0)
+    before = rolls(W, Frame(3, seed=9))
+    np.random.seed(1)
+    assert rolls(W, Frame(3, seed=9)) == before
+    assert rolls(W, Frame(4, seed=9)) != before
+    assert rolls(W, Frame(3, seed=10)) != before
+
+
+def test_several_draws_of_one_agent_go_on_in_one_stream():
+    again = rolls(W, Frame(3, seed=9))["a"]
+    assert again[0] != again[1]
+    assert again == tuple(stream(9, "#a", 3).random(2))

@@ -1,0 +1,68 @@
+"""Imports flow one way, and each library has one place (ARCHITECTURE.md)."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ORDER = ["grammar", "semantics", "world", "frame", "protocol", "bus", "launch", "cli"]
+ONLY = {"zenoh": "bus", "typer": "cli", "msgpack": "protocol"}
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+
+
+def files(folder):
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_a_package_imports_only_those_below_it(package):
+    above = ORDER[ORDER.index(package) + 1 :]
+    for path in files(f"minerva_bus/{package}"):
+        for name in imports(path):
+            parts = name.split(".")
+            assert not (parts[0] == "minerva_bus" and parts[1:2] and parts[1] in above), (
+                f"{path.relative_to(ROOT)} imports {name}"
+            )
+
+
+@pytest.mark.parametrize(("library", "home"), ONLY.items())
+def test_a_library_has_one_home(library, home):
+    for path in files("minerva_bus"):
+        inside = path.relative_to(ROOT / "minerva_bus").parts[0] == home
+        for name in imports(path):
+            assert inside or name.split(".")[0] != library, f"{path} imports {library}"
+
+
+def test_only_the_physics_service_imports_pymunk():
+    for folder in ("minerva_bus", "services", "agents"):
+        for path in files(folder):
+            if "physics" not in path.parts:
+                assert "pymunk" not in {name.split(".")[0] for name in imports(path)}, path
+
+
+def test_services_and_agents_do_not_know_each_other():
+    for folder, other in (("services", "minerva_agents"), ("agents", "minerva_services")):
+        for path in files(folder):
+            assert other not in {name.split(".")[0] for name in imports(path)}, path
+
+
+def test_the_bus_knows_no_robots():
+    for path in files("minerva_bus"):
+        if path.name in ("readings.py", "codec.py"):
+            continue  # A scan says which robot it was taken on.
+        code = "\n".join(
+            line
+            for line in path.read_text(encoding="utf-8").splitlines()
+            if "minerva run" not in line
+        )
+        for name in imports(path):
+            assert not name.startswith(("minerva_agents", "minerva_services")), path
+        assert "ARobot(" not in code, path

@@ -1,0 +1,52 @@
+"""Generators and devices: what their classes say of them."""
+
+import pytest
+
+from minerva_bus import Device, Event, Frame, Generator, Moment
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.services import Tick
+
+
+class Rain(Generator, events=("eRain",)):
+    def generate(self, tick):
+        yield Event("eRain")
+
+
+class Free(Rain, lockstep=False):
+    pass
+
+
+class Screen(Device, draws=("eDraw",), coupled=True):
+    def show(self, view): ...
+
+
+def test_a_class_says_what_it_generates_and_draws():
+    assert (Rain().generates(), Rain.lockstep) == (("eRain",), True)
+    assert (Free().generates(), Free.lockstep) == (("eRain",), False)
+    assert (Screen.draws, Screen.coupled, Screen.every) == (("eDraw",), True, 0)
+    assert (Device.draws, Device.coupled) == ((), False)
+
+
+def test_one_event_type_is_not_its_letters():
+    with pytest.raises(MisuseError, match=r'Bad: events are several, write events=\("eRain",\)'):
+
+        class Bad(Generator, events="eRain"):
+            pass
+
+    with pytest.raises(MisuseError, match="draws are several"):
+
+        class Worse(Device, draws="eDraw"):
+            pass
+
+
+def test_a_tick_is_a_moment_of_a_generator():
+    tick = Tick(Frame(3, dt=0.5, seed=1), "rain")
+    assert (tick.number, tick.dt, tick.time) == (3, 0.5, 1.5)
+    tick.emit(Event("eRain", sender="a"))
+    assert tick.emitted == [Event("eRain", sender="a")]
+
+
+def test_an_agent_emits_in_its_own_name():
+    moment = Moment(Frame(), "#a")
+    moment.emit(Event("eRain", sender="someone else"))
+    assert moment.emitted == [Event("eRain", sender="a")]

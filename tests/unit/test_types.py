@@ -1,0 +1,250 @@
+"""Types of values: what fits, what is converted, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from minerva_bus import Cells, Degrees, Metres, Reals, Scene, parse
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.types import Type, parse_type, type_of
+from minerva_bus.grammar.units import Quantity
+
+
+def fit(annotation, value):
+    return type_of(annotation).fit(value)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "value", "expected"),
+    [
+        (bool, True, True),
+        (bool, np.bool_(False), False),
+        (int, 3, 3),
+        (int, 3.0, 3),
+        (int, np.int16(3), 3),
+        (int, np.uint64(3), 3),
+        (int, -(1 << 63), -(1 << 63)),
+        (float, 1, 1.0),
+        (float, np.float32(0.5), 0.5),
+        (float, np.int64(2), 2.0),
+        (Metres, 1.5, 1.5),
+        (str, "é", "é"),
+        (str, np.str_("x"), "x"),
+        (tuple[int, ...], [1, 2.0], (1, 2)),
+        (tuple[tuple[float, ...], ...], ((1,), ()), ((1.0,), ())),
+        (Scene, parse("PA"), parse("PA")),
+    ],
+)
+def test_what_fits(annotation, value, expected):
+    fitted = fit(annotation, value)
+    assert fitted == expected
+    assert type(fitted) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("annotation", "value", "said"),
+    [
+        (bool, 1, "true or false, not 1"),
+        (int, True, "a whole number, not True"),
+        (int, 1.5, "a whole number, not 1.5"),
+        (int, 1 << 63, "at most 64 bits"),
+        (int, np.uint64(1 << 63), "at most 64 bits"),
+        (int, "1", "a whole number, not '1'"),
+        (int, math.inf, "a whole number, not inf"),
+        (int, math.nan, "a whole number, not nan"),
+        (float, True, "a number, not True"),
+        (float, math.nan, "a finite one"),
+        (float, -math.inf, "a finite one"),
+        (float, 10**400, "a finite one"),
+        (float, np.complex128(1), "a number, not a complex128"),
+        (float, np.zeros((1, 1)), "a number, not a matrix"),
+        (float, None, "a number, not a NoneType"),
+        (str, 1, "a text, not 1"),
+        (str, "\ud800", "surrogate"),
+        (tuple[int, ...], 1, "a list of int, not 1"),
+        (tuple[int, ...], [1, "x"], "a whole number, not 'x'"),
+        (Scene, "PA", "a string in braces, not 'PA'"),
+        (Cells, [[1]], "a matrix RxC[...], not a list"),
+        (Cells, np.zeros(3, np.int16), "a matrix RxC"),
+        (Cells, np.zeros((2, 2)), "a matrix of whole numbers"),
+        (Cells, np.full((2, 2), 40_000), "whole numbers of 16 bits"),
+        (Reals, np.full((2, 2), np.nan), "a matrix of finite numbers"),
+        (Reals, np.full((2, 2), "x"), "a matrix of numbers"),
+        (Reals, np.full((2, 2), 1j), "a matrix of numbers"),
+        (Reals, np.full((2, 2), None), "a matrix of numbers"),
+        (float, Quantity(1.0, "m"), "a number, not 1 m"),
+        (int, Quantity(1.0, "m"), "a whole number, not 1 m"),
+    ],
+)
+def test_what_does_not_fit(annotation, value, said):
+    with pytest.raises(Unfit) as caught:
+        fit(annotation, value)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("unit", "number", "given", "expected"),
+    [
+        ("m", 150.0, "cm", 1.5),
+        ("m", 57.0, "cm", 0.57),
+        ("m", 2.0, "km", 2000.0),
+        ("m", 7.0, "mm", 0.007),
+        ("km", 5.0, "m", 0.005),
+        ("m", 0.1, "m", 0.1),
+        ("deg", 90.0, "°", 90.0),
+        ("deg", math.pi, "rad", 180.0),
+        ("rad", 180.0, "deg", math.pi),
+        ("m/s", 36.0, "km/h", 10.0),
+        ("km/h", 10.0, "m/s", 36.0),
+        ("s", 1.0, "h", 3600.0),
+        ("kg", 250.0, "g", 0.25),
+    ],
+)
+def test_units_convert_within_their_dimension(unit, number, given, expected):
+    assert parse_type(f"real {unit}").fit(Quantity(number, given)) == expected
+
+
+@pytest.mark.parametrize("given", ["deg", "s", "m/s", "kg", "parsec", "M"])
+def test_units_of_another_dimension_or_none_at_all_are_refused(given):
+    with pytest.raises(Unfit, match="a number in m, not 1 "):
+        fit(Metres, Quantity(1.0, given))
+
+
+def test_a_conversion_that_overflows_is_refused():
+    with pytest.raises(Unfit, match="a finite one"):
+        fit(Metres, Quantity(1e308, "km"))
+
+
+def test_a_value_in_its_final_form_is_the_very_value():
+    for annotation, value in [
+        (float, 1.5),
+        (str, "long enough a text"),
+        (tuple[float, ...], (1.5, 2.5)),
+        (Scene, parse("PA")),
+    ]:
+        assert fit(annotation, value) is value
+    cells = fit(Cells, np.zeros((2, 2), np.int16))
+    assert fit(Cells, cells) is cells
+
+
+def test_a_matrix_from_a_text_or_from_bytes_is_not_copied():
+    (figure,) = parse("PA<m=1x2[1 2]>")
+    (matrix,) = figure.values
+    assert fit(Cells, matrix) is matrix
+    received = np.frombuffer(bytes(8), np.int16).reshape(2, 2)
+    assert fit(Cells, received) is received
+
+
+@pytest.mark.parametrize("annotation", [Cells, Reals])
+def test_nobody_can_write_to_a_matrix_that_was_taken(annotation):
+    dtype = np.int16 if annotation is Cells else np.float64
+    mine = np.zeros((2, 3), dtype)
+    fitted = fit(annotation, mine)
+    mine[0, 0] = 7
+    assert fitted[0, 0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        fitted[0, 0] = 1
+    assert mine.flags.writeable
+
+
+def test_a_read_only_view_of_what_can_be_written_is_copied():
+    mine = np.zeros((4, 3), np.int16)
+    window = mine[1:]
+    window.flags.writeable = False
+    fitted = fit(Cells, window)
+    mine[1, 0] = 7
+    assert fitted[0, 0] == 0
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        np.asfortranarray(np.arange(6, dtype=np.int16).reshape(2, 3)),
+        np.arange(6, dtype=">i2").reshape(2, 3),
+        np.arange(6, dtype=np.uint8).reshape(2, 3),
+        np.ma.masked_array(np.arange(6, dtype=np.int16).reshape(2, 3)),
+        np.arange(12, dtype=np.int16).reshape(2, 6)[:, ::2] // 2,
+    ],
+    ids=["fortran", "big endian", "bytes", "masked", "strided"],
+)
+def test_matrices_of_any_layout_become_one(matrix):
+    fitted = fit(Cells, matrix)
+    assert type(fitted) is np.ndarray
+    assert fitted.dtype == np.int16
+    assert fitted.flags.c_contiguous
+    assert fitted.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def deep(levels, make):
+    value = make(None)
+    for _ in range(levels - 1):
+        value = make(value)
+    return value
+
+
+def braces(inner):
+    from minerva_bus.grammar.scene import FigureNode, scene_of
+
+    if inner is None:
+        return scene_of(FigureNode("PA"))
+    return scene_of(FigureNode("PA", ("w",), (inner,)))
+
+
+@pytest.mark.parametrize("levels", [1, 32])
+def test_strings_in_strings_fit_as_deep_as_a_text_has_them(levels):
+    value = deep(levels, braces)
+    assert fit(Scene, value) is value
+    assert parse(f"PA<w={{{value}}}>").nodes[0].values[0] == value
+
+
+@pytest.mark.parametrize("levels", [33, 100_000])
+def test_strings_in_strings_do_not_fit_deeper(levels):
+    with pytest.raises(Unfit, match="at most 32 deep"):
+        fit(Scene, deep(levels, braces))
+
+
+def test_lists_count_as_levels_too():
+    fit(tuple[Scene, ...], (deep(31, braces),))
+    with pytest.raises(Unfit, match="at most 32 deep"):
+        fit(tuple[Scene, ...], (deep(32, braces),))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["bool", "int", "real", "real m/s", "text", "list of list of real deg", "cells", "string"],
+)
+def test_a_type_reads_back_from_its_text(text):
+    assert str(parse_type(text)) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "float", "list of", "list of x", "real parsec", "real m m", "int m", "list of " * 99],
+)
+def test_what_is_no_type(text):
+    with pytest.raises(MisuseError):
+        parse_type(text)
+
+
+def test_annotations_stand_for_types():
+    assert type_of(Degrees) == Type("real", "deg")
+    assert type_of("list of text") == Type("list", item=Type("text"))
+
+
+@pytest.mark.parametrize("annotation", [dict, list[int], None, int | str, [], tuple[int, int]])
+def test_what_stands_for_no_type(annotation):
+    with pytest.raises(MisuseError, match="no type of a parameter"):
+        type_of(annotation)
+
+
+def test_only_reals_have_units():
+    from typing import Annotated
+
+    from minerva_bus.grammar.units import Unit
+
+    with pytest.raises(MisuseError, match="only a real has a unit"):
+        type_of(Annotated[int, Unit("m")])
+    with pytest.raises(MisuseError, match="no unit 'parsec'"):
+        Unit("parsec")
