@@ -103,7 +103,7 @@ class Caller(Agent, symbol="ACaller"):
 
     @on("eHit", "eTurn")
     def call(self, event: Event, moment: Moment) -> None:
-        self.heard += 1
+        self.heard = (self.heard + 1) % 1000
         moment.emit(eHit(amount=float(self.heard), receivers=[self.id]))
         moment.emit(eGrow(condition="births < 3"))
 
