@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -70,20 +73,33 @@ def run(
     The world `robot` has --map FILE.yaml, --objective NAME, --planner random|astar, --robots N
     and more.
     """
-    from minerva_bus.cli.running import run_world
-    from minerva_bus.launch.worldfile import Overrides
+    with _uncollected():
+        from minerva_bus.cli.running import read_world, run_world
+        from minerva_bus.launch.worldfile import Overrides
 
-    overrides = Overrides(
-        options=_options(context.args),
-        settings=tuple(set_ or ()),
-        views=tuple(view or ()),
-        name=name,
-        seed=seed,
-        rate=rate,
-        frames=frames,
-        listen=listen,
-    )
-    run_world(world, overrides, BEGAN, in_process=in_process, json_too=json, quiet=quiet)
+        overrides = Overrides(
+            options=_options(context.args),
+            settings=tuple(set_ or ()),
+            views=tuple(view or ()),
+            name=name,
+            seed=seed,
+            rate=rate,
+            frames=frames,
+            listen=listen,
+        )
+        file = read_world(world, overrides)
+    run_world(file, BEGAN, in_process=in_process, json_too=json, quiet=quiet)
+
+
+@contextmanager
+def _uncollected() -> Generator[None]:
+    """Leave garbage lying while all is imported and read: of that, next to nothing is any."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def _options(words: list[str]) -> dict[str, str]:

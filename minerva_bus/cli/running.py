@@ -13,14 +13,18 @@ from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import Overrides, read_world_file
+from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
 
 FAILED, INTERRUPTED = 1, 130
 
 
+def read_world(world: str, overrides: Overrides) -> WorldFile:
+    """The world file of a path or an installed name. Raises WorldFileError and SceneError."""
+    return read_world_file(find_world(world), overrides)
+
+
 def run_world(
-    world: str,
-    overrides: Overrides,
+    file: WorldFile,
     began: float,
     *,
     in_process: bool,
@@ -29,7 +33,6 @@ def run_world(
 ) -> None:
     """Run a world and print its summary; exits with 1 where it failed and 130 on Ctrl-C."""
     console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
-    file = read_world_file(find_world(world), overrides)
     failure = ""
     try:
         if in_process:

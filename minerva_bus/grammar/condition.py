@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from minerva_bus.errors import VocabularyError
 
 _COMPARE: dict[str, Callable[[Any, Any], bool]] = {
@@ -89,6 +92,22 @@ def parse_condition(text: str, source: str = "condition") -> tuple[Comparison, .
 def holds(text: str, state: Mapping[str, Any]) -> bool:
     """Whether a condition holds for an agent's state."""
     return all(one.holds(state) for one in parse_condition(text))
+
+
+def holds_of_many(
+    text: str, state: Mapping[str, NDArray[Any]], count: int
+) -> NDArray[np.bool_]:
+    """Of which of many agents a condition holds; their states as arrays of shape (count,)."""
+    found = np.ones(count, np.bool_)
+    for one in parse_condition(text):
+        mine = state.get(one.attribute)
+        if mine is None or _SORTS.get(mine.dtype.kind) is not _sort(one.value):
+            return np.zeros(count, np.bool_)
+        found &= _COMPARE[one.sign](mine, one.value)
+    return found
+
+
+_SORTS: dict[str, type] = {"f": float, "i": float, "b": bool, "O": str}
 
 
 def _literal(literal: str) -> bool | float | str:

@@ -1,10 +1,24 @@
 """Digests of strings: equal exactly for strings that print the same.
 
-The digest of a string is BLAKE2b-128 over the digests of its nodes, one after another; that of a
-node is BLAKE2b-128 over its head's text (UTF-8), a zero byte and, where it has a scope, the
-scope's digest. In a head's text a matrix stands as `RxC[#hex]`, hex being the BLAKE2b-128 of its
-values in row order (int16, or float64 where the text says `RxCr`, little endian), so that big
-matrices need not be printed.
+The digest of a string is BLAKE2b-128 over the digests of its parts, one after another. A part is a
+node, or 32 and more neighbours of one shape (grammar/columns.py), as many as there are.
+
+The digest of a node is BLAKE2b-128 over its head's text (UTF-8), a zero byte and, where it has a
+scope, the scope's digest. In a head's text a matrix stands as `RxC[#hex]`, hex being the
+BLAKE2b-128 of its values in row order (int16, or float64 where the text says `RxCr`, little
+endian), so that big matrices need not be printed.
+
+The digest of many of one shape is BLAKE2b-128 over the text `COUNT`, a zero byte and for each level
+of the shape the text `SYMBOL<NAME,...>`, a zero byte, and then, 16 bytes each, the digests of its
+ids (agents only) and of its columns. That of a column is BLAKE2b-128 over those of its chunks of
+4,096 values, and that of a chunk BLAKE2b-128 over
+
+    `n` and float64 values, little endian     where all are numbers that float64 has and that, when
+                                              whole, are below 10^16 or else typed real
+    `b` and bytes 0 or 1                      where all are truths
+    `t` and each value's text, a line feed behind each, for all else, ids among it (without quotes)
+
+so that a chunk in which nothing has changed need not be gone over again.
 """
 
 from __future__ import annotations
@@ -12,37 +26,48 @@ from __future__ import annotations
 from collections.abc import Iterator
 from hashlib import blake2b
 from math import copysign
+from typing import Any, Final, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from minerva_bus.grammar.columns import CHUNK, MANY, Column, Columns, merged, runs, size
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.printer import bits, shape_text, value_text
 from minerva_bus.grammar.scene import (
     AgentNode,
     Array,
     FigureNode,
     Node,
+    Piece,
     Scene,
     TransformationNode,
     Value,
 )
 
 SIZE = 16
+_EXACT: Final = 1 << 53
+_WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number does
 
 
 def scene_digest(scene: Scene) -> bytes:
     """16 bytes for a string; digests of nodes and scopes are kept with them and used again."""
-    nodes, parts = iter(scene.nodes), list[bytes]()
-    opened: list[tuple[TransformationNode | AgentNode, Iterator[Node], list[bytes]]] = []
+    nodes, parts = _parts(scene), list[bytes]()
+    opened: list[tuple[TransformationNode | AgentNode, Iterator[Node | Columns], list[bytes]]] = []
     while True:
         for node in nodes:
             digest = _known(node)
             if digest:
                 parts.append(digest)
+            elif isinstance(node, Columns):
+                parts.append(_kept(node, _digest_of_many(node)))
             elif isinstance(node, FigureNode):
                 parts.append(_kept(node, _hash(_head(node) + b"\0")))
+            elif known := _known(node.scope):
+                parts.append(_kept(node, _hash(_head(node) + b"\0" + known)))
             else:
                 opened.append((node, nodes, parts))
-                nodes, parts = iter(node.scope.nodes), []
+                nodes, parts = _parts(node.scope), []
                 break
         else:
             digest = _hash(b"".join(parts))
@@ -53,11 +78,84 @@ def scene_digest(scene: Scene) -> bytes:
             parts.append(_kept(done, _hash(_head(done) + b"\0" + digest)))
 
 
-def _known(item: Scene | Node) -> bytes:
+def _parts(scene: Scene) -> Iterator[Piece]:
+    """Nodes, and many of one shape as columns, however the string holds them."""
+    pieces = scene.pieces
+    if len(pieces) < MANY and not any([type(piece) is Columns for piece in pieces]):
+        return iter(pieces)
+    return _grouped(pieces)
+
+
+def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece]:
+    for shape, group in runs(pieces):
+        if shape is None:
+            yield from group
+        elif size(group) >= MANY:
+            yield merged(group)
+        else:
+            yield from Scene(tuple(group)).nodes
+
+
+def _digest_of_many(many: Columns) -> bytes:
+    parts = [f"{many.count}\0".encode()]
+    for level in many.levels():
+        parts.append(f"{level.symbol}<{','.join(level.names)}>\0".encode())
+        if level.ids is not None:
+            parts.append(_digest_of_ids(level.ids))
+        parts += [_digest_of_column(column) for column in level.columns]
+    return _hash(b"".join(parts))
+
+
+def _digest_of_ids(ids: Ids) -> bytes:
+    known = ids.digest
+    if not known:
+        spans = range(0, len(ids), CHUNK)
+        chunks = [_hash(b"t" + ids.text_of(slice(at, at + CHUNK))) for at in spans]
+        known = ids.digest = _hash(b"".join(chunks))
+    return known
+
+
+def _digest_of_column(column: Column) -> bytes:
+    array = column.array
+    if column.chunks is None:
+        column.chunks = [b""] * -(-len(array) // CHUNK)
+    for number, digest in enumerate(column.chunks):
+        if not digest:
+            at = number * CHUNK
+            column.chunks[number] = _digest_of_chunk(array[at : at + CHUNK])
+    return _hash(b"".join(column.chunks))
+
+
+def _digest_of_chunk(values: NDArray[Any]) -> bytes:
+    kind = values.dtype.kind
+    if kind == "f" or (kind == "i" and int(values.max()) <= _EXACT and int(values.min()) >= -_EXACT):
+        return _hash_two(b"n", values.astype("<f8", copy=False))
+    if kind == "b":
+        return _hash_two(b"b", values.view(np.uint8))
+    listed = cast("list[Value]", values.tolist())
+    types = set(map(type, listed))
+    if types == {bool}:
+        return _hash_two(b"b", np.array(listed, np.uint8))
+    if types <= {int, float} and all([_exact(one) for one in listed]):
+        return _hash_two(b"n", np.array(listed, "<f8"))
+    return _hash(b"t" + b"".join([f"{value_text(one)}\n".encode() for one in listed]))
+
+
+def _exact(number: Any) -> bool:
+    return type(number) is float or (abs(number) < _WHOLE and int(float(number)) == number)
+
+
+def _hash_two(kind: bytes, values: NDArray[Any]) -> bytes:
+    hashing = blake2b(kind, digest_size=SIZE)
+    hashing.update(np.ascontiguousarray(values))
+    return hashing.digest()
+
+
+def _known(item: Scene | Piece) -> bytes:
     return getattr(item, "_digest", b"")
 
 
-def _kept(item: Scene | Node, digest: bytes) -> bytes:
+def _kept(item: Scene | Piece, digest: bytes) -> bytes:
     object.__setattr__(item, "_digest", digest)  # a cache: the value itself stays immutable
     return digest
 

@@ -6,6 +6,7 @@ A `Scene` is a concatenation of nodes, one class for each alternative of rule 3:
     TransformationNode   t(OBJECTS)  rule 5
     AgentNode            a(OBJECTS)  rule 4
 
+Many of one shape may be held as one `Columns` (grammar/columns.py), which stands for them all.
 A *fragment* is a `Scene` too. Nothing here recurses: strings may be nested as deep as memory goes.
 """
 
@@ -15,38 +16,63 @@ import re
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from operator import is_
-from typing import Any, Final, TypeAlias, cast, overload
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.units import Quantity
 
+if TYPE_CHECKING:
+    from minerva_bus.grammar.columns import Columns
+
 Array: TypeAlias = NDArray[np.int16] | NDArray[np.float64]
 Value: TypeAlias = "bool | int | float | str | Quantity | tuple[Value, ...] | Array | Scene"
 Node: TypeAlias = "FigureNode | TransformationNode | AgentNode"
+Piece: TypeAlias = "FigureNode | TransformationNode | AgentNode | Columns"
 
 AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
 
 
-class _Digested:
+class Digested:
     """Keeps its digest once it is known."""
 
     __slots__ = ("_digest",)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scene(_Digested):
-    """A string w ∈ L(M): nodes side by side. `EMPTY` is ε."""
+class Scene(Digested):
+    """A string w ∈ L(M): nodes side by side. `EMPTY` is ε. Immutable.
 
-    nodes: tuple[Node, ...] = ()
+    `pieces` is how it is held: nodes, and `Columns` that stand for many. `nodes` is what it is.
+    """
+
+    __slots__ = ("_nodes", "pieces")
+
+    pieces: tuple[Piece, ...]
+    _nodes: tuple[Node, ...] | None
+
+    def __init__(self, pieces: tuple[Piece, ...] = ()) -> None:
+        object.__setattr__(self, "pieces", pieces)
+        object.__setattr__(self, "_nodes", None)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a string is immutable; {name} cannot be set")
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Every node, those that stand in columns too."""
+        nodes = self._nodes
+        if nodes is None:
+            nodes = _plain(self.pieces)
+            object.__setattr__(self, "_nodes", nodes)
+        return nodes
 
     def __add__(self, other: object) -> Scene:
         if not isinstance(other, Scene):
             return NotImplemented
-        if not self.nodes:
+        if not self.pieces:
             return other
-        return Scene(self.nodes + other.nodes) if other.nodes else self
+        return Scene(self.pieces + other.pieces) if other.pieces else self
 
     def __iter__(self) -> Iterator[Node]:
         return iter(self.nodes)
@@ -54,10 +80,16 @@ class Scene(_Digested):
     def __len__(self) -> int:
         return len(self.nodes)
 
+    def __bool__(self) -> bool:
+        return bool(self.pieces)
+
+    def __reduce__(self) -> tuple[type[Scene], tuple[tuple[Piece, ...]]]:
+        return Scene, (self.pieces,)
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        return self.nodes is other.nodes or self.digest == other.digest
+        return self.pieces is other.pieces or self.digest == other.digest
 
     def __hash__(self) -> int:
         return hash(self.digest)
@@ -86,7 +118,19 @@ class Scene(_Digested):
 EMPTY: Final = Scene()
 
 
-class _Printed(_Digested):
+def _plain(pieces: tuple[Piece, ...]) -> tuple[Node, ...]:
+    if all([type(piece) in _NODES for piece in pieces]):
+        return cast("tuple[Node, ...]", pieces)
+    made: list[Node] = []
+    for piece in pieces:
+        if isinstance(piece, FigureNode | TransformationNode | AgentNode):
+            made.append(piece)
+        else:
+            made += piece.nodes()
+    return tuple(made)
+
+
+class _Printed(Digested):
     """Nodes are equal when they print the same, as strings are."""
 
     __slots__ = ()
@@ -145,6 +189,9 @@ class AgentNode(_Printed):
         return dict(zip(self.names, self.values, strict=True))
 
 
+_NODES: Final = frozenset((FigureNode, TransformationNode, AgentNode))
+
+
 def scene_of(*nodes: Node) -> Scene:
     """The concatenation of the nodes."""
     return Scene(nodes)
@@ -162,7 +209,7 @@ def with_scope(
     node: TransformationNode | AgentNode, scope: Scene
 ) -> TransformationNode | AgentNode:
     """The same node around another scope; the very node where nothing changes."""
-    if scope is node.scope or (not scope.nodes and not node.scope.nodes):
+    if scope is node.scope or (not scope.pieces and not node.scope.pieces):
         return node
     if isinstance(node, AgentNode):
         return AgentNode(node.symbol, node.id, node.names, node.values, scope)
@@ -210,7 +257,7 @@ def rebuild(
         for node in nodes:
             if isinstance(node, FigureNode):
                 _put(made, leave(node, EMPTY))
-            elif not node.scope.nodes or id(node) in whole:
+            elif not node.scope.pieces or id(node) in whole:
                 _put(made, leave(node, node.scope))
             else:
                 opened.append((node, nodes, made))

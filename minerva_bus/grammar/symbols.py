@@ -9,10 +9,16 @@ from math import isfinite
 from operator import is_
 from typing import Any
 
+import numpy as np
+
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.arrays import fit_array, is_array, repeated
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.columns import Column, Columns, around_each
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.forms import Form, Motion, Shape, parameters_of
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode, Value
 from minerva_bus.grammar.types import Type, Unfit, type_of
 
@@ -113,15 +119,46 @@ class Fields:
         self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> tuple[Value, ...]:
         """Values from a call's arguments, as Python would bind them. Raises MisuseError."""
-        given = self._merged(owner, args, kwargs) if args else kwargs
+        given = self.merged(owner, args, kwargs) if args else kwargs
         try:
             return self.values(owner, given)
         except Unfit as unfit:
             raise MisuseError(str(unfit)) from None
 
-    def _merged(
+    def bind_columns(
+        self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]
+    ) -> tuple[tuple[Column, ...], int]:
+        """Columns from a call's arguments, some of them arrays; how long. Raises MisuseError."""
+        given = self.merged(owner, args, kwargs) if args else kwargs
+        count = next((len(value) for value in given.values() if is_array(value)), 0)
+        return self.columns(owner, given, count), count
+
+    def columns(self, owner: str, given: Mapping[str, Any], count: int) -> tuple[Column, ...]:
+        """Columns of a length from arrays, and from single values for all. Raises MisuseError."""
+        try:
+            if any(name not in self.names for name in given):
+                raise Unfit(self._unknown(owner, given))
+            return tuple([self._column(owner, one, given, count) for one in self.all])
+        except Unfit as unfit:
+            raise MisuseError(str(unfit)) from None
+
+    def _column(self, owner: str, one: Field, given: Mapping[str, Any], count: int) -> Column:
+        value = given.get(one.name, one.default)
+        if value is None:
+            raise Unfit(f"{owner} needs a value for {one.name} ({one.type})")
+        try:
+            if not is_array(value):
+                return repeated(one.type, value, count)
+            if len(value) != count:
+                raise Unfit(f"{count} values, not {len(value)}")
+            return fit_array(one.type, value)
+        except Unfit as unfit:
+            raise Unfit(f"{owner}: {one.name} must be {unfit}") from None
+
+    def merged(
         self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]
     ) -> Mapping[str, Any]:
+        """A call's arguments by name. Raises MisuseError."""
         if len(args) > len(self.all):
             raise MisuseError(f"{owner} takes {len(self.all)} parameters, not {len(args)}")
         given = dict(zip(self.names, args, strict=False))
@@ -152,7 +189,10 @@ def _checked(name: str, alphabet: str, letter: str) -> str:
 
 
 class Primitive:
-    """A primitive p ∈ P; calling it gives the string of one figure."""
+    """A primitive p ∈ P; calling it gives the string of one figure.
+
+    With arrays of shape (n,) among the parameters it gives n figures, one for each row.
+    """
 
     def __init__(self, name: str, /, shape: Shape | None = None, **parameters: Any) -> None:
         self.name = _checked(name, "a primitive", "P")
@@ -161,12 +201,19 @@ class Primitive:
         _check_form(name, shape, self.fields)
 
     def __call__(self, /, *args: Any, **kwargs: Any) -> Scene:
+        if any(map(is_array, (*args, *kwargs.values()))):
+            columns, count = self.fields.bind_columns(self.name, args, kwargs)
+            return Scene((Columns(self.name, self.fields.names, columns, count),))
         values = self.fields.bind(self.name, args, kwargs)
         return Scene((FigureNode(self.name, self.fields.names, values),))
 
 
 class Transformation:
-    """A transformation t ∈ T; `t(parameters)(string, ...)` gives the string t(OBJECTS)."""
+    """A transformation t ∈ T; `t(parameters)(string, ...)` gives the string t(OBJECTS).
+
+    With arrays of shape (n,) among the parameters it gives n transformations, each round its row
+    of the scope where that has n rows, and else round all of it.
+    """
 
     def __init__(self, name: str, /, motion: Motion | None = None, **parameters: Any) -> None:
         self.name = _checked(name, "a transformation", "T")
@@ -175,6 +222,9 @@ class Transformation:
         _check_form(name, motion, self.fields)
 
     def __call__(self, /, *args: Any, **kwargs: Any) -> OpenTransformation:
+        if any(map(is_array, (*args, *kwargs.values()))):
+            columns, count = self.fields.bind_columns(self.name, args, kwargs)
+            return OpenTransformation(self, (), Columns(self.name, self.fields.names, columns, count))
         return OpenTransformation(self, self.fields.bind(self.name, args, kwargs))
 
 
@@ -184,6 +234,7 @@ class OpenTransformation:
 
     transformation: Transformation
     values: tuple[Value, ...]
+    many: Columns | None = None
 
     def __call__(self, *scope: Scene) -> Scene:
         name, fields = self.transformation.name, self.transformation.fields
@@ -193,7 +244,9 @@ class OpenTransformation:
                     f"the scope of {name} holds strings, not {one!r}; a primitive gives one when"
                     " it is called, a transformation when it is called twice"
                 )
-        inside = Scene(tuple([node for one in scope for node in one.nodes]))
+        inside = Scene(tuple([piece for one in scope for piece in one.pieces]))
+        if self.many is not None:
+            return around_each(self.many, inside)
         return Scene((TransformationNode(name, fields.names, self.values, inside),))
 
 
@@ -232,13 +285,39 @@ class EventType:
         sender: str = "",
         condition: str = "",
         **kwargs: Any,
-    ) -> Event:
-        """An event. Raises MisuseError, and VocabularyError for a condition that is none."""
+    ) -> Any:
+        """An event; `Events`, a row for each, where data are arrays or receivers are `Ids`.
+
+        Raises MisuseError, and VocabularyError for a condition that is none.
+        """
+        if isinstance(receivers, Ids) or any(map(is_array, (*args, *kwargs.values()))):
+            return self._many(args, kwargs, receivers, condition)
         values = self.fields.bind(self.name, args, kwargs)
         if condition:
             parse_condition(condition)
         to = _ids(receivers) if receivers else ()
         return Event(self.name, self.fields.names, values, condition, sender, to)
+
+    def _many(
+        self,
+        args: tuple[Any, ...],
+        kwargs: Mapping[str, Any],
+        receivers: Iterable[str],
+        condition: str,
+    ) -> Events:
+        given = self.fields.merged(self.name, args, kwargs)
+        to = receivers if isinstance(receivers, Ids) else None
+        lengths = [len(value) for value in given.values() if is_array(value)]
+        count = len(to) if to is not None else lengths[0]
+        columns = self.fields.columns(self.name, given, count)
+        if condition:
+            parse_condition(condition)
+        listed = () if to is not None else _ids(receivers)
+        if len(listed) > 1:
+            raise MisuseError(f"many {self.name} at once have one receiver each: give Ids")
+        if listed:
+            to = Ids.of(listed).take(np.zeros(count, np.intp))
+        return Events(self.name, self.fields.names, columns, count, condition, None, to)
 
 
 def _ids(receivers: Iterable[object]) -> tuple[str, ...]:

@@ -8,14 +8,18 @@ from operator import is_
 from typing import ClassVar, Protocol, TypeVar
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
+from minerva_bus.grammar.arrays import fits
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.parser import Parsed, parse_located
 from minerva_bus.grammar.scene import (
     AGENT_ID,
     AgentNode,
     FigureNode,
     Node,
+    Piece,
     Scene,
     TransformationNode,
     Value,
@@ -97,17 +101,49 @@ class Vocabulary:
 
         Nodes that are so already are shared. Raises VocabularyError; ids must be unique.
         """
-        ids: set[str] = set()
+        taken = _Taken()
 
         def leave(node: Node, scope: Scene) -> Node:
             try:
                 if isinstance(node, AgentNode):
-                    _check_id(node.id, ids)
+                    taken.add(node.id)
                 return self._node(node, scope, source, parsed)
             except Unfit as unfit:
                 raise _vocabulary_error(str(unfit), node, source, parsed) from None
 
-        return rebuild(scene, leave)
+        if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+            return rebuild(scene, leave)
+        made: list[Piece] = []
+        for piece in scene.pieces:
+            if not isinstance(piece, Columns):
+                made += rebuild(Scene((piece,)), leave).pieces
+            elif self._fits(piece):
+                made.append(self._with_known_ids(piece, taken, source))
+            else:
+                made += packed(rebuild(Scene(piece.nodes()), leave)).pieces
+        return scene if all(map(is_, made, scene.pieces)) else Scene(tuple(made))
+
+    def _fits(self, many: Columns) -> bool:
+        """Whether columns are as this vocabulary has them, except for their ids."""
+        for level in many.levels():
+            entry = self._symbols(level.symbol[:1]).get(level.symbol)
+            if entry is None or entry.fields.names != level.names:
+                return False
+            if (level.symbol[:1] == "A") != (level.ids is not None):
+                return False
+            if (level.symbol[:1] == "T") < (level.scope is not None):
+                return False
+            if not all(map(fits, [one.type for one in entry.fields.all], level.columns)):
+                return False
+        return True
+
+    def _with_known_ids(self, many: Columns, taken: _Taken, source: str) -> Columns:
+        if many.ids is not None:
+            try:
+                taken.add_all(many.ids)
+            except Unfit as unfit:
+                raise VocabularyError(str(unfit), source=source) from None
+        return many
 
     def _node(self, node: Node, scope: Scene, source: str, parsed: Parsed | None) -> Node:
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
@@ -173,12 +209,33 @@ def _entry(one: Entry | type[HasKind]) -> Entry:
     return kind
 
 
-def _check_id(name: str, taken: set[str]) -> None:
-    if AGENT_ID.fullmatch(name) is None:
-        raise Unfit(f"{name!r} is no id of an agent: letters, digits and _ : - only")
-    if name in taken:
-        raise Unfit(f"two agents have the id #{name}")
-    taken.add(name)
+class _Taken:
+    """The ids of a string, none of them twice."""
+
+    def __init__(self) -> None:
+        self._single: set[str] = set()
+        self._many: list[Ids] = []
+
+    def add(self, name: str) -> None:
+        """One more. Raises Unfit."""
+        if AGENT_ID.fullmatch(name) is None:
+            raise Unfit(f"{name!r} is no id of an agent: letters, digits and _ : - only")
+        if name in self._single or any(ids.row_of(name) >= 0 for ids in self._many):
+            raise Unfit(f"two agents have the id #{name}")
+        self._single.add(name)
+
+    def add_all(self, ids: Ids) -> None:
+        """Many more. Raises Unfit."""
+        if (strange := ids.strange) is not None:
+            raise Unfit(f"{strange!r} is no id of an agent: letters, digits and _ : - only")
+        if (twice := ids.duplicate) is not None:
+            raise Unfit(f"two agents have the id #{twice}")
+        singles = Ids.of(sorted(self._single)) if self._single else None
+        for others in (*self._many, *((singles,) if singles is not None else ())):
+            rows = ids.rows_of(others)
+            if (rows >= 0).any():
+                raise Unfit(f"two agents have the id #{ids[int(rows.max())]}")
+        self._many.append(ids)
 
 
 def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, cast, get_type_hints
@@ -57,7 +58,8 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(f"{spec!r}: importing {name} raised {error!r}") from error
 
 
-def entries(group: str) -> dict[str, EntryPoint]:
+@cache
+def entries(group: str) -> Mapping[str, EntryPoint]:
     """What is installed under an entry point group, by name."""
     return {entry.name: entry for entry in entry_points(group=group)}
 

@@ -20,21 +20,25 @@ A method under `@view` is θ (equation 4): it returns primitives and transformat
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from hashlib import blake2b
 from operator import is_
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.grammar.arrays import SCALARS
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.world.declaring import ON, VIEW, handlers, state_of
+from minerva_bus.world.alone import as_one, view_as_one
+from minerva_bus.world.declaring import ON, POPULATION, TOGETHER, VIEW, handlers, state_of
+from minerva_bus.world.lineage import child_id
 from minerva_bus.world.moment import Moment
 
 Handler = Callable[[Any, Event, Moment], Scene | None]
@@ -42,22 +46,37 @@ ViewHandler = Callable[[Any, Event], Scene]
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-def on(*event_types: str) -> Callable[[_F], _F]:
-    """Mark a method `(self, event, moment)` as the activity for these event types."""
-    return _mark(ON, event_types)
+def on(
+    *event_types: str, population: bool = False, together: bool = False
+) -> Callable[[_F], _F]:
+    """Mark a method `(self, event, moment)` as the activity for these event types.
+
+    With `population` it is written for many agents at once (world/population.py). With `together`
+    it gets all events of a frame for one type in one call, not one for each agent after another:
+    then `event.row` says which of the agents each of them is for.
+    """
+    return _mark(ON, event_types, population or together, together)
 
 
-def view(*event_types: str) -> Callable[[_F], _F]:
-    """Mark a method `(self, event)` as the view for these visual event types."""
-    return _mark(VIEW, event_types)
+def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
+    """Mark a method `(self, event)` as the view for these visual event types.
+
+    With `population` it is written for many agents at once: it returns a string with one node for
+    each of them, as primitives and transformations give where their parameters are arrays.
+    """
+    return _mark(VIEW, event_types, population, False)
 
 
-def _mark(name: str, event_types: tuple[object, ...]) -> Callable[[_F], _F]:
+def _mark(
+    name: str, event_types: tuple[object, ...], population: bool, together: bool
+) -> Callable[[_F], _F]:
     if not event_types or not all(isinstance(one, str) for one in event_types):
         raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
 
     def mark(function: _F) -> _F:
         setattr(function, name, event_types)
+        setattr(function, POPULATION, population)
+        setattr(function, TOGETHER, together)
         return function
 
     return mark
@@ -69,6 +88,8 @@ class Agent:
     kind: ClassVar[AgentKind]
     activities: ClassVar[dict[str, Handler]] = {}
     views: ClassVar[dict[str, ViewHandler]] = {}
+    population: ClassVar[dict[str, Handler]] = {}
+    population_views: ClassVar[dict[str, ViewHandler]] = {}
 
     id: str
     scope: Scene
@@ -76,13 +97,17 @@ class Agent:
 
     def __init_subclass__(cls, symbol: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        cls.activities = handlers(cls, ON)
-        cls.views = handlers(cls, VIEW)
+        activities, views = handlers(cls, ON), handlers(cls, VIEW)
+        cls.population = _for_many(activities)
+        cls.population_views = _for_many(views)
+        cls.activities = activities | {e: as_one(f) for e, f in cls.population.items()}
+        cls.views = views | {e: view_as_one(f) for e, f in cls.population_views.items()}
         inherited: AgentKind | None = getattr(cls, "kind", None)
         name = symbol or (inherited.name if inherited is not None else "")
         if name:
             state = state_of(cls, Agent)
             cls.kind = AgentKind(name, state, frozenset(cls.activities), frozenset(cls.views))
+            _check_columns(cls.kind, cls.population or cls.population_views)
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(id) is None:
@@ -155,6 +180,23 @@ class Agent:
                     f" begin its name with _ if it need not last{nearest(name, list(names))}"
                 )
 
+    @classmethod
+    def many(cls, ids: Ids | Sequence[str] | str, count: int = 0, **state: Any) -> Scene:
+        """The string of many agents, held in columns.
+
+        `ids` are as many ids, or what `count` ids begin with: `Fox.many("fox", 1000, x=array)` are
+        fox0 to fox999. The state has arrays, shape (n,), or one value for all. Raises MisuseError.
+        """
+        found = Ids.numbered(ids, range(count)) if isinstance(ids, str) else ids
+        column = found if isinstance(found, Ids) else Ids.of(found)
+        fields, owner = cls.kind.fields, cls.kind.name
+        columns = fields.columns(owner, state, len(column))
+        if not len(column):
+            return EMPTY
+        if (strange := column.strange) is not None:
+            raise MisuseError(f"{strange!r} is no id of an agent: letters, digits and _ : - only")
+        return Scene((Columns(owner, fields.names, columns, len(column), column),))
+
     @property
     def string(self) -> Scene:
         """The agent, as it is now, as a string."""
@@ -182,7 +224,7 @@ class Agent:
             )
         births: int = self.__dict__["births"] + 1
         self.__dict__["births"] = births
-        return (kind or type(self))(_child_id(self.id, births), **state).string
+        return (kind or type(self))(child_id(self.id, births), **state).string
 
     def counted(self, own: AgentNode) -> AgentNode:
         """A node of this agent that knows of every birth so far.
@@ -203,14 +245,17 @@ class Agent:
             return f"<{self.kind.name}#{self.id}, not valid: {error}>"
 
 
+def _for_many(found: dict[str, _F]) -> dict[str, _F]:
+    return {event: function for event, function in found.items() if getattr(function, POPULATION)}
+
+
+def _check_columns(kind: AgentKind, population: Collection[str]) -> None:
+    for one in kind.fields.all if population else ():
+        if one.type.kind not in SCALARS:
+            raise MisuseError(
+                f"{kind.name} has methods for populations, so its attributes must be numbers,"
+                f" truths or texts; {one.name} is a {one.type}"
+            )
+
+
 _OWN = frozenset({"id", "scope", "_node"})
-_LONGEST_ID = 64
-
-
-def _child_id(parent: str, births: int) -> str:
-    """An id that only this birth gives; a lineage too long to be spelled out is hashed."""
-    name = f"{parent}:{births}"
-    if len(name) <= _LONGEST_ID:
-        return name
-    lineage = blake2b(name.encode(), digest_size=12).hexdigest()
-    return f"{parent[:16].split(':')[0]}:-{lineage}"

@@ -11,6 +11,8 @@ from minerva_bus.grammar.symbols import Default, Fields
 
 ON = "_minerva_on"
 VIEW = "_minerva_view"
+POPULATION = "_minerva_population"
+TOGETHER = "_minerva_together"
 
 
 def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:

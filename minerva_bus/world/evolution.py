@@ -6,12 +6,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import count
+from operator import is_
 
+from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     Node,
+    Piece,
     Scene,
     agents,
     rebuild,
@@ -19,6 +23,7 @@ from minerva_bus.grammar.scene import (
     scene_of,
 )
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.crowd import evolve_many
 from minerva_bus.world.kinds import Addressed, Kinds, addressed, kinds_of
 from minerva_bus.world.life import live
 from minerva_bus.world.moment import Frame, Moment
@@ -39,10 +44,14 @@ class Policy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """What η made of a string, and the events that λ emitted (for the next frame), by agent."""
+    """What η made of a string, and the events that λ emitted (for the next frame).
+
+    `emitted` has those of single agents by id, `many` those of agents in columns.
+    """
 
     scene: Scene
     emitted: dict[str, tuple[Event, ...]]
+    many: tuple[AnyEvent, ...] = ()
 
 
 _FIRST = Frame()
@@ -50,7 +59,7 @@ _FIRST = Frame()
 
 def evolve(
     scene: Scene,
-    events: Sequence[Event] | Addressed,
+    events: Sequence[AnyEvent] | Addressed,
     kinds: Iterable[type[Agent]] | Kinds,
     frame: Frame = _FIRST,
     policy: Policy = Policy.SEQUENTIAL,
@@ -59,11 +68,15 @@ def evolve(
 
     Agents whose kind is not among `kinds` stand still. Raises ActivityError where user code did.
     """
-    eta = _Eta(addressed(events), kinds_of(kinds), frame)
+    found = addressed(events)
     if policy is Policy.LITERAL:
+        eta = _Eta(addressed(tuple(single(found.events))), kinds_of(kinds), frame)
         eta.ids.update(agent.id for agent in agents(scene))
         return Evolved(rebuild(scene, eta.copies), eta.emitted)
-    return Evolved(rebuild(scene, eta.once), eta.emitted)
+    eta = _Eta(found, kinds_of(kinds), frame)
+    if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+        return Evolved(rebuild(scene, eta.once), eta.emitted)
+    return eta.piecewise(scene)
 
 
 @dataclass(slots=True)
@@ -84,17 +97,34 @@ class _Eta:
         places = self.addressed.places(node.id, self.kinds[node.symbol].activities)
         return self.live(node, places, self.addressed) if places else node
 
+    def piecewise(self, scene: Scene) -> Evolved:
+        """η of a string some of which is held in columns."""
+        result: list[Piece] = []
+        many: list[AnyEvent] = []
+        for piece in scene.pieces:
+            if not isinstance(piece, Columns):
+                result += rebuild(Scene((piece,)), self.once).pieces
+            elif piece.ids is None or piece.symbol not in self.kinds:
+                result.append(piece)
+            else:
+                now, sent = evolve_many(piece, self.addressed, self.kinds, self.frame)
+                result += now.pieces
+                many += sent
+        same = len(result) == len(scene.pieces) and all(map(is_, result, scene.pieces))
+        return Evolved(scene if same else Scene(tuple(result)), self.emitted, tuple(many))
+
     def copies(self, node: Node, scope: Scene) -> Scene | Node:
         """One copy of an agent for each event of the frame: the letter of equation 3."""
         node = rescoped(node, scope)
         if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
             return node
-        concerning = self.addressed.places(node.id, self.kinds[node.symbol].activities)
+        places = self.addressed.places(node.id, self.kinds[node.symbol].activities)
+        concerning = set(map(self.addressed.index, places))
         result = EMPTY
-        for place, event in enumerate(self.addressed.events):
-            copy = node if place == 0 else self.copy(node, place + 1)
+        for index, event in enumerate(self.addressed.events):
+            copy = node if index == 0 else self.copy(node, index + 1)
             alone = Addressed((event,))  # whatever a copy becomes, it meets no other event
-            result += self.live(copy, [0], alone) if place in concerning else scene_of(copy)
+            result += self.live(copy, [0], alone) if index in concerning else scene_of(copy)
         return result
 
     def copy(self, node: AgentNode, number: int) -> AgentNode:

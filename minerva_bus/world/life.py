@@ -31,68 +31,110 @@ def live(
     An agent that λ turns into one of another kind meets the frame's later events as such.
     Raises ActivityError.
     """
-    around, pending = scene_of(node), deque(places)
-    inside = identities(node.scope)  # perhaps very deep, and the agent itself is not in it
-    event = addressed.events[places[0]]
-    agent = _thawed(kinds[node.symbol], node, event, moment)
-    while pending:
-        place = pending.popleft()
-        event = addressed.events[place]
-        if event.condition and not holds(event.condition, _now(agent, node, event, moment).state):
-            continue
-        result = _activity(agent, node, event, moment)
-        if result is None:
-            continue
-        around = _put(around, node.id, result, inside)
-        own = _own(result, inside, node, event, moment)
-        cls = kinds.get(own.symbol) if own is not None else None
-        if own is None:
-            return around
-        if cls is None:
-            return _put(around, node.id, scene_of(agent.counted(own)), inside)
-        if cls is not type(agent):
-            later = addressed.places(node.id, cls.activities)
+    life, pending = Life(node, kinds, moment), deque(places)
+    while pending and life.symbol in kinds:
+        place, before = pending.popleft(), life.symbol
+        life.meet(addressed.event(place))
+        if life.symbol != before and life.symbol in kinds:
+            later = addressed.places(node.id, kinds[life.symbol].activities)
             pending = deque([one for one in later if one > place])
-        agent = _thawed(cls, agent.counted(own), event, moment)
-    return _put(around, node.id, scene_of(_now(agent, node, event, moment)), inside)
+    return life.string
 
 
-def _activity(agent: Agent, node: AgentNode, event: Event, moment: Moment) -> Scene | None:
-    """λ(a, e); None where the agent stays and has changed itself."""
-    try:
-        result = agent.activities[event.type](agent, event, moment)
-        if result is not None and not isinstance(result, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise TypeError(f"an activity returns None or a string, not {result!r}")
-        return result
-    except Exception as error:
-        raise ActivityError("λ", node, event, moment.number) from error
+class Life:
+    """One agent within a frame, and all that it has made of itself so far."""
+
+    def __init__(
+        self, node: AgentNode, kinds: Kinds, moment: Moment, agent: Agent | None = None
+    ) -> None:
+        self._node = node
+        self._kinds = kinds
+        self._moment = moment
+        self._around = scene_of(node)
+        self._inside = identities(node.scope)  # perhaps very deep; the agent is not in it
+        self._agent = agent
+        self.symbol = node.symbol
+        """Of the kind that it is of now; empty when it is no more."""
+
+    def meet(self, event: Event) -> None:
+        """Live through one event that concerns it. Raises ActivityError."""
+        agent = self._agent
+        if agent is None:
+            agent = self._agent = self._thawed(self._node, event)
+        self._event = event
+        if not event.condition or holds(event.condition, self._now(agent, event).state):
+            self.become(self._activity(agent, event), event)
+
+    def returned(self, result: object, event: Event) -> None:
+        """Take what λ has returned elsewhere. Raises ActivityError."""
+        try:
+            scene = checked(result)
+        except TypeError as error:
+            raise ActivityError("λ", self._node, event, self._moment.number) from error
+        self.become(scene, event)
+
+    def become(self, result: Scene | None, event: Event) -> None:
+        """Take what λ has returned."""
+        self._event = event
+        agent, who = self._agent, self._node.id
+        if result is None or agent is None:
+            return
+        self._around = _put(self._around, who, result, self._inside)
+        own = self._own(result, event)
+        if own is None:
+            self.symbol = ""
+            return
+        self.symbol = own.symbol
+        counted = agent.counted(own)
+        if own.symbol in self._kinds:
+            self._agent = self._thawed(counted, event)
+        else:
+            self._agent = None
+            self._around = _put(self._around, who, scene_of(counted), self._inside)
+
+    @property
+    def string(self) -> Scene:
+        """What it is now, with all that it has put beside itself."""
+        if self._agent is None or not self.symbol:
+            return self._around
+        now = scene_of(self._now(self._agent, self._event))
+        return _put(self._around, self._node.id, now, self._inside)
+
+    def _activity(self, agent: Agent, event: Event) -> Scene | None:
+        """λ(a, e); None where the agent stays and has changed itself."""
+        try:
+            return checked(agent.activities[event.type](agent, event, self._moment))
+        except Exception as error:
+            raise ActivityError("λ", self._node, event, self._moment.number) from error
+
+    def _thawed(self, node: AgentNode, event: Event) -> Agent:
+        """The agent that a node describes."""
+        try:
+            return self._kinds[node.symbol].thaw(node)
+        except MinervaError as error:
+            raise ActivityError("the state", self._node, event, self._moment.number) from error
+
+    def _now(self, agent: Agent, event: Event) -> AgentNode:
+        """The agent as it is between two events."""
+        try:
+            return agent.freeze()
+        except MinervaError as error:
+            raise ActivityError("the state", self._node, event, self._moment.number) from error
+
+    def _own(self, result: Scene, event: Event) -> AgentNode | None:
+        """The agent itself in what its λ returned."""
+        found = [agent for agent in agents(result, self._inside) if agent.id == self._node.id]
+        if len(found) > 1:
+            twice = MisuseError(f"it returned {len(found)} agents with the id #{self._node.id}")
+            raise ActivityError("λ", self._node, event, self._moment.number) from twice
+        return found[0] if found else None
 
 
-def _thawed(cls: type[Agent], node: AgentNode, event: Event, moment: Moment) -> Agent:
-    """The agent that a node describes."""
-    try:
-        return cls.thaw(node)
-    except MinervaError as error:
-        raise ActivityError("the state", node, event, moment.number) from error
-
-
-def _now(agent: Agent, node: AgentNode, event: Event, moment: Moment) -> AgentNode:
-    """The agent as it is between two events."""
-    try:
-        return agent.freeze()
-    except MinervaError as error:
-        raise ActivityError("the state", node, event, moment.number) from error
-
-
-def _own(
-    result: Scene, inside: Container[int], node: AgentNode, event: Event, moment: Moment
-) -> AgentNode | None:
-    """The agent itself in what its λ returned."""
-    found = [agent for agent in agents(result, inside) if agent.id == node.id]
-    if len(found) > 1:
-        twice = MisuseError(f"it returned {len(found)} agents with the id #{node.id}")
-        raise ActivityError("λ", node, event, moment.number) from twice
-    return found[0] if found else None
+def checked(result: object) -> Scene | None:
+    """What an activity may return. Raises TypeError."""
+    if result is not None and not isinstance(result, Scene):
+        raise TypeError(f"an activity returns None or a string, not {result!r}")
+    return result
 
 
 def _put(scene: Scene, agent_id: str, result: Scene, inside: Container[int]) -> Scene:

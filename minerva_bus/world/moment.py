@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.chance import stream
+from minerva_bus.world.chance import Chance, frame_key, hash_of, stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,7 @@ class Moment:
     who: str
     emitted: list[Event] = field(default_factory=list[Event])
     _random: np.random.Generator | None = None
+    _chance: Chance | None = None
 
     @property
     def number(self) -> int:
@@ -54,8 +56,29 @@ class Moment:
             self._random = stream(self.frame.seed, self.who, self.frame.number)
         return self._random
 
-    def emit(self, event: Event) -> None:
+    def lent(self, chance: Chance | None, random: np.random.Generator | None) -> None:
+        """Go on with these streams."""
+        self._chance, self._random = chance, random
+
+    @property
+    def drawn(self) -> tuple[Chance | None, np.random.Generator | None]:
+        """The streams that have been drawn from."""
+        return self._chance, self._random
+
+    @property
+    def chance(self) -> Chance:
+        """Single draws of this agent or generator in this frame; those of a population too."""
+        if self._chance is None:
+            who = self.who.removeprefix("#")
+            self._chance = Chance.of(hash_of(who), frame_key(self.frame.seed, self.frame.number))
+        return self._chance
+
+    def emit(self, event: Event | Events) -> None:
         """Send an event; it belongs to the next frame. An agent's is marked with its id."""
+        if isinstance(event, Events):
+            for one in event:
+                self.emit(one)
+            return
         if not isinstance(event, Event):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"emit an event, such as eNear(distance=1.0), not {event!r}")
         if self.who.startswith("#"):

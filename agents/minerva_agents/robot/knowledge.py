@@ -99,18 +99,24 @@ def clear_beam(
     """The cells that a beam passes before it ends are free.
 
     All along the beam what was unknown is free now. What was thought an obstacle loses evidence on
-    the first `part` of it only.
+    the first `part` of it only. From one cell looked up to the next it is one row and one column at
+    most, so none is left out; the cell in which the beam ends is none of them.
     """
     down, across = to_row - row, to_column - column
-    count = int(max(abs(down), abs(across)))
+    count = math.ceil(max(abs(down), abs(across)))
     if not count:
         return
+    down, across = down / count, across / count
+    last = math.floor((count - 1) * down + row), math.floor((count - 1) * across + column)
+    if last == (math.floor(to_row), math.floor(to_column)):
+        count -= 1
     steps = _STEPS[:count]
-    rows = (steps * (down / count) + row).astype(np.intp)
-    columns = (steps * (across / count) + column).astype(np.intp)
+    rows = (steps * down + row).astype(np.intp)
+    columns = (steps * across + column).astype(np.intp)
     high, wide = grid.shape
     if not (0 <= row < high > to_row >= 0 <= column < wide > to_column >= 0):
-        inside = (rows < high) & (columns < wide) & (rows >= 0) & (columns >= 0)
+        inside = (steps * down + row >= 0) & (steps * across + column >= 0)
+        inside &= (rows < high) & (columns < wide)
         rows, columns = rows[inside], columns[inside]
     rows *= wide
     rows += columns

@@ -1,0 +1,73 @@
+"""How an array becomes a column of a declared type."""
+
+from __future__ import annotations
+
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.columns import Column
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.types import Type
+
+SCALARS: Final = frozenset(("real", "int", "bool", "text"))
+_KINDS = {"real": "fiub", "int": "iu", "bool": "b", "text": "OUT"}
+_DTYPES = {"real": np.float64, "int": np.int64, "bool": np.bool_, "text": object}
+
+
+def is_array(value: object) -> bool:
+    """Whether a value stands for one value of each of many nodes."""
+    return (isinstance(value, np.ndarray) and value.ndim == 1) or isinstance(value, Ids)
+
+
+def fit_array(kind: Type, value: Any) -> Column:
+    """A column of this type with the values of an array of shape (n,), or the texts of ids.
+
+    Raises Unfit.
+    """
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    if isinstance(value, Ids):
+        value = np.array(value.texts(), object)
+    array = cast("NDArray[Any]", value)
+    letter = array.dtype.kind
+    if letter not in _KINDS[kind.kind] or (kind.kind == "real" and letter == "b"):
+        raise Unfit(f"an array of {kind}, not of {array.dtype}")
+    if kind.kind == "text":
+        return _texts(array)
+    fitted = array.astype(_DTYPES[kind.kind], copy=array.flags.writeable)
+    if letter == "u" and kind.kind == "int" and (fitted < 0).any():
+        raise Unfit("an array of whole numbers of at most 64 bits")
+    if kind.kind == "real" and not np.isfinite(fitted).all():
+        raise Unfit(f"an array of {kind}, of finite numbers")
+    return Column(fitted)
+
+
+def _texts(array: NDArray[Any]) -> Column:
+    texts = array.tolist()
+    if not all([type(one) is str for one in texts]):
+        raise Unfit("an array of texts")
+    plain = np.empty(len(texts), object)
+    plain[:] = texts
+    return Column(plain)
+
+
+def repeated(kind: Type, value: Any, count: int) -> Column:
+    """A column of one value. Raises Unfit."""
+    if kind.kind not in SCALARS:
+        raise Unfit(f"a {kind}, which cannot be a column")
+    array = np.empty(count, _DTYPES[kind.kind])
+    array[:] = kind.fit(value)
+    return Column(array)
+
+
+def fits(kind: Type, column: Column) -> bool:
+    """Whether a column has the values of this type, as they are."""
+    array = column.array
+    if kind.kind == "text":
+        return array.dtype == object and all([type(one) is str for one in array.tolist()])
+    if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
+        return False
+    return kind.kind != "real" or bool(np.isfinite(array).all())

@@ -1,0 +1,207 @@
+"""Many events of one type as columns: what would be n events, held as n rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.columns import Column, Rows, bits
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Value
+
+_MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Events:
+    """`count` events of one type, in order.
+
+    `senders` and `receivers` have one id for each; None: no sender, or for every agent that
+    subscribes to the type. Their condition is one and the same.
+    """
+
+    type: str
+    names: tuple[str, ...]
+    columns: tuple[Column, ...]
+    count: int
+    condition: str = ""
+    senders: Ids | None = None
+    receivers: Ids | None = None
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __iter__(self) -> Iterator[Event]:
+        """Row by row."""
+        lists = [column.list() for column in self.columns]
+        rows: Iterable[tuple[Value, ...]] = (
+            zip(*lists, strict=True) if lists else [()] * self.count
+        )
+        senders = self.senders.texts() if self.senders is not None else [""] * self.count
+        receivers = self._receivers()
+        for values, sender, to in zip(rows, senders, receivers, strict=True):
+            yield Event(self.type, self.names, values, self.condition, sender, to)
+
+    def _receivers(self) -> list[tuple[str, ...]]:
+        if self.receivers is None:
+            return [()] * self.count
+        return [(one,) for one in self.receivers.texts()]
+
+    def event(self, row: int) -> Event:
+        """One of them."""
+        return next(iter(self.take(slice(row, row + 1))))
+
+    @staticmethod
+    def repeated(event: Event, count: int) -> Events:
+        """One event again and again."""
+        rows = np.zeros(count, np.intp)
+        columns = tuple([Column.of([value]).take(rows) for value in event.values])
+        to = Ids.of(event.receivers).take(rows) if event.receivers else None
+        sender = Ids.of([event.sender]).take(rows) if event.sender else None
+        return Events(event.type, event.names, columns, count, event.condition, sender, to)
+
+    def take(self, rows: Rows | slice) -> Events:
+        """Some of them."""
+        count = len(range(*rows.indices(self.count))) if isinstance(rows, slice) else len(rows)
+        return Events(
+            self.type,
+            self.names,
+            tuple([column.take(rows) for column in self.columns]),
+            count,
+            self.condition,
+            self.senders.take(rows) if self.senders is not None else None,
+            self.receivers.take(rows) if self.receivers is not None else None,
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        """A datum of all, by name: an array of shape (n,)."""
+        if name in _SLOTS:  # not set yet: events that are being copied or unpickled
+            raise AttributeError(name)
+        try:
+            return self.columns[self.names.index(name)].array
+        except ValueError:
+            known = ", ".join(self.names) or "no data"
+            raise AttributeError(f"{self.type} has no {name}; it has {known}") from None
+
+    def rows_to(self, receiver: str) -> list[int]:
+        """The rows of the events for one agent."""
+        if self.receivers is None:
+            return list(range(self.count))
+        wanted = Ids.of([receiver])
+        return np.flatnonzero(wanted.rows_of(self.receivers) >= 0).tolist()
+
+    @staticmethod
+    def of(events: Sequence[Event]) -> Events | None:
+        """Events as columns; None where they cannot be."""
+        first = events[0]
+        alike = all(
+            one.type == first.type
+            and one.names == first.names
+            and one.condition == first.condition
+            and len(one.receivers) == len(first.receivers) < 2
+            and bool(one.sender) == bool(first.sender)
+            for one in events
+        )
+        if not alike:
+            return None
+        columns = tuple(map(Column.of, zip(*[one.values for one in events], strict=True)))
+        if any(one.array.dtype == object and not _texts(one) for one in columns):
+            return None
+        senders = Ids.of([one.sender for one in events]) if first.sender else None
+        receivers = Ids.of([one.receivers[0] for one in events]) if first.receivers else None
+        return Events(
+            first.type, first.names, columns, len(events), first.condition, senders, receivers
+        )
+
+    def _like(self, other: Events) -> bool:
+        return (
+            (self.type, self.names, self.condition) == (other.type, other.names, other.condition)
+            and (self.senders is None) == (other.senders is None)
+            and (self.receivers is None) == (other.receivers is None)
+            and all(
+                one.array.dtype == two.array.dtype
+                for one, two in zip(self.columns, other.columns, strict=True)
+            )
+        )
+
+    @staticmethod
+    def concatenated(parts: Sequence[Events]) -> Events | None:
+        """All in one; None where they differ in more than their rows."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        if not all(map(first._like, parts)):
+            return None
+        columns = tuple(map(Column.concatenated, zip(*[one.columns for one in parts], strict=True)))
+        count = sum(one.count for one in parts)
+        return Events(
+            first.type,
+            first.names,
+            columns,
+            count,
+            first.condition,
+            _all([one.senders for one in parts]),
+            _all([one.receivers for one in parts]),
+        )
+
+    def distinct(self) -> Events:
+        """Each of them once, where it is first (equation 6)."""
+        if self.count < 2 or any(map(_rising, (self.senders, self.receivers))):
+            return self
+        _, first = np.unique(self._hashes(), return_index=True)
+        if len(first) == self.count:
+            return self
+        rows = {event: row for row, event in reversed(list(enumerate(self)))}
+        return self.take(np.sort(np.array(list(rows.values()), np.intp)))
+
+    def _hashes(self) -> NDArray[np.uint64]:
+        found = np.zeros(self.count, np.uint64)
+        for one in self.columns:
+            array = one.array
+            if array.dtype == object:
+                word = np.array([hash(text) & 0xFFFFFFFFFFFFFFFF for text in array], np.uint64)
+            else:
+                word = bits(array).astype(np.int64).view(np.uint64)
+            found = _mixed(found, word)
+        for ids in (self.senders, self.receivers):
+            if ids is not None:
+                found = _mixed(found, ids.data.view(np.uint64) if ids.stem else ids.hashes)
+        return found
+
+
+_SLOTS = frozenset(Events.__slots__)
+AnyEvent: TypeAlias = Event | Events
+
+
+def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
+    """Every event by itself."""
+    for event in events:
+        if isinstance(event, Events):
+            yield from event
+        else:
+            yield event
+
+
+def _texts(column: Column) -> bool:
+    return all([type(one) is str for one in column.array.tolist()])
+
+
+def _mixed(found: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    found = (found ^ word) * _MIX
+    return found ^ (found >> np.uint64(31))
+
+
+def _rising(ids: Ids | None) -> bool:
+    if ids is None or ids.stem is None:
+        return False
+    return bool((ids.data[1:] > ids.data[:-1]).all())
+
+
+def _all(parts: Sequence[Ids | None]) -> Ids | None:
+    known = [one for one in parts if one is not None]
+    return Ids.concatenated(known) if known else None

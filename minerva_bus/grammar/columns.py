@@ -1,0 +1,314 @@
+"""Many nodes of one shape as columns: what the paper writes as n nodes, held as n rows.
+
+`Columns` stands in a string for its rows, one node each. It prints, compares and digests as they
+do. A shape is flat: an agent alone, a figure alone, or up to eight transformations around one
+another and at most one figure within them; all values are numbers, truths or texts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any, Final, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    Digested,
+    FigureNode,
+    Node,
+    Piece,
+    Scene,
+    TransformationNode,
+    Value,
+    with_scope,
+)
+
+MANY: Final = 32
+"""So many neighbours of one shape, and more, digest as one (and are worth being columns)."""
+
+CHAIN: Final = 8
+CHUNK: Final = 4096
+
+Rows: TypeAlias = NDArray[np.intp]
+Level: TypeAlias = tuple[str, tuple[str, ...]]
+Shape: TypeAlias = tuple[Level, ...]
+_SCALARS: Final = frozenset((float, int, bool, str))
+
+
+class Column:
+    """n values of one name: a read-only array of float64, int64, bool or, for texts, object."""
+
+    __slots__ = ("array", "chunks")
+
+    def __init__(self, array: NDArray[Any], chunks: list[bytes] | None = None) -> None:
+        array.flags.writeable = False
+        self.array = array
+        self.chunks = chunks
+        """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
+
+    @staticmethod
+    def of(values: Sequence[Value]) -> Column:
+        """A column of scalars."""
+        kinds = set(map(type, values))
+        kind = kinds.pop() if len(kinds) == 1 else object
+        dtype = {float: np.float64, int: np.int64, bool: np.bool_}.get(kind, object)
+        array = np.empty(len(values), dtype)
+        array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return Column(array)
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def list(self) -> list[Any]:
+        """The values as Python's."""
+        return self.array.tolist()
+
+    def take(self, rows: Rows | slice) -> Column:
+        """The values of some rows."""
+        return Column(self.array[rows])
+
+    def put(self, rows: Rows, values: NDArray[Any]) -> Column:
+        """Other values in some rows; the digests of all others are kept."""
+        array = self.array.copy()
+        array[rows] = values
+        chunks = None
+        if self.chunks is not None:
+            chunks = self.chunks.copy()
+            for chunk in np.unique(rows // CHUNK).tolist():
+                chunks[chunk] = b""
+        return Column(array, chunks)
+
+    def same(self, other: Column) -> bool:
+        """Whether the values are of the same types and print the same."""
+        if self is other or self.array is other.array:
+            return True
+        if self.array.dtype != other.array.dtype or len(self) != len(other):
+            return False
+        return bool((bits(self.array) == bits(other.array)).all())
+
+    @staticmethod
+    def concatenated(parts: Sequence[Column]) -> Column:
+        """The values of several columns, one after another."""
+        arrays = [one.array for one in parts]
+        if any(one.dtype != arrays[0].dtype for one in arrays):
+            arrays = [one.astype(object) for one in arrays]
+        return Column(np.concatenate(arrays))
+
+
+def bits(array: NDArray[Any]) -> NDArray[Any]:
+    """Values that are equal where those of an array print the same."""
+    return array.view(np.int64) if array.dtype == np.float64 else array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns(Digested):
+    """`count` nodes side by side: of one symbol, their values as columns, ids if they are agents.
+
+    With `scope` each of them is a transformation around the node in the same row of that.
+    """
+
+    symbol: str
+    names: tuple[str, ...]
+    columns: tuple[Column, ...]
+    count: int
+    ids: Ids | None = None
+    scope: Columns | None = None
+
+    def levels(self) -> Iterator[Columns]:
+        """From outside to inside."""
+        level: Columns | None = self
+        while level is not None:
+            yield level
+            level = level.scope
+
+    @property
+    def shape(self) -> Shape:
+        """Symbol and names of each level."""
+        return tuple([(one.symbol, one.names) for one in self.levels()])
+
+    def column(self, name: str) -> NDArray[Any]:
+        """The values of one name of the outermost level."""
+        return self.columns[self.names.index(name)].array
+
+    def all_columns(self) -> tuple[Column, ...]:
+        """The columns of all levels, from outside to inside."""
+        return tuple([column for one in self.levels() for column in one.columns])
+
+    def nodes(self) -> tuple[Node, ...]:
+        """Row by row, the nodes that these stand for."""
+        made: Sequence[Node] | None = None
+        for level in reversed(tuple(self.levels())):
+            made = level._around(made)
+        return tuple(made or ())
+
+    def node(self, row: int) -> Node:
+        """The node of one row."""
+        return self.take(slice(row, row + 1)).nodes()[0]
+
+    def _around(self, inner: Sequence[Node] | None) -> Sequence[Node]:
+        values = self.rows()
+        symbol, names = self.symbol, self.names
+        if self.ids is not None:
+            pairs = zip(self.ids.texts(), values, strict=True)
+            return [AgentNode(symbol, one, names, row) for one, row in pairs]
+        if inner is not None:
+            both = zip(values, inner, strict=True)
+            return [TransformationNode(symbol, names, row, Scene((one,))) for row, one in both]
+        if symbol[:1] == "P":
+            return [FigureNode(symbol, names, row) for row in values]
+        return [TransformationNode(symbol, names, row) for row in values]
+
+    def rows(self) -> list[tuple[Value, ...]]:
+        """The values of each row at the outermost level."""
+        if not self.columns:
+            return [()] * self.count
+        return list(zip(*[column.list() for column in self.columns], strict=True))
+
+    def take(self, rows: Rows | slice) -> Columns:
+        """Some of the rows."""
+        count = len(range(*rows.indices(self.count))) if isinstance(rows, slice) else len(rows)
+        return self.changed(lambda column: column.take(rows), count, rows)
+
+    def changed(
+        self, change: Callable[[Column], Column], count: int, rows: Rows | slice | None = None
+    ) -> Columns:
+        """The same shape with other columns."""
+        scope = self.scope.changed(change, count, rows) if self.scope is not None else None
+        ids = self.ids if self.ids is None or rows is None else self.ids.take(rows)
+        columns = tuple([change(column) for column in self.columns])
+        return Columns(self.symbol, self.names, columns, count, ids, scope)
+
+    def with_columns(self, columns: Sequence[Column]) -> Columns:
+        """The same ids and shape with all columns (of all levels) replaced; as many rows."""
+        return self._with(iter(columns))
+
+    def _with(self, given: Iterator[Column]) -> Columns:
+        own = tuple([next(given) for _ in self.columns])
+        scope = self.scope._with(given) if self.scope is not None else None
+        return Columns(self.symbol, self.names, own, self.count, self.ids, scope)
+
+    @staticmethod
+    def concatenated(parts: Sequence[Columns]) -> Columns:
+        """Several of one shape, one after another."""
+        if len(parts) == 1:
+            return parts[0]
+        first = parts[0]
+        columns = tuple(map(Column.concatenated, zip(*[one.columns for one in parts], strict=True)))
+        ids = None
+        if first.ids is not None:
+            ids = Ids.concatenated([one.ids for one in parts if one.ids is not None])
+        scope = None
+        if first.scope is not None:
+            inner = [one.scope for one in parts if one.scope is not None]
+            scope = Columns.concatenated(inner)
+        count = sum(one.count for one in parts)
+        return Columns(first.symbol, first.names, columns, count, ids, scope)
+
+    @staticmethod
+    def of(nodes: Sequence[Node]) -> Columns:
+        """Neighbours that have one shape (`shape_of`)."""
+        first = nodes[0]
+        values = zip(*[one.values for one in nodes], strict=True)
+        columns = tuple([Column.of(one) for one in values])
+        if isinstance(first, AgentNode):
+            ids = Ids.of([cast("AgentNode", one).id for one in nodes])
+            return Columns(first.symbol, first.names, columns, len(nodes), ids)
+        scope = None
+        if isinstance(first, TransformationNode) and first.scope.pieces:
+            inner = [cast("TransformationNode", one).scope.nodes[0] for one in nodes]
+            scope = Columns.of(inner)
+        return Columns(first.symbol, first.names, columns, len(nodes), None, scope)
+
+
+def shape_of(node: Piece) -> Shape | None:
+    """The shape of a flat node; None for others."""
+    if isinstance(node, Columns):
+        return node.shape
+    if isinstance(node, AgentNode):
+        if node.scope.pieces or len(node.id) > LONGEST or not _scalar(node.values):
+            return None
+        return ((node.symbol, node.names),)
+    shape: list[Level] = []
+    while len(shape) < CHAIN:
+        if not _scalar(node.values):
+            return None
+        shape.append((node.symbol, node.names))
+        scope = node.scope.pieces if isinstance(node, TransformationNode) else ()
+        if not scope:
+            return tuple(shape)
+        inner = scope[0]
+        if len(scope) > 1 or isinstance(inner, AgentNode):
+            return None
+        if isinstance(inner, Columns):
+            if inner.count > 1 or inner.ids is not None:
+                return None
+            inner = cast("FigureNode | TransformationNode", inner.nodes()[0])
+        node = inner
+    return None
+
+
+def _scalar(values: tuple[Value, ...]) -> bool:
+    return _SCALARS.issuperset(map(type, values))
+
+
+def runs(pieces: Sequence[Piece]) -> Iterator[tuple[Shape | None, list[Piece]]]:
+    """The pieces of a string in maximal groups of one shape; those of none stand alone.
+
+    Where two neighbours have no shape they come in one group with None.
+    """
+    for shape, group in groupby(pieces, shape_of):
+        yield shape, list(group)
+
+
+def merged(group: Sequence[Piece]) -> Columns:
+    """Neighbours of one shape as one."""
+    parts: list[Columns] = []
+    for columnar, some in groupby(group, lambda one: isinstance(one, Columns)):
+        if columnar:
+            parts += cast("Iterator[Columns]", some)
+        else:
+            parts.append(Columns.of(list(cast("Iterator[Node]", some))))
+    return Columns.concatenated(parts)
+
+
+def size(group: Sequence[Piece]) -> int:
+    """How many nodes the pieces stand for."""
+    return sum(one.count if isinstance(one, Columns) else 1 for one in group)
+
+
+def packed(scene: Scene) -> Scene:
+    """The same string with its longer runs of one shape at the outermost level as columns."""
+    if len(scene.pieces) < MANY and not any(isinstance(one, Columns) for one in scene.pieces):
+        return scene
+    made: list[Piece] = []
+    for shape, group in runs(scene.pieces):
+        if shape is None or size(group) < MANY:
+            made += group
+        else:
+            made.append(merged(group))
+    if len(made) == len(scene.pieces):
+        return scene
+    return Scene(tuple(made)) if made else EMPTY
+
+
+def around_each(many: Columns, inside: Scene) -> Scene:
+    """Each of many transformations around its row of a scope, or around all of it."""
+    pieces = inside.pieces
+    if not many.count:
+        return EMPTY
+    if not pieces:
+        return Scene((many,))
+    inner = pieces[0]
+    if len(pieces) == 1 and isinstance(inner, Columns):
+        if inner.count == many.count and inner.ids is None and len(inner.shape) < CHAIN:
+            return Scene((replace(many, scope=inner),))
+    elif len(pieces) == 1 and isinstance(inner, FigureNode) and shape_of(inner):
+        every = Columns.of([inner]).take(np.zeros(many.count, np.intp))
+        return Scene((replace(many, scope=every),))
+    return Scene(tuple([with_scope(cast("TransformationNode", n), inside) for n in many.nodes()]))

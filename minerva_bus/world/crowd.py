@@ -1,0 +1,252 @@
+"""η of agents that are held in columns: what equation 3 makes of them, all at once.
+
+Each of them lives through its events in their order, as in `life`. What is written for one agent
+runs for one after another; what is written for a population runs on arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.columns import Columns, Rows
+from minerva_bus.grammar.condition import holds_of_many
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.declaring import TOGETHER
+from minerva_bus.world.descent import assembled, emissions
+from minerva_bus.world.draws import Draws
+from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
+from minerva_bus.world.life import Life
+from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.objects import Objects
+from minerva_bus.world.population import Herd, Moments, Population, Received
+
+Round: TypeAlias = tuple[AnyEvent, Rows | None]
+"""Events and the rows of their agents, each row once; None: one event for all."""
+
+
+class Crowd:
+    """Agents in columns within a frame.
+
+    They take three forms: `_herd` has arrays that populations work on; `_objects` has those that
+    have been spoken to one by one; `_lives` has those that have returned a string, and may be
+    several by now, or none, or of another kind.
+    """
+
+    def __init__(self, part: Columns, kinds: Kinds, frame: Frame) -> None:
+        self._ids = cast("Ids", part.ids)
+        self._kinds = kinds
+        self._frame = frame
+        self._cls = kinds[part.symbol]
+        self._herd = Herd(part, self._cls.kind.fields)
+        self._draws = Draws(self._ids, frame)
+        self._objects = Objects(self._cls, self._herd)
+        self._lives: dict[int, tuple[Life, Moment]] = {}
+        self._said: list[tuple[int, Sequence[Event]]] = []
+
+    def meet(self, addressed: Addressed) -> None:
+        """Live through a frame's events. Raises ActivityError."""
+        for event_type, group in groupby(addressed.events, lambda event: event.type):
+            if event_type not in self._cls.activities and not self._lives:
+                continue
+            population = self._cls.population.get(event_type)
+            activity = population or self._cls.activities.get(event_type)
+            if population is not None and getattr(population, TOGETHER):
+                self._together(population, list(group))
+                continue
+            for event, rows in self._rounds(group):
+                if population is not None:
+                    self._as_population(population, event, event, rows)
+                elif activity is not None:
+                    self._one_by_one(activity, event, rows)
+
+    # --- who is concerned ---
+
+    def _rounds(self, items: Iterator[AnyEvent] | Sequence[AnyEvent]) -> Iterator[Round]:
+        """Events by turns, for those that are mere rows; the others live through theirs here."""
+        for item in items:
+            for event, rows in _turns(item, self._ids):
+                if self._lives:
+                    self._live_on(event, rows)
+                keep = None if self._herd.away is None else ~self._herd.away
+                if item.condition:
+                    keep = self._willing(event, keep)
+                left = (event, rows) if keep is None else _narrowed(event, rows, keep)
+                if left is not None:
+                    yield left
+
+    def _willing(self, event: AnyEvent, keep: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+        """Those for whom the condition holds."""
+        self._settle(event)
+        state = {name: self._herd.value(name) for name in self._herd.fields.names}
+        willing = holds_of_many(event.condition, state, len(self._ids))
+        return willing if keep is None else willing & keep
+
+    def _live_on(self, event: AnyEvent, rows: Rows | None) -> None:
+        at = None if rows is None else {row: n for n, row in enumerate(rows.tolist())}
+        for row, (life, _) in self._lives.items():
+            cls = self._kinds.get(life.symbol)
+            if cls is None or event.type not in cls.activities or not (at is None or row in at):
+                continue
+            place = at[row] if at is not None else 0
+            life.meet(event if isinstance(event, Event) else event.event(place))
+
+    # --- what is written for populations ---
+
+    def _together(self, activity: Callable[..., Any], items: Sequence[AnyEvent]) -> None:
+        """All events of a type at once."""
+        rounds = list(self._rounds(items))
+        if not rounds:
+            return
+        everyone = np.arange(len(self._ids))
+        rows = [everyone if some is None else some for _, some in rounds]
+        events = [
+            event if isinstance(event, Events) else Events.repeated(event, len(some))
+            for (event, _), some in zip(rounds, rows, strict=True)
+        ]
+        many = Events.concatenated(events)
+        if many is None:
+            raise MisuseError(f"{events[0].type} comes in forms that cannot be taken together")
+        concerned, row = np.unique(np.concatenate(rows), return_inverse=True)
+        whole = None if len(concerned) == len(self._ids) else concerned
+        self._as_population(activity, Received(many, row), many, whole)
+
+    def _as_population(
+        self, activity: Callable[..., Any], given: Any, event: AnyEvent, rows: Rows | None
+    ) -> None:
+        self._settle(event)
+        self._objects.forget()
+        self._draws.gather()
+        self._herd.turn += 1
+        people = Population(self._herd, self._cls, rows)
+        try:
+            activity(people, given, Moments(self._frame, self._draws.many, people, rows))
+        except Exception as error:
+            raise self._failed("λ", 0 if rows is None else int(rows[0]), event) from error
+
+    # --- what is written for one agent ---
+
+    def _one_by_one(
+        self, activity: Callable[..., Any], some: AnyEvent, rows: Rows | None
+    ) -> None:
+        chosen = list(range(len(self._ids))) if rows is None else rows.tolist()
+        agents = self._objects.of(chosen)
+        events = some if isinstance(some, Events) else [some] * len(agents)
+        moment = Moment(self._frame, "")
+        for row, agent, event in zip(chosen, agents, events, strict=True):
+            moment.who = "#" + agent.id
+            self._draws.lend(row, moment)
+            try:
+                result = activity(agent, event, moment)
+            except Exception as error:
+                raise self._failed("λ", row, event) from error
+            self._draws.take_back(row, moment)
+            if moment.emitted:
+                self._said.append((row, moment.emitted))
+                moment.emitted = []
+            if result is not None:
+                self._let_go(row, agent, result, event)
+
+    def _let_go(self, row: int, agent: Agent, result: Any, event: Event) -> None:
+        """From now on it is more, or less, or other than a row."""
+        moment = Moment(self._frame, "#" + agent.id)
+        self._draws.lend(row, moment)
+        life = Life(self._node(row), self._kinds, moment, agent)
+        life.returned(result, event)
+        self._lives[row] = life, moment
+        self._herd.leave(row)
+        self._objects.drop(row)
+
+    def _settle(self, event: AnyEvent) -> None:
+        """Put into the arrays what has been said to agents one by one."""
+        try:
+            grown = self._objects.settle()
+        except MinervaError as error:
+            raise self._failed("the state", self._objects.at_fault, event) from error
+        for row, agent in grown:
+            alone = event if isinstance(event, Event) else event.event(0)
+            self._let_go(row, agent, agent.string, alone)
+
+    # --- the end of the frame ---
+
+    def end(self, event: AnyEvent) -> tuple[Scene, tuple[AnyEvent, ...]]:
+        """The string that has come of them, and what they have sent, by type and in order."""
+        self._settle(event)
+        lives = {row: life.string for row, (life, _) in sorted(self._lives.items())}
+        said = [*self._said]
+        said += [(row, moment.emitted) for row, (_, moment) in sorted(self._lives.items())]
+        return assembled(self._herd, lives), emissions(self._herd.said, said)
+
+    def _node(self, row: int) -> AgentNode:
+        return cast("AgentNode", self._herd.part.node(row))
+
+    def _failed(self, what: str, row: int, event: AnyEvent) -> ActivityError:
+        alone = event if isinstance(event, Event) else event.event(0)
+        return ActivityError(what, self._node(row), alone, self._frame.number)
+
+
+def evolve_many(
+    part: Columns, addressed: Addressed, kinds: Kinds, frame: Frame
+) -> tuple[Scene, tuple[AnyEvent, ...]]:
+    """η of agents in columns, and the events that they sent. Raises ActivityError."""
+    cls = kinds[part.symbol]
+    if not addressed.types & cls.activities.keys():
+        return Scene((part,)), ()
+    crowd = Crowd(part, kinds, frame)
+    crowd.meet(addressed)
+    return crowd.end(addressed.events[-1])
+
+
+def _turns(item: AnyEvent, ids: Ids) -> Iterator[Round]:
+    """An event's agents; several events in turns, so that no agent has two in one."""
+    if isinstance(item, Events):
+        if item.receivers is None:
+            for event in item:
+                yield event, None
+        else:
+            yield from _each_once(item, ids.rows_of(item.receivers))
+    elif not item.receivers:
+        yield item, None
+    else:
+        rows = ids.rows_of(Ids.of(item.receivers))
+        rows = np.sort(rows[rows >= 0])
+        if len(rows):
+            yield item, rows
+
+
+def _each_once(events: Events, rows: Rows) -> Iterator[Round]:
+    here = rows >= 0
+    if not here.all():
+        chosen = np.flatnonzero(here)
+        events, rows = events.take(chosen), rows[chosen]
+    if not len(rows):
+        return
+    if (rows[1:] > rows[:-1]).all():
+        yield events, rows
+        return
+    order = np.argsort(rows, kind="stable")
+    ordered = rows[order]
+    begins = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
+    lengths = np.diff(np.append(begins, len(ordered)))
+    turn = np.arange(len(ordered)) - np.repeat(begins, lengths)
+    for number in range(int(lengths.max())):
+        chosen = order[turn == number]
+        yield events.take(chosen), rows[chosen]
+
+
+def _narrowed(event: AnyEvent, rows: Rows | None, keep: NDArray[np.bool_]) -> Round | None:
+    if isinstance(event, Event):
+        left = np.flatnonzero(keep) if rows is None else rows[keep[rows]]
+        return (event, left) if len(left) else None
+    assert rows is not None
+    chosen = np.flatnonzero(keep[rows])
+    return (event.take(chosen), rows[chosen]) if len(chosen) else None

@@ -1,0 +1,138 @@
+"""What has come of agents in columns at the end of a frame: their string and what they sent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.columns import Column, Columns, Rows, bits, packed
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import EMPTY, Piece, Scene
+from minerva_bus.world.population import Birth, Herd
+
+_FEW = 0.25
+
+
+def assembled(herd: Herd, lives: Mapping[int, Scene]) -> Scene:
+    """The string: rows that stayed, newborns behind their parents, and what single ones became."""
+    part = _changed(herd)
+    if herd.away is None and not herd.born:
+        return Scene((part,))
+    if not lives and all(birth.newborn.symbol == part.symbol for birth in herd.born):
+        return _in_columns(part, herd)
+    return packed(_in_pieces(part, herd, lives))
+
+
+def _changed(herd: Herd) -> Columns:
+    part = herd.part
+    columns = [
+        _column(part, herd, name, old)
+        for name, old in zip(part.names, part.columns, strict=True)
+    ]
+    if all(new is old for new, old in zip(columns, part.columns, strict=True)):
+        return part
+    return part.with_columns(columns)
+
+
+def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
+    array = herd.arrays.get(name)
+    if array is None:
+        return old
+    differs = bits(array) != bits(old.array)
+    count = int(np.count_nonzero(differs))
+    if not count:
+        return old
+    if array.dtype == np.float64 and not np.isfinite(array).all():
+        row = int(np.flatnonzero(~np.isfinite(array))[0])
+        who = part.ids[row] if part.ids is not None else ""
+        raise MisuseError(f"{part.symbol}#{who}: {name} must be a finite number")
+    if count < _FEW * len(array) and old.chunks is not None:
+        rows = np.flatnonzero(differs)
+        return old.put(rows, array[rows])
+    return Column(array)
+
+
+def _in_columns(part: Columns, herd: Herd) -> Scene:
+    staying = np.arange(part.count) if herd.away is None else np.flatnonzero(~herd.away)
+    born = sorted(herd.born, key=_later_first)
+    parts = [part.take(staying), *(birth.newborn for birth in born)]
+    if len(parts) > 1:
+        rows = np.concatenate([staying, *(birth.rows for birth in born)])
+        whole = Columns.concatenated(parts).take(np.argsort(rows, kind="stable"))
+    else:
+        whole = parts[0]
+    return Scene((whole,)) if whole.count else EMPTY
+
+
+def _later_first(birth: Birth) -> int:
+    """Newborns of a later event stand nearer to their parent."""
+    return -birth.turn
+
+
+def _in_pieces(part: Columns, herd: Herd, lives: Mapping[int, Scene]) -> Scene:
+    made: list[Piece] = []
+    young: dict[int, list[Piece]] = {}
+    for birth in sorted(herd.born, key=_later_first):
+        for row, node in zip(birth.rows.tolist(), birth.newborn.nodes(), strict=True):
+            young.setdefault(row, []).append(node)
+    away = set(np.flatnonzero(herd.away).tolist()) if herd.away is not None else set[int]()
+    begin = 0
+    for row in sorted(away | young.keys()):
+        end = row if row in away else row + 1
+        if end > begin:
+            made.append(part.take(slice(begin, end)))
+        if row in lives:
+            made += lives[row].pieces
+        made += young.get(row, ())
+        begin = row + 1
+    if begin < part.count:
+        made.append(part.take(slice(begin, part.count)))
+    return Scene(tuple(made)) if made else EMPTY
+
+
+def emissions(
+    many: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
+) -> tuple[AnyEvent, ...]:
+    """What agents sent, by type, in the order of the agents and, for each, of its sending."""
+    chunks: dict[str, list[tuple[Rows, Events]]] = {}
+    for rows, events in many:
+        chunks.setdefault(events.type, []).append((rows, events))
+    alone: dict[str, list[tuple[int, Event]]] = {}
+    for row, events in single:
+        for event in events:
+            alone.setdefault(event.type, []).append((row, event))
+    found: list[AnyEvent] = []
+    for event_type in sorted(chunks.keys() | alone.keys()):
+        found += _ordered(chunks.get(event_type, []), alone.get(event_type, []))
+    return tuple(found)
+
+
+def _ordered(
+    chunks: list[tuple[Rows, Events]], alone: list[tuple[int, Event]]
+) -> Sequence[AnyEvent]:
+    if alone:
+        pairs = [pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)]
+        pairs += alone
+        pairs.sort(key=_row)
+        events = [event for _, event in pairs]
+        columns = Events.of(events)
+        return events if columns is None else [columns]
+    whole = Events.concatenated([events for _, events in chunks])
+    if whole is None:
+        pairs = [pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)]
+        return [event for _, event in sorted(pairs, key=_row)]
+    rows: NDArray[Any] = np.concatenate([some for some, _ in chunks])
+    if (rows[1:] < rows[:-1]).any():
+        return [whole.take(np.argsort(rows, kind="stable"))]
+    return [whole]
+
+
+def _row(pair: tuple[int, Event]) -> int:
+    return pair[0]
+
+
