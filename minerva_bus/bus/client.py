@@ -18,7 +18,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.alphabet import read_vocabulary
 from minerva_bus.protocol.codec import Decoder
 from minerva_bus.protocol.keys import COORDINATOR, EVERY_CONTROL, Keys
-from minerva_bus.protocol.values import mapped, pack, text, unpack
+from minerva_bus.protocol.plain import mapped, pack, text, unpack
 
 ANSWER_WITHIN = 5.0
 

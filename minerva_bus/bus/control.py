@@ -25,7 +25,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
 from minerva_bus.protocol.alphabet import plain_vocabulary
-from minerva_bus.protocol.values import listed, mapped, pack, text, unpack
+from minerva_bus.protocol.plain import listed, mapped, pack, text, unpack
 
 if TYPE_CHECKING:
     from minerva_bus.bus.coordinator import BusCoordinator

@@ -9,7 +9,7 @@ over is in an order that does not depend on who answered first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from minerva_bus.frame import messages as m
@@ -18,8 +18,12 @@ from minerva_bus.frame.attendance import Attendance
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.membership import Change, Member, State
+from minerva_bus.frame.showing import patch_all
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.scene import Piece, Scene, agents
 
 STRANGERS_NAMED = 3
 
@@ -117,7 +121,7 @@ class FrameAlgorithm(Attendance):
         if member.state is State.LATE:
             self.roster.change(member, Change.ANSWERED)
 
-    def _may_generate(self, member: Member, events: tuple[Event, ...]) -> bool:
+    def _may_generate(self, member: Member, events: tuple[AnyEvent, ...]) -> bool:
         allowed = member.hello.generates if member.hello is not None else ()
         for event in events:
             if event.type not in allowed:
@@ -148,31 +152,49 @@ class FrameAlgorithm(Attendance):
         if reply.frame != self.frame or key not in self._parts or not member.here:
             member.late += 1
             return
-        wrong = self._wrong_with(reply, frozenset(self._parts[key]))
+        wrong, changed = self._wrong_with(reply, frozenset(self._parts[key])), dict[str, Scene]()
+        try:
+            changed = {} if wrong else self._patched(reply)
+        except Unfit as unfit:
+            wrong = f"it sent {unfit}, not of what is there"
         if wrong:
             self._on_violation(s.Violation(reply.member, wrong))
             return
         del self._parts[key]
         self._answered(member)
-        self._changed.update(reply.changed)
-        self._changed_by.update(dict.fromkeys(reply.changed, reply.member))
+        self._changed.update(changed)
+        self._changed_by.update(dict.fromkeys(changed, reply.member))
         self._sent.update(reply.emitted)
         for event_type, parts in reply.views.items():
             self._views.setdefault(event_type, {}).update(parts)
+        for event_type, patches in reply.view_patches.items():
+            self._view_patches.setdefault(event_type, {}).update(patches)
         self._finish_if_done()
+
+    def _patched(self, reply: m.EvolveReply) -> dict[str, Scene]:
+        """What became of a host's fragments. Raises Unfit for patches of what is not there."""
+        changed = {
+            name: Scene((self.composition.fragments[name],))
+            for name in reply.patched
+            if name in self.composition.fragments
+        }
+        patch_all(changed, reply.patched)
+        return {**reply.changed, **changed}
 
     def _wrong_with(self, reply: m.EvolveReply, mine: frozenset[str]) -> str:
         """What a host has no right to say, or the empty text."""
-        for agent in sorted(set(reply.changed).union(*reply.views.values()) - mine):
-            return f"it answered for #{agent}, not its own"
-        for agent, events in sorted(reply.emitted.items()):
-            if self.composition.home(agent) not in mine:
-                return f"it sent events of #{agent}, not its own"
-            if any(event.sender != agent for event in events):
-                return f"it sent events of #{agent} in another's name"
+        named = set(reply.changed).union(reply.patched, *reply.views.values())
+        for fragment in sorted(named.union(*reply.view_patches.values()) - mine):
+            return f"it answered for #{fragment}, not its own"
+        for name, events in sorted(reply.emitted.items()):
+            part = self.composition.parts.get(name)
+            if (name if part is not None else self.composition.home(name)) not in mine:
+                return f"it sent events of #{name}, not its own"
+            if not all(_from(event, name, part) for event in events):
+                return f"it sent events of #{name} in another's name"
         born = dict(self._born)
         for fragment, scene in sorted(reply.changed.items()):
-            for agent in agents(scene):
+            for agent in agents(Scene(tuple(_loose(scene)))):
                 if born.get(agent.id, self.composition.home(agent.id) or fragment) != fragment:
                     return f"it made a second agent #{agent.id}"
                 born[agent.id] = fragment
@@ -206,6 +228,20 @@ class FrameAlgorithm(Attendance):
             self._over()
         else:
             self._end(told.reason)
+
+
+def _from(event: AnyEvent, sender: str, part: Columns | None) -> bool:
+    """Whether events come from whom they are said to: one agent, or some of a part."""
+    if part is None or part.ids is None:
+        return isinstance(event, Event) and event.sender == sender
+    if isinstance(event, Event):
+        return part.ids.row_of(event.sender) >= 0
+    return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
+
+
+def _loose(scene: Scene) -> Iterator[Piece]:
+    """The nodes of a string that are not in columns; those of columns are looked at together."""
+    return (piece for piece in scene.pieces if not isinstance(piece, Columns))
 
 
 __all__ = ["FrameAlgorithm", "Phase"]

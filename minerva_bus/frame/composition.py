@@ -1,38 +1,70 @@
-"""The string of a world, taken apart into its static skeleton and its outermost agents."""
+"""The string of a world, taken apart into its static skeleton and its agents."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from operator import is_
+from typing import TypeAlias, cast
+
+import numpy as np
 
 from minerva_bus.errors import VocabularyError
+from minerva_bus.grammar.columns import CHUNK, Columns, packed
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     FigureNode,
     Node,
+    Piece,
     Scene,
     TransformationNode,
     agents,
     shared,
+    still,
     walk,
 )
 
+Fragment: TypeAlias = AgentNode | Columns
+
 
 class Composition:
-    """w as a skeleton with a slot for each outermost agent, and the agents by id.
+    """w as a skeleton with a slot for each *fragment*, and the fragments by name.
 
-    An outermost agent with all of its scope is what hosts evolve and what travels: a *fragment*.
+    A fragment is what hosts evolve and what travels: an outermost agent with all of its scope,
+    under its id; or a part of a population, agents in columns, under a name that begins with ~.
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._take_apart(scene)
+        self._named: int = 0
+        self._take_apart(packed(scene))
 
     def _take_apart(self, scene: Scene) -> None:
         self._scene: Scene | None = scene
-        self.fragments: dict[str, AgentNode] = {}
+        self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
         self._kind: dict[str, str] = {}
-        self.skeleton = _fill(scene, self._slot)
+        self.parts: dict[str, Columns] = {}
+        self.populations: list[list[str]] = []
+        self.skeleton = self._skeleton(scene)
+        self._check_apart()
+
+    def _skeleton(self, scene: Scene) -> Scene:
+        made: list[Piece] = []
+        before = ""
+        for piece in scene.pieces:
+            if isinstance(piece, Columns) and piece.ids is not None:
+                made += self._part_slot(piece, beside=piece.symbol == before)
+                before = piece.symbol
+                continue
+            before = ""
+            if isinstance(piece, Columns | FigureNode) or (
+                isinstance(piece, TransformationNode) and still(piece)
+            ):
+                made.append(piece)
+            else:
+                made += _fill(Scene((piece,)), self._slot).pieces
+        return Scene(tuple(made)) if made else EMPTY
 
     def _slot(self, node: AgentNode) -> Scene:
         self.fragments[node.id] = node
@@ -43,6 +75,27 @@ class Composition:
             self._kind[inner.id] = inner.symbol
         return Scene((AgentNode(node.symbol, node.id),))
 
+    def _part_slot(self, part: Columns, *, beside: bool) -> Sequence[Piece]:
+        self._named += 1
+        name = f"~{part.symbol}.{self._named}"
+        self.fragments[name] = self.parts[name] = part
+        if beside:
+            self.populations[-1].append(name)
+        else:
+            self.populations.append([name])
+        return (AgentNode(part.symbol, name),)
+
+    def _check_apart(self) -> None:
+        """No id stands in two columns, or in one of them and elsewhere. Raises VocabularyError."""
+        known = [_ids(part) for part in self.parts.values()]
+        if not known:
+            return
+        if self._home:
+            known.append(Ids.of(list(self._home)))
+        twice = Ids.in_common(known)
+        if twice is not None:
+            raise VocabularyError(f"two agents have the id #{twice}")
+
     @property
     def scene(self) -> Scene:
         """The whole string w."""
@@ -52,15 +105,50 @@ class Composition:
 
     def home(self, agent: str) -> str | None:
         """The fragment in which an agent lives."""
-        return self._home.get(agent)
+        home = self._home.get(agent)
+        if home is None and self.parts:
+            return next((name for name, part in self.parts.items() if _has(part, agent)), None)
+        return home
+
+    def homes(self, agents: Ids) -> Iterator[str]:
+        """The fragments in which some agents live."""
+        left = agents
+        for name, part in self.parts.items():
+            there = _ids(part).rows_of(left) >= 0
+            if there.any():
+                yield name
+                if there.all():
+                    return
+                left = left.take(~there)
+        if self._home:
+            for agent in sorted(set(left.texts()) & self._home.keys()):
+                yield self._home[agent]
+
+    def places(self, names: Iterable[str]) -> Callable[[str], tuple[int, int]]:
+        """Where agents, or fragments in columns, stand in the string: first here, first there."""
+        order = {name: place for place, name in enumerate(self.fragments)}
+        homes = {name: self._home.get(name, name) for name in names}
+        within = {
+            agent.id: place
+            for home in sorted(set(homes.values()))
+            if (node := self.fragments.get(home)) is not None and isinstance(node, AgentNode)
+            for place, agent in enumerate(agents(Scene((node,))))
+        }
+        return lambda name: (order.get(homes[name], -1), within.get(name, 0))
 
     def kind(self, agent: str) -> str:
         """The symbol of an agent's kind; empty where there is no such agent."""
-        return self._kind.get(agent, "")
+        kind = self._kind.get(agent)
+        if kind is None:
+            home = self.home(agent)
+            return self.fragments[home].symbol if home is not None else ""
+        return kind
 
     def agents(self) -> Iterable[str]:
         """The ids of all agents, also those within others."""
-        return self._home
+        yield from self._home
+        for part in self.parts.values():
+            yield from _ids(part)
 
     def replace(self, changes: Mapping[str, Scene]) -> bool:
         """Put what λ returned in the agents' places; whether the skeleton is another now.
@@ -69,35 +157,85 @@ class Composition:
         """
         if not changes:
             return False
-        if all(self._same_shape(agent, scene) for agent, scene in changes.items()):
-            for agent, scene in changes.items():
-                self.fragments[agent] = scene.nodes[0]  # pyright: ignore[reportArgumentType]
-            self._scene = None
-            return False
-        parts = {i: Scene((n,)) for i, n in self.fragments.items()}
-        before = self.__dict__.copy()
+        before = self.__dict__ | {name: self.__dict__[name].copy() for name in ("fragments", "parts")}
         try:
-            self._take_apart(fill(self.skeleton, {**parts, **changes}))
+            return self._replace(changes)
         except VocabularyError:
             self.__dict__.update(before)
             raise
-        return True
 
-    def _same_shape(self, agent: str, scene: Scene) -> bool:
-        if len(scene.nodes) != 1:
+    def _replace(self, changes: Mapping[str, Scene]) -> bool:
+        if not all(self._same_shape(name, scene) for name, scene in changes.items()):
+            parts = {i: Scene((n,)) for i, n in self.fragments.items()}
+            self._take_apart(packed(fill(self.skeleton, {**parts, **changes})))
+            return True
+        moved = False
+        for name, scene in changes.items():
+            piece = cast("Fragment", scene.pieces[0])
+            self.fragments[name] = piece
+            if isinstance(piece, Columns):
+                moved |= piece.ids is not self.parts[name].ids
+                self.parts[name] = piece
+        self._scene = None
+        if moved:
+            self._check_apart()
+        return False
+
+    def _same_shape(self, name: str, scene: Scene) -> bool:
+        if len(scene.pieces) != 1:
             return False
-        node = scene.nodes[0]
-        if not isinstance(node, AgentNode) or node.id != agent:
+        piece, old = scene.pieces[0], self.fragments[name]
+        if piece.symbol != old.symbol:
             return False
-        if node.symbol != self.fragments[agent].symbol:
+        if isinstance(piece, Columns) or isinstance(old, Columns):
+            return isinstance(piece, Columns) and isinstance(old, Columns)
+        if not isinstance(piece, AgentNode) or piece.id != name:
             return False
-        old = self.fragments[agent].scope
-        return node.scope is old or (node.scope == EMPTY and old == EMPTY)
+        return piece.scope is old.scope or (piece.scope == EMPTY and old.scope == EMPTY)
+
+    def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
+        """Cut a population anew, in so many parts of these sizes; they get new names."""
+        whole = Columns.concatenated([self.parts[name] for name in population])
+        pieces: list[Piece] = []
+        begin = 0
+        for size in sizes:
+            pieces.append(whole.take(slice(begin, begin + size)))
+            begin += size
+        first, others = population[0], population[1:]
+        parts = {i: Scene((n,)) for i, n in self.fragments.items()}
+        gone = dict.fromkeys(others, EMPTY)
+        self._take_apart(fill(self.skeleton, {**parts, **gone, first: Scene(tuple(pieces))}))
+
+
+def shares(rows: int, weights: Sequence[float]) -> list[int]:
+    """How many of some rows each host gets; whole chunks where there are enough of them."""
+    unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
+    ends = np.cumsum(weights) / sum(weights) * (rows / unit)
+    cuts = [0, *[round(end) * unit for end in ends[:-1]], rows]
+    return [end - begin for begin, end in zip(cuts, cuts[1:], strict=False)]
+
+
+def _ids(part: Columns) -> Ids:
+    return cast("Ids", part.ids)
+
+
+def _has(part: Columns, agent: str) -> bool:
+    return _ids(part).row_of(agent) >= 0
 
 
 def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
-    """The skeleton with a string in each agent's slot; ε where there is none."""
-    return _fill(skeleton, lambda slot: parts.get(slot.id, EMPTY))
+    """The skeleton with a string in each fragment's slot; ε where there is none."""
+    made: list[Piece] = []
+    for piece in skeleton.pieces:
+        if isinstance(piece, AgentNode):
+            made += parts.get(piece.id, EMPTY).pieces
+        elif isinstance(piece, TransformationNode) and not still(piece):
+            made += _fill(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
+        else:
+            made.append(piece)
+    if len(made) == len(skeleton.pieces) and all(map(is_, made, skeleton.pieces)):
+        return skeleton
+    return Scene(tuple(made)) if made else EMPTY
 
 
 def _fill(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:

@@ -12,7 +12,8 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import Scene
 
 
@@ -42,8 +43,8 @@ class Core:
         self._showings: dict[str, Showing] = {}
         self._saved: dict[str, Any] = {}
         self._sources: dict[str, tuple[str, ...]] = {}
-        self._inbox: dict[str, list[Event]] = {}
-        self._emitted: dict[str, tuple[Event, ...]] = {}
+        self._inbox: dict[str, list[AnyEvent]] = {}
+        self._emitted: list[AnyEvent] = []
         self._reached: set[str] = set()
         self._reaching: set[str] = set()
         self._departed: dict[str, bool] = {}
@@ -60,14 +61,15 @@ class Core:
         self._parts: dict[tuple[str, int], tuple[str, ...]] = {}
         self._part = 0
         self._stranded: set[str] = set()
-        self._events: tuple[Event, ...] = ()
-        self._evolving: tuple[Event, ...] = ()
-        self._visual: tuple[Event, ...] = ()
+        self._events: tuple[AnyEvent, ...] = ()
+        self._evolving: tuple[AnyEvent, ...] = ()
+        self._visual: tuple[AnyEvent, ...] = ()
         self._changed: dict[str, Scene] = {}
         self._changed_by: dict[str, str] = {}
         self._born: dict[str, str] = {}
-        self._sent: dict[str, tuple[Event, ...]] = {}
+        self._sent: dict[str, tuple[AnyEvent, ...]] = {}
         self._views: dict[str, dict[str, Scene]] = {}
+        self._view_patches: dict[str, dict[str, Patch]] = {}
 
     def _send(self, to: str, message: m.ToMember) -> None:
         self._out.append(s.Send(to, message))

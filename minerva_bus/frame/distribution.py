@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.composition import Composition, Fragment, shares
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import place
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 Offers = Mapping[str, frozenset[str]]
+
+WORTH = 64
+"""So many agents at least are worth a host of their own."""
 
 
 class Distribution:
@@ -22,22 +27,30 @@ class Distribution:
         self._composition = composition
         self._offers: Offers = {}
         self._host: dict[str, str] = {}
-        self._held: dict[str, dict[str, AgentNode]] = {}
+        self._held: dict[str, dict[str, Fragment]] = {}
         self._stale: dict[str, set[str]] = {}
         self._types: dict[str, frozenset[str]] = {}
         self._unwanted: dict[str, tuple[str, ...]] = {}
         self.unplaced: dict[str, frozenset[str]] = {}
 
-    def arrange(self, offers: Offers) -> None:
-        """Place every fragment on one of the hosts that offer all of its kinds."""
+    def arrange(self, offers: Offers, *, between: bool = True) -> None:
+        """Place every fragment on one of the hosts that offer all of its kinds.
+
+        `between` frames a population is cut anew where the hosts are not as many as its parts.
+        """
         self._offers = offers
+        if between:
+            self._cut(offers)
         self._host = {}
         self._stale = {host: set() for host in offers}
         self.unplaced = {}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
+        preferred = self._shares(offers)
         for fragment, node in self._composition.fragments.items():
             kinds = _kinds(node)
-            host = place(fragment, (one for one, offered in offers.items() if kinds <= offered))
+            host = preferred.get(fragment) or place(
+                fragment, (one for one, offered in offers.items() if kinds <= offered)
+            )
             if host is None:
                 self.unplaced[fragment] = kinds
                 continue
@@ -47,6 +60,25 @@ class Distribution:
                 self._stale[host].add(fragment)
         self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
+
+    def _cut(self, offers: Offers) -> None:
+        """As many parts of each population as there are hosts for it."""
+        for population in list(self._composition.populations):
+            parts = [self._composition.parts[name] for name in population]
+            rows = sum(part.count for part in parts)
+            hosts = [one for one, offered in offers.items() if parts[0].symbol in offered]
+            wanted = max(1, min(len(hosts), rows // WORTH))
+            if wanted != len(parts):
+                self._composition.cut(population, shares(rows, [1.0] * wanted))
+
+    def _shares(self, offers: Offers) -> dict[str, str]:
+        """The host of each part of a population: the first has the first, and so on."""
+        found: dict[str, str] = {}
+        for population in self._composition.populations:
+            symbol = self._composition.parts[population[0]].symbol
+            hosts = sorted(one for one, offered in offers.items() if symbol in offered)
+            found.update(zip(population, hosts, strict=False))
+        return found
 
     def _unwanted_on(self, host: str) -> tuple[str, ...]:
         held = self._held.get(host, {})
@@ -68,7 +100,7 @@ class Distribution:
         """The host of a fragment."""
         return self._host.get(fragment)
 
-    def concerned(self, events: Iterable[Event], visual: Iterable[Event]) -> list[str]:
+    def concerned(self, events: Iterable[AnyEvent], visual: Iterable[AnyEvent]) -> list[str]:
         """The hosts that have an agent which one of the events may concern, sorted.
 
         A visual event with receivers concerns the others too: they show as ε (equation 4).
@@ -76,12 +108,18 @@ class Distribution:
         seen = {event.type for event in visual}
         found = {host for host, types in self._types.items() if types & seen}
         for event in events:
-            if event.receivers:
-                homes = (self._composition.home(one) for one in event.receivers)
+            if event.receivers is not None and len(event.receivers):
+                homes = self._homes(event.receivers)
                 found.update(self._host[one] for one in homes if one in self._host)
             else:
                 found.update(host for host, types in self._types.items() if event.type in types)
         return sorted(found)
+
+    def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str]:
+        if isinstance(receivers, Ids):
+            return self._composition.homes(receivers)
+        homes = (self._composition.home(one) for one in receivers)
+        return (one for one in homes if one is not None)
 
     def lacking(self, host: str) -> Fragments | None:
         """What a host must be given before it can evolve its fragments; None: nothing."""
@@ -105,17 +143,13 @@ class Distribution:
         placed = self._host.get(fragment, host)
         if placed != host:  # It moved while its old host still answered for it.
             self._stale[placed].add(fragment)
-        if node is not None and is_agent(result, fragment):
+        if node is not None and len(result.pieces) == 1 and result.pieces[0] is node:
             held[fragment] = node
         else:
             held.pop(fragment, None)
 
 
-def is_agent(scene: Scene, agent: str) -> bool:
-    """Whether a string is just the one agent of this id."""
-    node = scene.nodes[0] if len(scene.nodes) == 1 else None
-    return isinstance(node, AgentNode) and node.id == agent
-
-
-def _kinds(node: AgentNode) -> frozenset[str]:
+def _kinds(node: Fragment) -> frozenset[str]:
+    if isinstance(node, Columns):
+        return frozenset((node.symbol,))
     return frozenset(agent.symbol for agent in agents(Scene((node,))))

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.composition import Fragment
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.patch import Patch, difference
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.evolution import Policy, evolve
+from minerva_bus.world.evolution import Evolved, Policy, evolve
 from minerva_bus.world.kinds import Addressed, Kinds
 from minerva_bus.world.moment import Frame
 from minerva_bus.world.views import visualize
+
+
+@dataclass(slots=True)
+class _Different:
+    """Fragments or views that are not as they were: whole, or what is different in them."""
+
+    changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    patched: dict[str, Patch] = field(default_factory=dict[str, Patch])
 
 
 class Host:
@@ -22,7 +34,7 @@ class Host:
     def __init__(self, name: str, kinds: Mapping[str, type[Agent]]) -> None:
         self.name = name
         self.kinds: Kinds = kinds
-        self.fragments: dict[str, AgentNode] = {}
+        self.fragments: dict[str, Fragment] = {}
         self._shown: dict[tuple[str, str], Scene] = {}
 
     def take(self, given: Fragments) -> None:
@@ -31,10 +43,10 @@ class Host:
             self._drop(fragment)
         for fragment, scene in given.given.items():
             self._drop(fragment)
-            node = scene.nodes[0] if scene.nodes else None
-            if not isinstance(node, AgentNode) or node.id != fragment:
+            piece = scene.pieces[0] if len(scene.pieces) == 1 else None
+            if not _is_fragment(piece, fragment):
                 raise ProtocolError(f"the fragment #{fragment} is no agent of that name")
-            self.fragments[fragment] = node
+            self.fragments[fragment] = piece  # pyright: ignore[reportArgumentType]
 
     def _drop(self, fragment: str) -> None:
         self.fragments.pop(fragment, None)
@@ -54,44 +66,88 @@ class Host:
             for event_type in sorted({event.type for event in request.visual})
         }
         events = Addressed(request.events)
-        changed: dict[str, Scene] = {}
-        emitted: dict[str, tuple[Event, ...]] = {}
+        found = _Different()
+        emitted: dict[str, tuple[AnyEvent, ...]] = {}
         for fragment in concerned if request.events else ():
-            node = self.fragments[fragment]
-            result = evolve(Scene((node,)), events, self.kinds, frame, policy)
-            for agent, sent in result.emitted.items():
-                emitted[agent] = tuple([vocabulary.check_event(event) for event in sent])
-            if not _same(result.scene, node):
-                changed[fragment] = vocabulary.check(result.scene, f"#{fragment}")
-                self._keep(fragment, changed[fragment])
-        return EvolveReply(self.name, request.frame, request.part, changed, emitted, views)
+            was = Scene((self.fragments[fragment],))
+            result = evolve(was, events, self.kinds, frame, policy)
+            emitted.update(_checked(fragment, result, vocabulary))
+            if result.scene is not was:
+                self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), found)
+        return EvolveReply(
+            self.name,
+            request.frame,
+            request.part,
+            found.changed,
+            emitted,
+            {event_type: shown.changed for event_type, shown in views.items()},
+            found.patched,
+            {event_type: shown.patched for event_type, shown in views.items() if shown.patched},
+        )
 
-    def _keep(self, fragment: str, scene: Scene) -> None:
+    def _changed(self, fragment: str, scene: Scene, found: _Different) -> None:
         """Keep what a fragment has become; one with newborns is given back where it is placed."""
-        own = scene.nodes[0] if len(scene.nodes) == 1 else None
-        if isinstance(own, AgentNode) and own.id == fragment:
-            self.fragments[fragment] = own
+        old = self.fragments[fragment]
+        patch = _patch(Scene((old,)), scene)
+        if patch is None:
+            found.changed[fragment] = scene
+        else:
+            found.patched[fragment] = patch
+        now = scene.pieces[0] if len(scene.pieces) == 1 else None
+        if _is_fragment(now, fragment) and type(now) is type(old):
+            self.fragments[fragment] = now  # pyright: ignore[reportArgumentType]
         else:
             self._drop(fragment)
 
     def _views(
-        self, event_type: str, concerned: Sequence[str], visual: Sequence[Event], frame: Frame
-    ) -> dict[str, Scene]:
+        self, event_type: str, concerned: Sequence[str], visual: Sequence[AnyEvent], frame: Frame
+    ) -> _Different:
         """The views for one event type that differ from what was shown last.
 
         What a fragment that has just come looked like elsewhere is not known here: its first view
         counts as another, be it ε.
         """
         events = Addressed(tuple([event for event in visual if event.type == event_type]))
-        changed: dict[str, Scene] = {}
+        found = _Different()
         for fragment in concerned:
-            node = self.fragments[fragment]
-            view = visualize(Scene((node,)), events, self.kinds, frame.number)
-            if view != self._shown.get((event_type, fragment)):
-                changed[fragment] = self._shown[event_type, fragment] = view
-        return changed
+            piece = self.fragments[fragment]
+            view = visualize(Scene((piece,)), events, self.kinds, frame.number)
+            shown = self._shown.get((event_type, fragment))
+            patch = _patch(shown, view) if shown is not None else None
+            if patch is not None:
+                if patch.changes:
+                    found.patched[fragment] = patch
+            elif view != shown:
+                found.changed[fragment] = view
+            self._shown[event_type, fragment] = view
+        return found
 
 
-def _same(scene: Scene, node: AgentNode) -> bool:
-    """Whether nothing has happened: the string is the very node."""
-    return len(scene.nodes) == 1 and scene.nodes[0] is node
+def _is_fragment(piece: object, name: str) -> bool:
+    """Whether a string's only piece is the agent of this id, or agents in columns."""
+    if isinstance(piece, Columns):
+        return piece.ids is not None and name.startswith("~")
+    return isinstance(piece, AgentNode) and piece.id == name
+
+
+def _patch(old: Scene, new: Scene) -> Patch | None:
+    """What differs, where both are one piece in columns with the same rows."""
+    if len(old.pieces) != 1 or len(new.pieces) != 1:
+        return None
+    before, after = old.pieces[0], new.pieces[0]
+    if not isinstance(before, Columns) or not isinstance(after, Columns):
+        return None
+    return difference(before, after)
+
+
+def _checked(
+    fragment: str, result: Evolved, vocabulary: Vocabulary
+) -> dict[str, tuple[AnyEvent, ...]]:
+    """What was sent, by single agents and, under the fragment's name, by those in columns."""
+    sent: dict[str, tuple[AnyEvent, ...]] = {
+        agent: tuple([vocabulary.check_event(event) for event in events])
+        for agent, events in result.emitted.items()
+    }
+    if result.many:
+        sent[fragment] = tuple([vocabulary.check_any(event) for event in result.many])
+    return sent

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -14,6 +15,7 @@ from minerva_bus.world.readings import Reading
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
+Patches: TypeAlias = Mapping[str, Patch]
 
 
 # --- from a member to the coordinator ---
@@ -60,7 +62,7 @@ class TickReply:
 
     member: str
     frame: int
-    events: tuple[Event, ...] = ()
+    events: tuple[AnyEvent, ...] = ()
     saved: Mapping[str, Any] | None = None
 
 
@@ -68,16 +70,21 @@ class TickReply:
 class EvolveReply:
     """What became of a host's fragments in a frame: only what differs from what was there.
 
-    `changed` maps an agent to the string that replaces it; `views` a visual event type to the
-    changed views by agent; `emitted` an agent to the events that it sent.
+    `changed` maps a fragment to the string that replaces it, `patched` one in columns to what is
+    different in it; `views` a visual event type to the changed views by fragment; `emitted` an
+    agent, or a fragment in columns, to the events that it sent.
     """
 
     member: str
     frame: int
     part: int = 0
     changed: Parts = field(default_factory=dict[str, Scene])
-    emitted: Mapping[str, tuple[Event, ...]] = field(default_factory=dict[str, tuple[Event, ...]])
+    emitted: Mapping[str, tuple[AnyEvent, ...]] = field(
+        default_factory=dict[str, tuple[AnyEvent, ...]]
+    )
     views: Mapping[str, Parts] = field(default_factory=dict[str, Parts])
+    patched: Patches = field(default_factory=dict[str, Patch])
+    view_patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +92,7 @@ class Emitted:
     """Events of a free-running generator."""
 
     member: str
-    events: tuple[Event, ...]
+    events: tuple[AnyEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +187,8 @@ class EvolveRequest:
 
     frame: int
     asked: tuple[str, ...]
-    events: tuple[Event, ...] = ()
-    visual: tuple[Event, ...] = ()
+    events: tuple[AnyEvent, ...] = ()
+    visual: tuple[AnyEvent, ...] = ()
     part: int = 0
     only: tuple[str, ...] = ()
 
@@ -190,9 +197,9 @@ class EvolveRequest:
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
-    A *key* view is whole: `skeleton` is the string with each outermost agent as a mere `A#id()`,
-    and `parts` has every agent's view. Others have the changed parts only, and `sequence` tells
-    whether one was missed.
+    A *key* view is whole: `skeleton` is the string with each fragment as a mere `A#name()`, and
+    `parts` has every fragment's view. Others have the changed parts only, those in columns as
+    `patches` of what was there, and `sequence` tells whether one was missed.
     """
 
     frame: int
@@ -200,13 +207,14 @@ class ViewShown:
     sequence: int
     parts: Parts
     skeleton: Scene | None = None
+    patches: Patches = field(default_factory=dict[str, Patch])
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
     """What people have sent for a generator's event types."""
 
-    events: tuple[Event, ...]
+    events: tuple[AnyEvent, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +253,7 @@ class FrameRecord:
     """
 
     frame: int
-    events: tuple[Event, ...]
+    events: tuple[AnyEvent, ...]
     changed: Parts
     digest: bytes
 

@@ -16,7 +16,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import fill
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.roster import PROTOCOL_VERSION
-from minerva_bus.grammar.events import Event
+from minerva_bus.frame.showing import patch_all
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Policy
@@ -57,7 +58,7 @@ class Participant:
         self._sources: dict[str, tuple[str, ...]] = {}
         self._readings: dict[tuple[str, str], m.Readings] = {}
         self._published: dict[str, m.Readings] = {}
-        self._orders: list[Event] = []
+        self._orders: list[AnyEvent] = []
         self._pictures: dict[str, _Picture] = {}
         self._unshown: dict[str, int] = {}
         self._out: list[Outgoing] = []
@@ -194,9 +195,9 @@ class Participant:
         self._readings = {key: one for key, one in self._readings.items() if one.frame >= 0}
         return tuple(reading for readings in taken for reading in readings.readings)
 
-    def _checked(self, events: Iterable[Event]) -> tuple[Event, ...]:
+    def _checked(self, events: Iterable[AnyEvent]) -> tuple[AnyEvent, ...]:
         assert self.world is not None
-        check = self.world.vocabulary.check_event
+        check = self.world.vocabulary.check_any
         return tuple([check(event, self.name) for event in events])
 
     def _publish(self, service: Service, tick: Tick) -> None:
@@ -214,7 +215,7 @@ class Participant:
         if repeat.topic in self._published:
             self._out.append(self._published[repeat.topic])
 
-    def emitted(self, event: Event) -> m.Emitted:
+    def emitted(self, event: AnyEvent) -> m.Emitted:
         """The message for an event of a free-running generator."""
         return m.Emitted(self.name, self._checked((event,)))
 
@@ -234,6 +235,7 @@ class Participant:
         else:
             picture.sequence = shown.sequence
             picture.parts.update(shown.parts)
+            patch_all(picture.parts, shown.patches)
             self._changed(shown)
 
     def _changed(self, shown: m.ViewShown) -> None:

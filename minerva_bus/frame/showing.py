@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Container
 from dataclasses import dataclass, field
 
-from minerva_bus.frame.messages import Parts, ViewShown
+from minerva_bus.frame.messages import Parts, Patches, ViewShown
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.patch import patched
 from minerva_bus.grammar.scene import EMPTY, Scene
 
 
@@ -19,19 +22,37 @@ class Showing:
     skeleton: Scene = EMPTY
     parts: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
-    def next(self, frame: int, skeleton: Scene, changed: Parts, alive: Container[str]) -> ViewShown:
+    def next(
+        self,
+        frame: int,
+        skeleton: Scene,
+        changed: Parts,
+        patches: Patches,
+        alive: Container[str],
+    ) -> ViewShown:
         """The view of a frame: whole where the skeleton is another, else what has changed."""
         self.parts.update(changed)
+        patch_all(self.parts, patches)
         self.sequence += 1
         self.frame = frame
         if skeleton is not self.skeleton:
             self.skeleton = skeleton
             self.parts = {one: view for one, view in self.parts.items() if one in alive}
             return self.key()
-        return ViewShown(frame, self.event_type, self.sequence, dict(changed))
+        return ViewShown(frame, self.event_type, self.sequence, dict(changed), None, patches)
 
     def key(self) -> ViewShown:
         """The last view as a whole."""
         return ViewShown(
             self.frame, self.event_type, self.sequence, dict(self.parts), self.skeleton
         )
+
+
+def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
+    """Put patches into the fragments or views of these names. Raises Unfit."""
+    for name, patch in patches.items():
+        old = parts.get(name, EMPTY)
+        piece = old.pieces[0] if len(old.pieces) == 1 else None
+        if not isinstance(piece, Columns):
+            raise Unfit(f"a patch of {name}, which is not in columns")
+        parts[name] = Scene((patched(piece, patch),))

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.core import Core, Phase
 from minerva_bus.frame.showing import Showing
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.order import collect
+
+AGENTS: Final = "#"
+"""The source of all that agents send; no generator can have this name."""
 
 
 class Steps(Core):
@@ -16,7 +23,9 @@ class Steps(Core):
 
     def _collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
-        sources = {**self._inbox, **self._emitted}
+        sources: dict[str, Sequence[AnyEvent]] = {**self._inbox}
+        if self._emitted:
+            sources[AGENTS] = self._emitted
         for member, reply in self._ticked.items():
             if reply.events:
                 sources[member] = [*reply.events, *sources.get(member, ())]
@@ -31,7 +40,7 @@ class Steps(Core):
         self.phase = Phase.EVOLVE
         self._dispatch()
 
-    def _sort_events(self, events: tuple[Event, ...]) -> None:
+    def _sort_events(self, events: tuple[AnyEvent, ...]) -> None:
         types = self.world.vocabulary.events
         self._events = events
         self._visual = tuple([event for event in events if types[event.type].visual])
@@ -83,7 +92,7 @@ class Steps(Core):
     def _ask_again(self, fragments: list[str]) -> None:
         """Ask for some fragments once more in this frame, wherever they are placed now."""
         self._rearrange = False
-        self._distribution.arrange(self.roster.offers())
+        self._distribution.arrange(self.roster.offers(), between=False)
         self._stranded = set()
         placed: dict[str, list[str]] = {}
         for fragment in fragments:
@@ -116,6 +125,7 @@ class Steps(Core):
     def _commit(self) -> None:
         self._show()
         self._note_until()
+        self._emitted = self._sent_in_order()
         try:
             self._rearrange |= self.composition.replace(self._changed)
         except VocabularyError as error:
@@ -123,13 +133,19 @@ class Steps(Core):
             return
         for fragment, host in self._changed_by.items():
             self._distribution.changed(host, fragment, self._changed[fragment])
-        self._emitted = {f"#{agent}": events for agent, events in sorted(self._sent.items())}
         digest = self.composition.scene.digest
         self._out.append(
             s.FrameDone(m.FrameRecord(self.frame, self._events, self._changed, digest))
         )
         self.frame += 1
         self._end_or_go_on()
+
+    def _sent_in_order(self) -> list[AnyEvent]:
+        """What agents have sent, in the order in which they stand in the string."""
+        if not self._sent:
+            return []
+        places = self.composition.places(self._sent)
+        return [event for name in sorted(self._sent, key=places) for event in self._sent[name]]
 
     def _show(self) -> None:
         """Step 7: every device gets its view of w, the string that this frame began with."""
@@ -139,6 +155,7 @@ class Steps(Core):
                 self.frame,
                 self.composition.skeleton,
                 self._views.get(event_type, {}),
+                self._view_patches.get(event_type, {}),
                 self.composition.fragments,
             )
             devices = self.roster.devices(event_type)
@@ -169,10 +186,13 @@ class Steps(Core):
 
     def _note_until(self) -> None:
         """Note who has sent `until`, and of what kind it was; it may be gone after this frame."""
-        for agent, events in self._sent.items() if self.world.until else ():
-            if any(event.type == self.world.until for event in events):
-                self._reached.add(agent)
-                self._reaching.add(self.composition.kind(agent))
+        for name, events in self._sent.items() if self.world.until else ():
+            sent = [event for event in events if event.type == self.world.until]
+            for event in sent:
+                self._reached.update(event.senders or () if isinstance(event, Events) else [name])
+            if sent:
+                part = self.composition.parts.get(name)
+                self._reaching.add(part.symbol if part is not None else self.composition.kind(name))
 
     def _until_holds(self) -> bool:
         return bool(self._reached) and all(

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, Final, TypeAlias, cast
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +45,12 @@ _SCALARS: Final = frozenset((float, int, bool, str))
 class Column:
     """n values of one name: a read-only array of float64, int64, bool or, for texts, object."""
 
-    __slots__ = ("array", "chunks")
+    __slots__ = ("__weakref__", "_base", "array", "chunks")
 
     def __init__(self, array: NDArray[Any], chunks: list[bytes] | None = None) -> None:
         array.flags.writeable = False
         self.array = array
+        self._base: tuple[ref[Column], Rows] | None = None
         self.chunks = chunks
         """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
 
@@ -82,7 +84,15 @@ class Column:
             chunks = self.chunks.copy()
             for chunk in np.unique(rows // CHUNK).tolist():
                 chunks[chunk] = b""
-        return Column(array, chunks)
+        column = Column(array, chunks)
+        column._base = ref(self), rows
+        return column
+
+    def rows_since(self, old: Column) -> Rows | None:
+        """The rows put into an old column to make this one; None where it was made otherwise."""
+        if self._base is None or self._base[0]() is not old:
+            return None
+        return self._base[1]
 
     def same(self, other: Column) -> bool:
         """Whether the values are of the same types and print the same."""
@@ -288,7 +298,7 @@ def packed(scene: Scene) -> Scene:
         return scene
     made: list[Piece] = []
     for shape, group in runs(scene.pieces):
-        if shape is None or size(group) < MANY:
+        if shape is None or size(group) < MANY or all(isinstance(p, Columns) for p in group):
             made += group
         else:
             made.append(merged(group))

@@ -102,7 +102,10 @@ class Ids:
 
     def take(self, rows: NDArray[Any] | slice) -> Ids:
         """The ids of some rows."""
-        return Ids(self._stem, self._data[rows])
+        taken = Ids(self._stem, self._data[rows])
+        if "hashes" in self.__dict__:
+            taken.__dict__["hashes"] = self.hashes[rows]
+        return taken
 
     @staticmethod
     def concatenated(parts: Sequence[Ids]) -> Ids:
@@ -111,8 +114,22 @@ class Ids:
             return parts[0]
         stem = parts[0]._stem
         if stem is not None and all(one._stem == stem for one in parts):
-            return Ids(stem, np.concatenate([one._data for one in parts]))
-        return Ids(None, np.concatenate([one.spelled for one in parts]))
+            whole = Ids(stem, np.concatenate([one._data for one in parts]))
+        else:
+            whole = Ids(None, np.concatenate([one.spelled for one in parts]))
+        if any("hashes" in one.__dict__ for one in parts):
+            whole.__dict__["hashes"] = np.concatenate([one.hashes for one in parts])
+        return whole
+
+    @staticmethod
+    def in_common(columns: Sequence[Ids]) -> str | None:
+        """An id that stands twice in some columns, or None."""
+        twice = next((one.duplicate for one in columns if one.duplicate is not None), None)
+        if twice is not None or len(columns) == 1:
+            return twice
+        if all(one._apart(other) for n, one in enumerate(columns) for other in columns[:n]):
+            return None
+        return Ids.concatenated(columns).duplicate
 
     def text_of(self, rows: slice) -> bytes:
         """The ids of some rows, each with a line feed behind it."""
@@ -140,6 +157,8 @@ class Ids:
         """An id that stands twice in here, or None."""
         data = self._data
         if self._stem is not None and (data[1:] > data[:-1]).all():
+            return None
+        if len(np.unique(data if self._stem is not None else self.hashes)) == len(self):
             return None
         ordered = np.sort(data)
         twice = np.flatnonzero(ordered[1:] == ordered[:-1])

@@ -35,9 +35,9 @@ AGENT_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_:-]*")
 
 
 class Digested:
-    """Keeps its digest once it is known."""
+    """Keeps its digest once it is known, and whether it is without agents."""
 
-    __slots__ = ("_digest",)
+    __slots__ = ("_digest", "_still")
 
 
 class Scene(Digested):
@@ -283,6 +283,15 @@ def shared(old: Scene, nodes: list[Node]) -> Scene:
     if len(nodes) == len(old.nodes) and all(map(is_, nodes, old.nodes)):
         return old
     return Scene(tuple(nodes)) if nodes else EMPTY
+
+
+def still(node: TransformationNode) -> bool:
+    """Whether there is no agent in a transformation's scope."""
+    known: bool | None = getattr(node, "_still", None)
+    if known is None:
+        known = next(agents(node.scope), None) is None
+        object.__setattr__(node, "_still", known)
+    return known
 
 
 def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:

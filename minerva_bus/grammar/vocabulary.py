@@ -9,6 +9,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.arrays import fits
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
@@ -192,6 +193,32 @@ class Vocabulary:
         if names is event.names and values is event.values and receivers is event.receivers:
             return event
         return Event(event.type, names, values, event.condition, event.sender, receivers)
+
+
+    def check_any(self, event: AnyEvent, source: str = "") -> AnyEvent:
+        """One event or many in canonical form. Raises VocabularyError."""
+        if isinstance(event, Events):
+            return self.check_events(event, source)
+        return self.check_event(event, source)
+
+    def check_events(self, events: Events, source: str = "") -> Events:
+        """Many events, if they are as this vocabulary has them. Raises VocabularyError."""
+        declared = self.events.get(events.type)
+        if (
+            declared is None
+            or declared.fields.names != events.names
+            or not all(map(fits, [one.type for one in declared.fields.all], events.columns))
+        ):
+            columns = Events.of([self.check_event(event, source) for event in events])
+            if columns is None:
+                raise VocabularyError(f"{events.type} cannot be columns", source=source)
+            return columns
+        if events.condition:
+            parse_condition(events.condition, f"{source}: condition" if source else "condition")
+        for ids in (events.senders, events.receivers):
+            if ids is not None and ids.strange is not None:
+                raise VocabularyError(f"{ids.strange!r} is no id of an agent", source=source)
+        return events
 
 
 _NODES = {"P": FigureNode, "T": TransformationNode, "A": AgentNode}

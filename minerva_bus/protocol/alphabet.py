@@ -29,7 +29,7 @@ from minerva_bus.grammar.symbols import (
 )
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.protocol.values import listed, mapped, number, text, truth
+from minerva_bus.protocol.plain import listed, mapped, number, text, truth
 
 _SAID = 300
 _FORMS: dict[str, type[Form]] = {

@@ -14,7 +14,8 @@ import numpy as np
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.alphabet import (
@@ -23,22 +24,14 @@ from minerva_bus.protocol.alphabet import (
     read_kind,
     read_vocabulary,
 )
+from minerva_bus.protocol.columns import is_patch, plain_patch
 from minerva_bus.protocol.limits import DEFAULT, Limits
-from minerva_bus.protocol.values import (
-    Reader,
-    listed,
-    mapped,
-    number,
-    plain_event,
-    plain_scene,
-    text,
-    truth,
-    unpack,
-    whole,
-)
+from minerva_bus.protocol.plain import listed, mapped, number, text, truth, unpack, whole
+from minerva_bus.protocol.values import Reader, plain_event, plain_scene
 from minerva_bus.world.readings import Reading, Scan, Sighting, Sightings
 
 _EMPTY = Vocabulary()
+_NONE: Mapping[str, Patch] = {}
 
 
 # --- to bytes ---
@@ -50,11 +43,13 @@ def encode(message: m.Message) -> bytes:
     return msgpack.packb([name, *write(message)])
 
 
-def _plain_parts(parts: m.Parts) -> dict[str, Any]:
-    return {agent: plain_scene(scene) for agent, scene in parts.items()}
+def _plain_parts(parts: m.Parts, patches: m.Patches = _NONE) -> dict[str, Any]:
+    plain: dict[str, Any] = {name: plain_scene(scene) for name, scene in parts.items()}
+    plain.update((name, plain_patch(patch)) for name, patch in patches.items())
+    return plain
 
 
-def _plain_events(events: tuple[Event, ...]) -> list[Any]:
+def _plain_events(events: tuple[AnyEvent, ...]) -> list[Any]:
     return [plain_event(event) for event in events]
 
 
@@ -82,9 +77,12 @@ def _write_evolved(r: m.EvolveReply) -> list[Any]:
     return [
         r.frame,
         r.part,
-        _plain_parts(r.changed),
+        _plain_parts(r.changed, r.patched),
         {agent: _plain_events(events) for agent, events in r.emitted.items()},
-        {event_type: _plain_parts(parts) for event_type, parts in r.views.items()},
+        {
+            event_type: _plain_parts(parts, r.view_patches.get(event_type, {}))
+            for event_type, parts in r.views.items()
+        },
     ]
 
 
@@ -105,7 +103,7 @@ def _write_evolve(r: m.EvolveRequest) -> list[Any]:
 
 def _write_view(v: m.ViewShown) -> list[Any]:
     skeleton = None if v.skeleton is None else plain_scene(v.skeleton)
-    return [v.frame, v.sequence, _plain_parts(v.parts), skeleton]
+    return [v.frame, v.sequence, _plain_parts(v.parts, v.patches), skeleton]
 
 
 def _plain_reading(reading: Reading) -> list[Any]:
@@ -213,11 +211,18 @@ def _texts(plain: Any, what: str) -> tuple[str, ...]:
 
 
 def _parts(reader: Reader, plain: Any, what: str) -> dict[str, Scene]:
-    return {agent: reader.scene(scene) for agent, scene in mapped(plain, what).items()}
+    parts = mapped(plain, what).items()
+    return {name: reader.scene(scene) for name, scene in parts if not is_patch(scene)}
 
 
 def _views(reader: Reader, plain: Any) -> dict[str, Scene]:
-    return {agent: reader.view(scene) for agent, scene in mapped(plain, "views").items()}
+    parts = mapped(plain, "views").items()
+    return {name: reader.view(scene) for name, scene in parts if not is_patch(scene)}
+
+
+def _patches(reader: Reader, plain: Any) -> m.Patches:
+    parts = mapped(plain, "patches").items()
+    return {name: reader.columns.patch(patch) for name, patch in parts if is_patch(patch)}
 
 
 def _saved(plain: Any) -> Mapping[str, Any] | None:
@@ -266,6 +271,8 @@ def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveRepl
         _parts(reader, items[3], "changed"),
         {agent: reader.events(events) for agent, events in emitted.items()},
         {event_type: _views(reader, parts) for event_type, parts in views.items()},
+        _patches(reader, items[3]),
+        {name: some for name, parts in views.items() if (some := _patches(reader, parts))},
     )
 
 
@@ -299,6 +306,7 @@ def _read_view(reader: Reader, member: str, items: list[Any]) -> m.ViewShown:
         whole(items[3], "the sequence"),
         _views(reader, items[4]),
         None if items[5] is None else reader.skeleton(items[5]),
+        _patches(reader, items[4]),
     )
 
 

@@ -2,12 +2,14 @@
 
 A string is flat, in reading order, so that its depth costs no recursion:
 
-    scene  = [count of top nodes, node, node, ...]      each node is followed by its scope's
+    scene  = [count of top pieces, piece, piece, ...]   each node is followed by its scope's
+    piece  = node | columns                             many of one shape (columns.py)
     node   = [symbol, values]                           figure
            | [symbol, values, count]                    transformation
            | [symbol, id, values, count]                agent; values is nil where it has none,
                                                         and for a mere slot
     event  = [type, values] | [type, values, condition, sender, [receivers]]
+           | events                                     many of one type (columns.py)
 
 `values` stand in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
 rows and columns as little-endian uint32, then int16 or float64 values in row order, little
@@ -25,8 +27,11 @@ import msgpack
 import numpy as np
 
 from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import (
     AGENT_ID,
@@ -34,15 +39,21 @@ from minerva_bus.grammar.scene import (
     AgentNode,
     FigureNode,
     Node,
+    Piece,
     Scene,
     TransformationNode,
     Value,
     agents,
-    walk,
 )
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.protocol.columns import (
+    ColumnsReader,
+    plain_columns,
+)
+from minerva_bus.protocol.columns import plain_events as plain_many
 from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.plain import listed, name_of, text, unpack, whole
 
 _MATRIX, _SCENE = 1, 2
 _HEADER = struct.Struct("<cII")
@@ -64,10 +75,19 @@ def plain_value(value: Value) -> Any:
 
 def plain_scene(scene: Scene) -> list[Any]:
     """A string, flat."""
-    flat: list[Any] = [len(scene.nodes)]
-    for opens, node in walk(scene):
-        if opens:
-            flat.append(_plain_node(node))
+    flat: list[Any] = [len(scene.pieces)]
+    stack = [iter(scene.pieces)]
+    while stack:
+        for piece in stack[-1]:
+            if isinstance(piece, Columns):
+                flat.append(plain_columns(piece))
+                continue
+            flat.append(_plain_node(piece))
+            if not isinstance(piece, FigureNode) and piece.scope.pieces:
+                stack.append(iter(piece.scope.pieces))
+                break
+        else:
+            stack.pop()
     return flat
 
 
@@ -76,12 +96,14 @@ def _plain_node(node: Node) -> list[Any]:
     if isinstance(node, FigureNode):
         return [node.symbol, values]
     if isinstance(node, TransformationNode):
-        return [node.symbol, values, len(node.scope.nodes)]
-    return [node.symbol, node.id, values if node.names else None, len(node.scope.nodes)]
+        return [node.symbol, values, len(node.scope.pieces)]
+    return [node.symbol, node.id, values if node.names else None, len(node.scope.pieces)]
 
 
-def plain_event(event: Event) -> list[Any]:
-    """An event."""
+def plain_event(event: AnyEvent) -> list[Any]:
+    """An event, or many."""
+    if isinstance(event, Events):
+        return plain_many(event)
     values = [plain_value(value) for value in event.values]
     if event.condition or event.sender or event.receivers:
         return [event.type, values, event.condition, event.sender, list(event.receivers)]
@@ -100,6 +122,8 @@ class Reader:
         self._depth = 0
         self._slots = False
         self._ids: set[str] = set()
+        self._many: list[Ids] = []
+        self.columns = ColumnsReader(vocabulary, limits)
 
     def value(self, plain: Any) -> Any:
         """A value; of no particular type yet."""
@@ -110,7 +134,7 @@ class Reader:
         if isinstance(plain, list):
             with self._deeper():
                 return tuple([self.value(item) for item in cast("list[Any]", plain)])
-        raise ProtocolError(f"a value cannot be {_name(plain)}")
+        raise ProtocolError(f"a value cannot be {name_of(plain)}")
 
     @contextmanager
     def _deeper(self) -> Generator[None]:
@@ -149,11 +173,21 @@ class Reader:
 
     def scene(self, plain: Any) -> Scene:
         """A string of the vocabulary; no two of its agents have one id."""
-        outer, self._ids = self._ids, set()
+        outer, self._ids, self._many = (self._ids, self._many), set(), []
         try:
-            return self._scene(listed(plain, "a string"))
+            scene = self._scene(listed(plain, "a string"))
+            self._check_ids()
+            return scene
         finally:
-            self._ids = outer
+            self._ids, self._many = outer
+
+    def _check_ids(self) -> None:
+        """That no id stands in columns and elsewhere too."""
+        if not self._many or (len(self._many) == 1 and not self._ids):
+            return
+        twice = Ids.in_common([*self._many, *([Ids.of(sorted(self._ids))] if self._ids else [])])
+        if twice is not None:
+            raise ProtocolError(f"two agents have the id #{twice}"[:_SAID])
 
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:
@@ -162,12 +196,12 @@ class Reader:
             raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
         wanted = [whole(flat[0], "the count of a string")]
         opened: list[tuple[Any, ...]] = []
-        levels: list[list[Node]] = [[]]
+        levels: list[list[Piece]] = [[]]
         for node in flat[1:]:
             if not wanted[-1]:
                 raise ProtocolError("a string goes on after its end")
             wanted[-1] -= 1
-            count = self._node(listed(node, "a symbol"), levels[-1], opened)
+            count = self._piece(listed(node, "a symbol"), levels[-1], opened)
             if count:
                 wanted.append(count)
                 levels.append([])
@@ -181,7 +215,16 @@ class Reader:
             raise ProtocolError("a string is cut off")
         return Scene(tuple(levels[0])) if levels[0] else EMPTY
 
-    def _node(self, node: list[Any], level: list[Node], opened: list[tuple[Any, ...]]) -> int:
+    def _piece(self, piece: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
+        if piece and type(piece[0]) is int:
+            many = self.columns.columns(piece)
+            if many.ids is not None:
+                self._many.append(many.ids)
+            level.append(many)
+            return 0
+        return self._node(piece, level, opened)
+
+    def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
         """Read one symbol; a figure or one with an empty scope is done at once."""
         symbol = text(node[0] if node else None, "a symbol")
         kind = symbol[:1]
@@ -209,7 +252,8 @@ class Reader:
 
     def _id(self, plain: Any) -> str:
         agent_id = text(plain, "an id")
-        if AGENT_ID.fullmatch(agent_id) is None:
+        plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
+        if AGENT_ID.fullmatch(plain_id) is None:
             raise ProtocolError(f"{agent_id[:40]!r} is no id of an agent")
         return agent_id
 
@@ -226,11 +270,13 @@ class Reader:
         except Unfit as unfit:
             raise VocabularyError(str(unfit)[:_SAID], source="fragment") from None
 
-    def event(self, plain: Any) -> Event:
-        """An event of the vocabulary."""
+    def event(self, plain: Any) -> AnyEvent:
+        """An event of the vocabulary, or many."""
         items = listed(plain, "an event")
+        if len(items) == 6:
+            return self.columns.events(items)
         if len(items) not in (2, 5):
-            raise ProtocolError(f"an event has 2 or 5 items, not {len(items)}")
+            raise ProtocolError(f"an event has 2, 5 or 6 items, not {len(items)}")
         name = text(items[0], "an event's type")
         declared = self.vocabulary.events.get(name)
         if declared is None:
@@ -253,7 +299,7 @@ class Reader:
             raise VocabularyError(str(unfit)[:_SAID], source="event") from None
         return Event(name, names, values, condition, sender, receivers)
 
-    def events(self, plain: Any) -> tuple[Event, ...]:
+    def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""
         items = listed(plain, "events")
         if len(items) > self.limits.events:
@@ -278,68 +324,3 @@ def _matrix(data: bytes) -> Any:
     if len(data) - _HEADER.size != rows * columns * dtype.itemsize:
         raise ProtocolError(f"a matrix of {rows}x{columns} has {len(data) - _HEADER.size} bytes")
     return np.frombuffer(data, dtype, offset=_HEADER.size).reshape(rows, columns)
-
-
-def pack(plain: Any) -> bytes:
-    """Plain data as msgpack bytes."""
-    return msgpack.packb(plain)
-
-
-def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
-    """What msgpack bytes hold: nil, booleans, numbers, texts, bytes, lists, maps, extensions."""
-    if len(data) > limits.message_bytes:
-        raise ProtocolError(f"{len(data)} bytes at once, over {limits.message_bytes}")
-    try:
-        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
-    except Exception as error:
-        raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
-
-
-def listed(plain: Any, what: str) -> list[Any]:
-    """A list. Raises ProtocolError."""
-    if not isinstance(plain, list):
-        raise ProtocolError(f"{what} must be a list, not {_name(plain)}")
-    return cast("list[Any]", plain)
-
-
-def mapped(plain: Any, what: str) -> dict[str, Any]:
-    """A map with texts for keys. Raises ProtocolError."""
-    if not isinstance(plain, dict) or not all(isinstance(k, str) for k in cast(Any, plain)):
-        raise ProtocolError(f"{what} must be a map by names, not {_name(plain)}")
-    return cast("dict[str, Any]", plain)
-
-
-def text(plain: Any, what: str) -> str:
-    """A text. Raises ProtocolError."""
-    if not isinstance(plain, str):
-        raise ProtocolError(f"{what} must be a text, not {_name(plain)}")
-    return plain
-
-
-def whole(plain: Any, what: str, least: int = 0) -> int:
-    """A whole number, not under `least`. Raises ProtocolError."""
-    if not isinstance(plain, int) or isinstance(plain, bool) or plain < least:
-        raise ProtocolError(f"{what} must be a whole number from {least}, not {_name(plain)}")
-    return plain
-
-
-def number(plain: Any, what: str) -> float:
-    """A finite number. Raises ProtocolError."""
-    if isinstance(plain, bool) or not isinstance(plain, int | float) or plain - plain != 0:
-        raise ProtocolError(f"{what} must be a finite number, not {_name(plain)}")
-    return float(plain)
-
-
-def truth(plain: Any, what: str) -> bool:
-    """True or false. Raises ProtocolError."""
-    if not isinstance(plain, bool):
-        raise ProtocolError(f"{what} must be true or false, not {_name(plain)}")
-    return plain
-
-
-def _name(plain: Any) -> str:
-    if isinstance(plain, bool | int | float):
-        return repr(plain)
-    return {"NoneType": "nil", "str": "a text", "list": "a list", "dict": "a map"}.get(
-        type(plain).__name__, type(plain).__name__
-    )

@@ -246,7 +246,7 @@ class Agent:
 
 
 def _for_many(found: dict[str, _F]) -> dict[str, _F]:
-    return {event: function for event, function in found.items() if getattr(function, POPULATION)}
+    return {event: function for event, function in found.items() if getattr(function, POPULATION, False)}
 
 
 def _check_columns(kind: AgentKind, population: Collection[str]) -> None:

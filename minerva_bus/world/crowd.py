@@ -60,7 +60,7 @@ class Crowd:
                 continue
             population = self._cls.population.get(event_type)
             activity = population or self._cls.activities.get(event_type)
-            if population is not None and getattr(population, TOGETHER):
+            if population is not None and getattr(population, TOGETHER, False):
                 self._together(population, list(group))
                 continue
             for event, rows in self._rounds(group):

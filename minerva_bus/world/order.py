@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from typing import cast
 
+from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.events import Event
 
 
@@ -24,10 +27,11 @@ class Order:
         return priority, event_type, source, sequence
 
 
-def collect(order: Order, sources: Mapping[str, Sequence[Event]]) -> tuple[Event, ...]:
+def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
     """E(C*, t), equation 6: all events of all generators, in order, each once.
 
-    `sources` gives each source's events in the order in which it made them.
+    `sources` gives each source's events in the order in which it made them. Events of a type of
+    which some come in columns go on in columns.
     """
     keyed = [
         (order.key(event.type, source, sequence), event)
@@ -35,8 +39,26 @@ def collect(order: Order, sources: Mapping[str, Sequence[Event]]) -> tuple[Event
         for sequence, event in enumerate(events)
     ]
     keyed.sort(key=_first)
-    return tuple(dict.fromkeys(event for _, event in keyed))
+    events = [event for _, event in keyed]
+    if not any([isinstance(event, Events) for event in events]):
+        return tuple(dict.fromkeys(events))
+    found: list[AnyEvent] = []
+    for _, group in groupby(events, lambda event: event.type):
+        found += _each_once(list(group))
+    return tuple(found)
 
 
-def _first(pair: tuple[tuple[int, str, str, int], Event]) -> tuple[int, str, str, int]:
+def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
+    """Events of one type, each once; in columns where they all can be."""
+    parts: list[Events | None] = []
+    for many, group in groupby(events, lambda event: isinstance(event, Events)):
+        if many:
+            parts += cast("Iterator[Events]", group)
+        elif len(events) > 1:
+            parts.append(Events.of(list(cast("Iterator[Event]", group))))
+    whole = None if None in parts else Events.concatenated(cast("list[Events]", parts))
+    return dict.fromkeys(single(events)) if whole is None else [whole.distinct()]
+
+
+def _first(pair: tuple[tuple[int, str, str, int], AnyEvent]) -> tuple[int, str, str, int]:
     return pair[0]

@@ -49,8 +49,9 @@ class Birth:
 class Herd:
     """The working state of a population within a frame: what has become of each row."""
 
-    def __init__(self, part: Columns, fields: Fields) -> None:
+    def __init__(self, part: Columns, fields: Fields, *, lasting: bool = True) -> None:
         self.part = part
+        self._lasting = lasting
         self.fields = fields
         self.arrays: dict[str, NDArray[Any]] = {}
         self.away: NDArray[np.bool_] | None = None
@@ -83,7 +84,9 @@ class Herd:
         """The values of an attribute, to be written to."""
         array = self.arrays.get(name)
         if array is None:
-            array = self.arrays[name] = self.part.column(name).copy()
+            array = self.part.column(name)
+            if self._lasting:  # where nothing lasts nobody has a reason to write
+                array = self.arrays[name] = array.copy()
         return array
 
 

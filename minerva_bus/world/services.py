@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.moment import Frame, Moment
@@ -47,7 +47,7 @@ class Tick(Moment):
     """
 
     readings: tuple[Reading, ...] = ()
-    orders: tuple[Event, ...] = ()
+    orders: tuple[AnyEvent, ...] = ()
     published: list[tuple[str, Reading]] = field(default_factory=list[tuple[str, Reading]])
 
     def publish(self, topic: str, reading: Reading) -> None:
@@ -64,7 +64,7 @@ class View:
     scene: Scene
 
 
-Emit = Callable[[Event], None]
+Emit = Callable[[AnyEvent], None]
 
 
 class Service:
@@ -125,7 +125,7 @@ class Generator(Service):
         """The event types that people may send through this one; they come in `tick.orders`."""
         return ()
 
-    def generate(self, tick: Tick) -> Iterable[Event]:
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         """C^d(t): the events of one frame."""
         return ()
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     Node,
+    Piece,
     Scene,
     agents,
     identities,
@@ -19,12 +22,13 @@ from minerva_bus.grammar.scene import (
     with_scope,
 )
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.crowd_views import views_of_many
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds, addressed, kinds_of
 
 
 def visualize(
     scene: Scene,
-    events: Sequence[Event] | Addressed,
+    events: Sequence[AnyEvent] | Addressed,
     kinds: Iterable[type[Agent]] | Kinds,
     frame: int = 0,
 ) -> Scene:
@@ -49,7 +53,20 @@ def visualize(
                 result += _view(cls, node, event, frame)
         return result
 
-    return rebuild(scene, leave)
+    if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+        return rebuild(scene, leave)
+    shown: list[Piece] = []
+    for piece in scene.pieces:
+        if not isinstance(piece, Columns):
+            shown += rebuild(Scene((piece,)), leave).pieces
+        elif piece.ids is None:
+            shown.append(piece)
+        else:
+            cls = known.get(piece.symbol)
+            view = views_of_many(piece, found, cls, frame) if cls is not None else EMPTY
+            alone = Scene(piece.nodes()) if view is None else EMPTY
+            shown += rebuild(alone, leave).pieces if view is None else view.pieces
+    return packed(Scene(tuple(shown))) if shown else EMPTY
 
 
 def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:

@@ -23,7 +23,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.protocol.alphabet import plain_kind, plain_vocabulary, read_vocabulary
 from minerva_bus.protocol.codec import Decoder, encode
-from minerva_bus.protocol.values import unpack
+from minerva_bus.protocol.plain import unpack
 from minerva_bus.testing.strategies import vocabularies, worlds
 
 PDot = Primitive("PDot", x=float)

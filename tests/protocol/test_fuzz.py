@@ -15,7 +15,8 @@ from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.keys import Keys, checked_name
 from minerva_bus.protocol.limits import Limits
-from minerva_bus.protocol.values import Reader, unpack
+from minerva_bus.protocol.plain import unpack
+from minerva_bus.protocol.values import Reader
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 
 law = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
@@ -234,7 +235,7 @@ def test_a_wrong_string_is_refused_and_what_is_wrong_with_it_is_said(scene, prob
 
 
 @pytest.mark.parametrize(("event", "problem"), [
-    (["eHit"], "has 2 or 5 items"),
+    (["eHit"], "has 2, 5 or 6 items"),
     (["eHit", []], "eHit has 0 data; expected amount"),
     (["eHit", [1.0, 2.0]], "eHit has 2 data; expected amount"),
     (["eHit", ["hard"]], "amount must be a number"),

@@ -174,7 +174,7 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
         bus.appear(name)
     bus.settle()
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
-    assert bus.algorithm._emitted == {}
+    assert not bus.algorithm._emitted
 
 
 def test_the_trace_of_one_that_is_shut_out():

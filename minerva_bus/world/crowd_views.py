@@ -1,0 +1,79 @@
+"""π of agents that are held in columns: what equation 5 shows of them, all at once."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.columns import Columns, Rows, size
+from minerva_bus.grammar.condition import holds_of_many
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.kinds import ActivityError, Addressed
+from minerva_bus.world.population import Herd, Population
+
+
+def views_of_many(
+    part: Columns, addressed: Addressed, cls: type[Agent], frame: int
+) -> Scene | None:
+    """The views of agents in columns, or None where they have to be shown one by one.
+
+    At once is for one event to all, and a view that is written for a population. Raises
+    ActivityError.
+    """
+    mine = [event for event in addressed.events if event.type in cls.views]
+    if not mine:
+        return EMPTY
+    event = mine[0]
+    view = cls.population_views.get(event.type)
+    if len(mine) > 1 or isinstance(event, Events) or event.receivers or view is None:
+        return None
+    rows = _willing(part, event)
+    count = part.count if rows is None else len(rows)
+    if not count:
+        return EMPTY
+    herd = Herd(part, cls.kind.fields, lasting=False)
+    try:
+        return _one_each(view(Population(herd, cls, rows), event), count)
+    except Exception as error:
+        node = cast("AgentNode", part.node(0 if rows is None else int(rows[0])))
+        raise ActivityError("θ", node, event, frame) from error
+
+
+def _willing(part: Columns, event: Event) -> Rows | None:
+    if not event.condition:
+        return None
+    state = {name: column.array for name, column in zip(part.names, part.columns, strict=True)}
+    willing = holds_of_many(event.condition, state, part.count)
+    return None if willing.all() else np.flatnonzero(willing)
+
+
+def _one_each(shown: object, count: int) -> Scene:
+    """A string with a node for each of some agents, or the same for all of them."""
+    if not isinstance(shown, Scene):
+        raise TypeError(f"a view returns a string, not {shown!r}")
+    left = next(agents(shown), None) if not _plain(shown) else None
+    if left is not None:
+        raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
+    pieces = shown.pieces
+    if not pieces:
+        return EMPTY
+    if not any(isinstance(piece, Columns) for piece in pieces):
+        return Scene(pieces * count)
+    if any(size([piece]) != count for piece in pieces):
+        raise MisuseError(
+            f"the view of a population has a node for each of its {count} agents, not"
+            f" {sorted({size([piece]) for piece in pieces})}"
+        )
+    if len(pieces) == 1:
+        return shown
+    each = [cast("Columns", piece).nodes() for piece in pieces]
+    return Scene(tuple([node for row in zip(*each, strict=True) for node in row]))
+
+
+def _plain(shown: Scene) -> bool:
+    return all(isinstance(piece, Columns) and piece.ids is None for piece in shown.pieces)
