@@ -153,8 +153,9 @@ class Events:
         """Each of them once, where it is first (equation 6)."""
         if self.count < 2 or any(map(_rising, (self.senders, self.receivers))):
             return self
-        _, first = np.unique(self._hashes(), return_index=True)
-        if len(first) == self.count:
+        hashes = self._hashes()
+        hashes.sort()
+        if (hashes[1:] != hashes[:-1]).all():
             return self
         rows = {event: row for row, event in reversed(list(enumerate(self)))}
         return self.take(np.sort(np.array(list(rows.values()), np.intp)))

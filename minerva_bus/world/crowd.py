@@ -71,10 +71,15 @@ class Crowd:
 
     # --- who is concerned ---
 
-    def _rounds(self, items: Iterator[AnyEvent] | Sequence[AnyEvent]) -> Iterator[Round]:
-        """Events by turns, for those that are mere rows; the others live through theirs here."""
+    def _rounds(
+        self, items: Iterator[AnyEvent] | Sequence[AnyEvent], *, at_once: bool = False
+    ) -> Iterator[Round]:
+        """Events by turns, for those that are mere rows; the others live through theirs here.
+
+        Where all are wanted `at_once` a row may be there several times.
+        """
         for item in items:
-            for event, rows in _turns(item, self._ids):
+            for event, rows in _turns(item, self._ids, at_once=at_once and not self._lives):
                 if self._lives:
                     self._live_on(event, rows)
                 keep = None if self._herd.away is None else ~self._herd.away
@@ -104,7 +109,7 @@ class Crowd:
 
     def _together(self, activity: Callable[..., Any], items: Sequence[AnyEvent]) -> None:
         """All events of a type at once."""
-        rounds = list(self._rounds(items))
+        rounds = list(self._rounds(items, at_once=True))
         if not rounds:
             return
         everyone = np.arange(len(self._ids))
@@ -116,9 +121,13 @@ class Crowd:
         many = Events.concatenated(events)
         if many is None:
             raise MisuseError(f"{events[0].type} comes in forms that cannot be taken together")
-        concerned, row = np.unique(np.concatenate(rows), return_inverse=True)
-        whole = None if len(concerned) == len(self._ids) else concerned
-        self._as_population(activity, Received(many, row), many, whole)
+        row = np.concatenate(rows)
+        there = np.zeros(len(self._ids), np.bool_)
+        there[row] = True
+        concerned = None if there.all() else np.flatnonzero(there)
+        if concerned is not None:
+            row = (np.cumsum(there) - 1)[row]
+        self._as_population(activity, Received(many, row), many, concerned)
 
     def _as_population(
         self, activity: Callable[..., Any], given: Any, event: AnyEvent, rows: Rows | None
@@ -206,14 +215,14 @@ def evolve_many(
     return crowd.end(addressed.events[-1])
 
 
-def _turns(item: AnyEvent, ids: Ids) -> Iterator[Round]:
+def _turns(item: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
     """An event's agents; several events in turns, so that no agent has two in one."""
     if isinstance(item, Events):
         if item.receivers is None:
             for event in item:
                 yield event, None
         else:
-            yield from _each_once(item, ids.rows_of(item.receivers))
+            yield from _each_once(item, ids.rows_of(item.receivers), at_once=at_once)
     elif not item.receivers:
         yield item, None
     else:
@@ -223,14 +232,14 @@ def _turns(item: AnyEvent, ids: Ids) -> Iterator[Round]:
             yield item, rows
 
 
-def _each_once(events: Events, rows: Rows) -> Iterator[Round]:
+def _each_once(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
     here = rows >= 0
     if not here.all():
         chosen = np.flatnonzero(here)
         events, rows = events.take(chosen), rows[chosen]
     if not len(rows):
         return
-    if (rows[1:] > rows[:-1]).all():
+    if at_once or (rows[1:] > rows[:-1]).all():
         yield events, rows
         return
     order = np.argsort(rows, kind="stable")

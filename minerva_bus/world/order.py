@@ -50,11 +50,13 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
 
 def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
     """Events of one type, each once; in columns where they all can be."""
+    if not any([isinstance(event, Events) for event in events]):
+        return dict.fromkeys(events)
     parts: list[Events | None] = []
     for many, group in groupby(events, lambda event: isinstance(event, Events)):
         if many:
             parts += cast("Iterator[Events]", group)
-        elif len(events) > 1:
+        else:
             parts.append(Events.of(list(cast("Iterator[Event]", group))))
     whole = None if None in parts else Events.concatenated(cast("list[Events]", parts))
     return dict.fromkeys(single(events)) if whole is None else [whole.distinct()]

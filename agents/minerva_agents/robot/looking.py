@@ -46,13 +46,7 @@ def frontier(grid: Cells) -> Mask:
 
     Gaps between two beams do not count as unknown.
     """
-    unknown = expanses(grid == UNKNOWN)
-    beside = np.zeros(grid.shape, np.bool_)
-    beside[1:] |= unknown[:-1]
-    beside[:-1] |= unknown[1:]
-    beside[:, 1:] |= unknown[:, :-1]
-    beside[:, :-1] |= unknown[:, 1:]
-    return free(grid) & beside
+    return free(grid) & grown_to_sides(expanses(grid == UNKNOWN))
 
 
 def out_of_view(grid: Cells) -> Mask:
@@ -63,6 +57,16 @@ def out_of_view(grid: Cells) -> Mask:
 def expanses(mask: Mask) -> Mask:
     """What is left of a mask without all that is less than three cells wide."""
     return _grown(_all_around(mask))
+
+
+def grown_to_sides(mask: Mask) -> Mask:
+    """Where a cell or one of those at its four sides is True."""
+    made = mask.copy()
+    made[1:] |= mask[:-1]
+    made[:-1] |= mask[1:]
+    made[:, 1:] |= mask[:, :-1]
+    made[:, :-1] |= mask[:, 1:]
+    return made
 
 
 def is_news(grid: Cells, cell: Cell) -> bool:

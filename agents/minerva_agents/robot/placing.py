@@ -27,7 +27,7 @@ def free_component(
     a point the largest, the first of equals. Bool, in the shape of the map's cells. Raises
     MapError where the disc fits nowhere, or not at the point.
     """
-    labels = _regions(_room(floor) > _in_cells(floor, radius_m))
+    labels = regions(_room(floor) > _in_cells(floor, radius_m))
     if at is not None:
         return labels == _label_at(floor, labels, radius_m, at)
     sizes = np.bincount(labels.ravel())
@@ -111,7 +111,7 @@ def _label_at(floor: OccupancyMap, labels: NDArray[np.intp], radius_m: float, at
     return label
 
 
-def _regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
+def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Connected regions of free cells, numbered from 1; 0 where not free.
 
     Neighbours are those of a side: a diagonal that cuts no corner joins no others. Runs along the
