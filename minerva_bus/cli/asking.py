@@ -10,6 +10,7 @@ from typing import Any
 from minerva_bus.cli.places import client, place
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
@@ -95,7 +96,7 @@ def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) 
 
 
 def _of_interest(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
-    for event in record.events:
+    for event in single(record.events):
         if type_ in ("", event.type):
             data = {name: _plain(value) for name, value in event.data.items()}
             yield {

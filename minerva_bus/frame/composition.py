@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from operator import is_
 from typing import TypeAlias, cast
 
@@ -157,7 +158,9 @@ class Composition:
         """
         if not changes:
             return False
-        before = self.__dict__ | {name: self.__dict__[name].copy() for name in ("fragments", "parts")}
+        before = self.__dict__ | {
+            name: self.__dict__[name].copy() for name in ("fragments", "parts")
+        }
         try:
             return self._replace(changes)
         except VocabularyError:
@@ -212,7 +215,7 @@ def shares(rows: int, weights: Sequence[float]) -> list[int]:
     unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
     ends = np.cumsum(weights) / sum(weights) * (rows / unit)
     cuts = [0, *[round(end) * unit for end in ends[:-1]], rows]
-    return [end - begin for begin, end in zip(cuts, cuts[1:], strict=False)]
+    return [end - begin for begin, end in pairwise(cuts)]
 
 
 def _ids(part: Columns) -> Ids:

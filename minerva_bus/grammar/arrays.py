@@ -47,7 +47,7 @@ def fit_array(kind: Type, value: Any) -> Column:
 
 def _texts(array: NDArray[Any]) -> Column:
     texts = array.tolist()
-    if not all([type(one) is str for one in texts]):
+    if not all(type(one) is str for one in texts):
         raise Unfit("an array of texts")
     plain = np.empty(len(texts), object)
     plain[:] = texts
@@ -67,7 +67,7 @@ def fits(kind: Type, column: Column) -> bool:
     """Whether a column has the values of this type, as they are."""
     array = column.array
     if kind.kind == "text":
-        return array.dtype == object and all([type(one) is str for one in array.tolist()])
+        return array.dtype == object and all(type(one) is str for one in array.tolist())
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
         return False
     return kind.kind != "real" or bool(np.isfinite(array).all())

@@ -39,9 +39,7 @@ class Events:
     def __iter__(self) -> Iterator[Event]:
         """Row by row."""
         lists = [column.list() for column in self.columns]
-        rows: Iterable[tuple[Value, ...]] = (
-            zip(*lists, strict=True) if lists else [()] * self.count
-        )
+        rows: Iterable[tuple[Value, ...]] = zip(*lists, strict=True) if lists else [()] * self.count
         senders = self.senders.texts() if self.senders is not None else [""] * self.count
         receivers = self._receivers()
         for values, sender, to in zip(rows, senders, receivers, strict=True):
@@ -189,7 +187,7 @@ def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
 
 
 def _texts(column: Column) -> bool:
-    return all([type(one) is str for one in column.array.tolist()])
+    return all(type(one) is str for one in column.array.tolist())
 
 
 def _mixed(found: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -39,6 +39,7 @@ CHUNK: Final = 4096
 Rows: TypeAlias = NDArray[np.intp]
 Level: TypeAlias = tuple[str, tuple[str, ...]]
 Shape: TypeAlias = tuple[Level, ...]
+_DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bool_}
 _SCALARS: Final = frozenset((float, int, bool, str))
 
 
@@ -59,8 +60,7 @@ class Column:
         """A column of scalars."""
         kinds = set(map(type, values))
         kind = kinds.pop() if len(kinds) == 1 else object
-        dtype = {float: np.float64, int: np.int64, bool: np.bool_}.get(kind, object)
-        array = np.empty(len(values), dtype)
+        array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
         array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
         return Column(array)
 

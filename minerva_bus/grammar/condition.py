@@ -94,9 +94,7 @@ def holds(text: str, state: Mapping[str, Any]) -> bool:
     return all(one.holds(state) for one in parse_condition(text))
 
 
-def holds_of_many(
-    text: str, state: Mapping[str, NDArray[Any]], count: int
-) -> NDArray[np.bool_]:
+def holds_of_many(text: str, state: Mapping[str, NDArray[Any]], count: int) -> NDArray[np.bool_]:
     """Of which of many agents a condition holds; their states as arrays of shape (count,)."""
     found = np.ones(count, np.bool_)
     for one in parse_condition(text):

@@ -81,7 +81,7 @@ def scene_digest(scene: Scene) -> bytes:
 def _parts(scene: Scene) -> Iterator[Piece]:
     """Nodes, and many of one shape as columns, however the string holds them."""
     pieces = scene.pieces
-    if len(pieces) < MANY and not any([type(piece) is Columns for piece in pieces]):
+    if len(pieces) < MANY and not any(type(piece) is Columns for piece in pieces):
         return iter(pieces)
     return _grouped(pieces)
 
@@ -128,7 +128,9 @@ def _digest_of_column(column: Column) -> bytes:
 
 def _digest_of_chunk(values: NDArray[Any]) -> bytes:
     kind = values.dtype.kind
-    if kind == "f" or (kind == "i" and int(values.max()) <= _EXACT and int(values.min()) >= -_EXACT):
+    if kind == "f" or (
+        kind == "i" and int(values.max()) <= _EXACT and int(values.min()) >= -_EXACT
+    ):
         return _hash_two(b"n", values.astype("<f8", copy=False))
     if kind == "b":
         return _hash_two(b"b", values.view(np.uint8))
@@ -136,7 +138,7 @@ def _digest_of_chunk(values: NDArray[Any]) -> bytes:
     types = set(map(type, listed))
     if types == {bool}:
         return _hash_two(b"b", np.array(listed, np.uint8))
-    if types <= {int, float} and all([_exact(one) for one in listed]):
+    if types <= {int, float} and all(_exact(one) for one in listed):
         return _hash_two(b"n", np.array(listed, "<f8"))
     return _hash(b"t" + b"".join([f"{value_text(one)}\n".encode() for one in listed]))
 
@@ -147,7 +149,7 @@ def _exact(number: Any) -> bool:
 
 def _hash_two(kind: bytes, values: NDArray[Any]) -> bytes:
     hashing = blake2b(kind, digest_size=SIZE)
-    hashing.update(np.ascontiguousarray(values))
+    hashing.update(np.ascontiguousarray(values).data)
     return hashing.digest()
 
 

@@ -57,6 +57,8 @@ def patched(old: Columns, patch: Patch) -> Columns:
     columns = [list(level.columns) for level in levels]
     for change in patch.changes:
         before = columns[change.level][change.place]
-        after = change.column if change.rows is None else before.put(change.rows, change.column.array)
+        after = (
+            change.column if change.rows is None else before.put(change.rows, change.column.array)
+        )
         columns[change.level][change.place] = after
     return old.with_columns([column for level in columns for column in level])

@@ -119,7 +119,7 @@ EMPTY: Final = Scene()
 
 
 def _plain(pieces: tuple[Piece, ...]) -> tuple[Node, ...]:
-    if all([type(piece) in _NODES for piece in pieces]):
+    if all(type(piece) in _NODES for piece in pieces):
         return cast("tuple[Node, ...]", pieces)
     made: list[Node] = []
     for piece in pieces:

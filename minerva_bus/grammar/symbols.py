@@ -224,7 +224,9 @@ class Transformation:
     def __call__(self, /, *args: Any, **kwargs: Any) -> OpenTransformation:
         if any(map(is_array, (*args, *kwargs.values()))):
             columns, count = self.fields.bind_columns(self.name, args, kwargs)
-            return OpenTransformation(self, (), Columns(self.name, self.fields.names, columns, count))
+            return OpenTransformation(
+                self, (), Columns(self.name, self.fields.names, columns, count)
+            )
         return OpenTransformation(self, self.fields.bind(self.name, args, kwargs))
 
 

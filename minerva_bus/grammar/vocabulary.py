@@ -112,7 +112,7 @@ class Vocabulary:
             except Unfit as unfit:
                 raise _vocabulary_error(str(unfit), node, source, parsed) from None
 
-        if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+        if not any(isinstance(piece, Columns) for piece in scene.pieces):
             return rebuild(scene, leave)
         made: list[Piece] = []
         for piece in scene.pieces:
@@ -193,7 +193,6 @@ class Vocabulary:
         if names is event.names and values is event.values and receivers is event.receivers:
             return event
         return Event(event.type, names, values, event.condition, event.sender, receivers)
-
 
     def check_any(self, event: AnyEvent, source: str = "") -> AnyEvent:
         """One event or many in canonical form. Raises VocabularyError."""

@@ -1,13 +1,13 @@
 """Columns, ids and patches as msgpack.
 
-    column  = extension 3: a byte for the type, then the values, little endian
-                  d float64    b h i q whole numbers of 1, 2, 4, 8 bytes    ? truths of 1 byte
-            | [text, ...]
-    ids     = [stem, column of whole numbers] | [nil, width, bytes]
-    columns = [count, ids or nil, [[symbol, [column, ...]], ...]]     one pair for each level
-    events  = [type, count, [column, ...], condition, senders, receivers]    ids or nil
-    patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
-                                              rows: a column of whole numbers, or nil for all
+column  = extension 3: a byte for the type, then the values, little endian
+              d float64    b h i q whole numbers of 1, 2, 4, 8 bytes    ? truths of 1 byte
+        | [text, ...]
+ids     = [stem, column of whole numbers] | [nil, width, bytes]
+columns = [count, ids or nil, [[symbol, [column, ...]], ...]]     one pair for each level
+events  = [type, count, [column, ...], condition, senders, receivers]    ids or nil
+patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
+                                          rows: a column of whole numbers, or nil for all
 """
 
 from __future__ import annotations
@@ -166,7 +166,11 @@ class ColumnsReader:
             raise ProtocolError("a level of columns is [symbol, [column, ...]]")
         symbol = text(items[0], "a symbol")
         letter = symbol[:1]
-        if letter == "T" or (scope is None and letter == "P") or (scope is None and ids is not None):
+        if (
+            letter == "T"
+            or (scope is None and letter == "P")
+            or (scope is None and ids is not None)
+        ):
             fields = self._fields(symbol)
             columns = self._typed(symbol, fields, items[1], count)
             if (letter == "A") == (ids is not None):
@@ -207,9 +211,7 @@ class ColumnsReader:
         condition = text(items[3], "a condition")
         parse_condition(condition)
         senders, receivers = (None if one is None else self.ids(one, count) for one in items[4:])
-        return Events(
-            name, declared.fields.names, columns, count, condition, senders, receivers
-        )
+        return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
     def patch(self, plain: Any) -> Patch:
         """What is different in columns."""

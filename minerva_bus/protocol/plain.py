@@ -68,6 +68,7 @@ def truth(plain: Any, what: str) -> bool:
 
 
 def name_of(plain: Any) -> str:
+    """What a message has in a place where something else was expected."""
     if isinstance(plain, bool | int | float):
         return repr(plain)
     return {"NoneType": "nil", "str": "a text", "list": "a list", "dict": "a map"}.get(

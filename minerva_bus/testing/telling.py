@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent, single
 
 
 def told(what: object) -> str:  # noqa: C901
@@ -94,8 +94,8 @@ def _heard(message: object) -> str:
             return str(message)
 
 
-def _events(events: Iterable[Event]) -> str:
-    return ", ".join(map(str, events)) or "no events"
+def _events(events: Iterable[AnyEvent]) -> str:
+    return ", ".join(map(str, single(events))) or "no events"
 
 
 def _ids(names: Iterable[str]) -> str:

@@ -46,9 +46,7 @@ ViewHandler = Callable[[Any, Event], Scene]
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-def on(
-    *event_types: str, population: bool = False, together: bool = False
-) -> Callable[[_F], _F]:
+def on(*event_types: str, population: bool = False, together: bool = False) -> Callable[[_F], _F]:
     """Mark a method `(self, event, moment)` as the activity for these event types.
 
     With `population` it is written for many agents at once (world/population.py). With `together`
@@ -246,7 +244,9 @@ class Agent:
 
 
 def _for_many(found: dict[str, _F]) -> dict[str, _F]:
-    return {event: function for event, function in found.items() if getattr(function, POPULATION, False)}
+    return {
+        event: function for event, function in found.items() if getattr(function, POPULATION, False)
+    }
 
 
 def _check_columns(kind: AgentKind, population: Collection[str]) -> None:

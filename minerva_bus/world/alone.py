@@ -23,7 +23,6 @@ Activity = Callable[[Any, Any, Any], Any]
 
 def as_one(activity: Activity) -> Callable[[Any, Event, Moment], Scene | None]:
     """λ of one agent from that of a population."""
-
     together: bool = getattr(activity, TOGETHER, False)
 
     def alone(agent: Agent, event: Event, moment: Moment) -> Scene | None:

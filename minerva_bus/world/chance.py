@@ -64,7 +64,7 @@ class _Draws(Generic[_B, _I, _R]):
         """Uniform in [0, 1)."""
         raise NotImplementedError
 
-    def _whole(self, number: _R) -> _I:
+    def _whole(self, least: Any, number: _R) -> _I:
         raise NotImplementedError
 
     def _kept(self, numbers: Numbers) -> _R:
@@ -83,7 +83,7 @@ class _Draws(Generic[_B, _I, _R]):
         none = below <= least
         if none is True or (none is not False and np.any(none)):
             raise MisuseError(f"there is no whole number from {least} below {below}")
-        return least + self._whole((below - least) * self.random())
+        return self._whole(least, (below - least) * self.random())
 
     def chance(self, probability: Any) -> _B:
         """True with this probability."""
@@ -125,8 +125,8 @@ class Chance(_Draws[bool, int, float]):
         self.word = (self.word + _GAMMA) & _MASK
         return (_mixed_one(self.word) >> 11) * _UNIT
 
-    def _whole(self, number: float) -> int:
-        return floor(number)
+    def _whole(self, least: int, number: float) -> int:
+        return least + floor(number)
 
     def _kept(self, numbers: Numbers) -> float:
         return numbers.item()
@@ -159,8 +159,8 @@ class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
             self.words[self._rows] = words
         return (_mixed(words) >> np.uint64(11)).astype(np.float64) * _UNIT
 
-    def _whole(self, number: Numbers) -> NDArray[np.int64]:
-        return number.astype(np.int64)
+    def _whole(self, least: Any, number: Numbers) -> NDArray[np.int64]:
+        return least + number.astype(np.int64)
 
     def _kept(self, numbers: Numbers) -> Numbers:
         return numbers

@@ -144,9 +144,7 @@ class Crowd:
 
     # --- what is written for one agent ---
 
-    def _one_by_one(
-        self, activity: Callable[..., Any], some: AnyEvent, rows: Rows | None
-    ) -> None:
+    def _one_by_one(self, activity: Callable[..., Any], some: AnyEvent, rows: Rows | None) -> None:
         chosen = list(range(len(self._ids))) if rows is None else rows.tolist()
         agents = self._objects.of(chosen)
         events = some if isinstance(some, Events) else [some] * len(agents)

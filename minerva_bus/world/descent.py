@@ -31,8 +31,7 @@ def assembled(herd: Herd, lives: Mapping[int, Scene]) -> Scene:
 def _changed(herd: Herd) -> Columns:
     part = herd.part
     columns = [
-        _column(part, herd, name, old)
-        for name, old in zip(part.names, part.columns, strict=True)
+        _column(part, herd, name, old) for name, old in zip(part.names, part.columns, strict=True)
     ]
     if all(new is old for new, old in zip(columns, part.columns, strict=True)):
         return part
@@ -116,7 +115,9 @@ def _ordered(
     chunks: list[tuple[Rows, Events]], alone: list[tuple[int, Event]]
 ) -> Sequence[AnyEvent]:
     if alone:
-        pairs = [pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)]
+        pairs = [
+            pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
+        ]
         pairs += alone
         pairs.sort(key=_row)
         events = [event for _, event in pairs]
@@ -124,7 +125,9 @@ def _ordered(
         return events if columns is None else [columns]
     whole = Events.concatenated([events for _, events in chunks])
     if whole is None:
-        pairs = [pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)]
+        pairs = [
+            pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
+        ]
         return [event for _, event in sorted(pairs, key=_row)]
     rows: NDArray[Any] = np.concatenate([some for some, _ in chunks])
     if (rows[1:] < rows[:-1]).any():
@@ -134,5 +137,3 @@ def _ordered(
 
 def _row(pair: tuple[int, Event]) -> int:
     return pair[0]
-
-

@@ -74,7 +74,7 @@ def evolve(
         eta.ids.update(agent.id for agent in agents(scene))
         return Evolved(rebuild(scene, eta.copies), eta.emitted)
     eta = _Eta(found, kinds_of(kinds), frame)
-    if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+    if not any(isinstance(piece, Columns) for piece in scene.pieces):
         return Evolved(rebuild(scene, eta.once), eta.emitted)
     return eta.piecewise(scene)
 

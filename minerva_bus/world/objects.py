@@ -71,7 +71,7 @@ class Objects:
         grown = [(r, a) for r, a in self._made.items() if a.__dict__.get("scope") is not EMPTY]
         grown = [(row, agent) for row, agent in grown if agent.freeze().scope.pieces]
         fields = self._herd.fields
-        usual = all([len(state) == len(fields.names) + _OWN for state in states])
+        usual = all(len(state) == len(fields.names) + _OWN for state in states)
         columns = self._usual(states) if usual else None
         if columns is None:
             columns = self._checked(rows, agents)

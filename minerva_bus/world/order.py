@@ -40,7 +40,7 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
     ]
     keyed.sort(key=_first)
     events = [event for _, event in keyed]
-    if not any([isinstance(event, Events) for event in events]):
+    if not any(isinstance(event, Events) for event in events):
         return tuple(dict.fromkeys(events))
     found: list[AnyEvent] = []
     for _, group in groupby(events, lambda event: event.type):
@@ -50,7 +50,7 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
 
 def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
     """Events of one type, each once; in columns where they all can be."""
-    if not any([isinstance(event, Events) for event in events]):
+    if not any(isinstance(event, Events) for event in events):
         return dict.fromkeys(events)
     parts: list[Events | None] = []
     for many, group in groupby(events, lambda event: isinstance(event, Events)):

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.arrays import fit_array, is_array, repeated
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Column, Columns, Rows
+from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
@@ -94,6 +94,9 @@ class Population:
     """Some agents of one kind; see the module."""
 
     __slots__ = ("_herd", "_kind", "_rows")
+    _herd: Herd
+    _kind: type[Agent]
+    _rows: Rows | None
 
     def __init__(self, herd: Herd, kind: type[Agent], rows: Rows | None) -> None:
         object.__setattr__(self, "_herd", herd)
@@ -101,8 +104,7 @@ class Population:
         object.__setattr__(self, "_rows", rows)
 
     def __len__(self) -> int:
-        herd: Herd = self._herd
-        return herd.part.count if self._rows is None else len(self._rows)
+        return self._herd.part.count if self._rows is None else len(self._rows)
 
     @property
     def id(self) -> Ids:
@@ -111,7 +113,7 @@ class Population:
         return ids if self._rows is None else ids.take(self._rows)
 
     def __getattr__(self, name: str) -> Any:
-        herd: Herd = self._herd
+        herd = self._herd
         if name not in herd.fields.names:
             known = list(herd.fields.names)
             kind = self._kind.kind.name
@@ -122,7 +124,7 @@ class Population:
         return array if self._rows is None else array[self._rows]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        herd: Herd = self._herd
+        herd = self._herd
         if name not in herd.fields.names:
             known = list(herd.fields.names)
             raise MisuseError(
@@ -137,7 +139,7 @@ class Population:
             array[:] = fitted
 
     def _fitted(self, name: str, value: Any) -> NDArray[Any]:
-        herd: Herd = self._herd
+        herd = self._herd
         if value is herd.arrays.get(name):
             return value
         count = len(self)
@@ -163,7 +165,7 @@ class Population:
         The state may have arrays, of shape (n,) for all agents or with a row for each birth. Raises
         MisuseError.
         """
-        herd: Herd = self._herd
+        herd = self._herd
         fields: Fields = self._kind.kind.fields
         if not any(one.name == "births" and one.type.kind == "int" for one in fields.all):
             raise MisuseError(

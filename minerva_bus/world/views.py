@@ -53,7 +53,7 @@ def visualize(
                 result += _view(cls, node, event, frame)
         return result
 
-    if not any([isinstance(piece, Columns) for piece in scene.pieces]):
+    if not any(isinstance(piece, Columns) for piece in scene.pieces):
         return rebuild(scene, leave)
     shown: list[Piece] = []
     for piece in scene.pieces:

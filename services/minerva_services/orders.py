@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.making import event_type
 
@@ -24,7 +24,7 @@ class Orders(Generator):
     def __init__(self, event: str, first: Mapping[str, Any] | None = None) -> None:
         self._type = event
         self._data = first
-        self._first: tuple[Event, ...] = ()
+        self._first: tuple[AnyEvent, ...] = ()
 
     def generates(self) -> tuple[str, ...]:
         return (self._type,)
@@ -41,5 +41,5 @@ class Orders(Generator):
         except MisuseError as error:
             raise MisuseError(f"orders: first does not fit {self._type}: {error}") from None
 
-    def generate(self, tick: Tick) -> Iterable[Event]:
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         return (*self._first, *tick.orders) if tick.number == 0 else tick.orders

@@ -9,23 +9,47 @@ import pytest
 from floor_simulator import Simulator
 
 from minerva_agents.robot.options import Options
+from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene
+from minerva_bus import Scene
+from minerva_bus.grammar.scene import agents
 
 ROS_MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
 RADIUS = 0.18
 
 
-def simulator(options, objective="", seed=0):
+def simulator(options, objective="", seed=0, start=(0.0, 0.0, 0.0)):
+    """A robot, off its start by that many rows, columns and degrees."""
     chosen = Options.read(options)
-    return Simulator(
-        chosen.floor, chosen.places, scene(options), objective or chosen.goal, seed=seed
+    string = moved(scene(options), *start)
+    return Simulator(chosen.floor, chosen.places, string, objective or chosen.goal, seed=seed)
+
+
+def moved(string, down, across, turn):
+    (node,) = agents(string)
+    robot = ARobot.thaw(node)
+    robot.row, robot.column, robot.angle = (
+        robot.row + down,
+        robot.column + across,
+        robot.angle + turn,
     )
+    return Scene(string.nodes[:-1]) + robot.string
 
 
 def test_astar_finds_the_kitchen():
     run = simulator({}).go(600)
     assert run.reached
     assert run.frames < 500
+    assert run.metres < 35
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize(("down", "across", "turn"), [(-0.3, 0.2, 3.0), (0.1, -0.3, -2.0)])
+def test_a_slightly_different_start_makes_little_difference(down, across, turn):
+    """The search goes through the same rooms whatever the last centimetres of the start are."""
+    run = simulator({}, start=(down, across, turn)).go(600)
+    assert run.reached
+    assert run.frames < 450
     assert run.metres < 35
     assert run.least_gap > RADIUS
 

@@ -6,10 +6,9 @@ lies behind a wall is no news from before it. The larger the region and the shor
 edge, the more a place there is worth. A corner of less than three square metres waits until
 nothing larger is left.
 
-A way has a few metres more, so that the robot does not run after every speck beside it, and yet
-more for turning back, so that it goes on with what it has begun: a region shrinks while the robot
-comes nearer, and without that another one, behind it, would often be worth as much. The numbers
-were chosen by trial on the office plan, from starts around the reception to all rooms.
+A way has a metre more, so that the robot does not run after every speck beside it, and up to
+another one for turning, which takes as long as driving that far. The numbers were chosen by trial
+on the office plan, from starts around the reception to all rooms.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ _MOST: Final = 9.0
 """Square metres above which no region is worth more; nobody sees more at one time."""
 
 _POWER: Final = 0.7
-_AHEAD: Final = 4.0
-_HALF_TURN: Final = 2.0
+_AHEAD: Final = 1.0
+_HALF_TURN: Final = 1.0
 _MOST_BLOCKS: Final = 6000
 _SIDE: Final = 2
 
