@@ -188,7 +188,7 @@ class Ids:
     def _apart(self, others: Ids) -> bool:
         """Whether two stems that differ cannot spell the same id, whatever the numbers are."""
         one, other = self._stem, others._stem
-        if one is None or other is None:
+        if one is None or other is None or one == other:
             return False
         longer, shorter = (one, other) if len(one) > len(other) else (other, one)
         return not longer.startswith(shorter) or not longer[len(shorter) :].isdigit()

@@ -190,7 +190,7 @@ class Population:
         return value
 
     def _chosen(self, where: Where) -> Rows:
-        rows = np.arange(len(self)) if self._rows is None else cast("Rows", self._rows)
+        rows = np.arange(len(self)) if self._rows is None else self._rows
         if isinstance(where, bool | np.bool_):
             return rows if where else rows[:0]
         mask = np.asarray(where)
