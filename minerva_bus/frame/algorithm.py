@@ -96,21 +96,28 @@ class FrameAlgorithm(Attendance):
         self._begin_frame_state()
         self.phase = Phase.TICK
         attending = self.roster.attending
-        self._pending = set(attending.tickers)
+        self._ticked, self._early = self._early, {}
+        self._pending = set(attending.tickers - self._ticked.keys())
         if attending.anyone_ticks:
             self._send(s.TICKED, m.TickRequest(self.frame))
+        self._ask_ahead(self.frame)
         if not self._pending:
             self._collect()
 
     def _on_tick_reply(self, reply: m.TickReply) -> None:
         member = self.roster.get(reply.member)
-        late = self.phase is not Phase.TICK or reply.frame != self.frame or not member.here
-        if late or reply.member not in self._pending:
+        awaited = self.phase is Phase.TICK and reply.member in self._pending
+        in_time = awaited and reply.frame == self.frame
+        early = not awaited and reply.frame == self._asked_ahead.get(reply.member, -1)
+        if not member.here or not (in_time or early) or reply.member in self._early:
             member.late += 1
             return
         if not self._may_generate(member, reply.events):
             return
         self._answered(member)
+        if early:
+            self._early[reply.member] = reply
+            return
         self._pending.discard(reply.member)
         self._ticked[reply.member] = reply
         if not self._pending:

@@ -124,6 +124,7 @@ class Attendance(Steps):
 
     def _go_on_without(self, member: Member) -> None:
         self._tell_sources(member)
+        self._forget_early(member)
         if self.phase is Phase.TICK and member.name in self._pending:
             self._pending.discard(member.name)
             if not self._pending:
@@ -131,9 +132,15 @@ class Attendance(Steps):
         else:
             self._reassign(member)
 
+    def _forget_early(self, member: Member) -> None:
+        """What it was asked ahead it will be asked again."""
+        self._early.pop(member.name, None)
+        self._asked_ahead.pop(member.name, None)
+
     def _reassign(self, member: Member) -> None:
         """Give the fragments of a host that is gone to others, or wait, or let them stand still."""
         self._distribution.forget(member.name)
+        self._forget_early(member)
         self._changed_by = {one: by for one, by in self._changed_by.items() if by != member.name}
         self._rearrange = True
         if self.phase is Phase.TICK and member.awaited and member.name in self._ticked:

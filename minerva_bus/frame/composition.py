@@ -38,9 +38,11 @@ class Composition:
 
     def __init__(self, scene: Scene) -> None:
         self._named: int = 0
-        self._take_apart(packed(scene))
+        self._take_apart(packed(scene), {})
 
-    def _take_apart(self, scene: Scene) -> None:
+    def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
+        """`named` are the fragments as they were: parts that still are there keep their names."""
+        self._names = {id(one.pieces[0]): name for name, one in named.items() if one.pieces}
         self._scene: Scene | None = scene
         self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
@@ -77,8 +79,10 @@ class Composition:
         return Scene((AgentNode(node.symbol, node.id),))
 
     def _part_slot(self, part: Columns, *, beside: bool) -> Sequence[Piece]:
-        self._named += 1
-        name = f"~{part.symbol}.{self._named}"
+        name = self._names.get(id(part), "")
+        if not name:
+            self._named += 1
+            name = f"~{part.symbol}.{self._named}"
         self.fragments[name] = self.parts[name] = part
         if beside:
             self.populations[-1].append(name)
@@ -101,7 +105,7 @@ class Composition:
     def scene(self) -> Scene:
         """The whole string w."""
         if self._scene is None:
-            self._scene = fill(self.skeleton, {i: Scene((n,)) for i, n in self.fragments.items()})
+            self._scene = fill(self.skeleton, self._as_strings())
         return self._scene
 
     def home(self, agent: str) -> str | None:
@@ -169,8 +173,8 @@ class Composition:
 
     def _replace(self, changes: Mapping[str, Scene]) -> bool:
         if not all(self._same_shape(name, scene) for name, scene in changes.items()):
-            parts = {i: Scene((n,)) for i, n in self.fragments.items()}
-            self._take_apart(packed(fill(self.skeleton, {**parts, **changes})))
+            parts = {**self._as_strings(), **changes}
+            self._take_apart(packed(fill(self.skeleton, parts)), parts)
             return True
         moved = False
         for name, scene in changes.items():
@@ -198,16 +202,20 @@ class Composition:
 
     def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Cut a population anew, in so many parts of these sizes; they get new names."""
-        whole = Columns.concatenated([self.parts[name] for name in population])
+        rows = Columns.concatenated([self.parts[name] for name in population])
         pieces: list[Piece] = []
         begin = 0
         for size in sizes:
-            pieces.append(whole.take(slice(begin, begin + size)))
+            pieces.append(rows.take(slice(begin, begin + size)))
             begin += size
         first, others = population[0], population[1:]
-        parts = {i: Scene((n,)) for i, n in self.fragments.items()}
+        parts = self._as_strings()
         gone = dict.fromkeys(others, EMPTY)
-        self._take_apart(fill(self.skeleton, {**parts, **gone, first: Scene(tuple(pieces))}))
+        whole = fill(self.skeleton, {**parts, **gone, first: Scene(tuple(pieces))})
+        self._take_apart(whole, parts)
+
+    def _as_strings(self) -> dict[str, Scene]:
+        return {name: Scene((one,)) for name, one in self.fragments.items()}
 
 
 def shares(rows: int, weights: Sequence[float]) -> list[int]:

@@ -45,6 +45,8 @@ class Core:
         self._sources: dict[str, tuple[str, ...]] = {}
         self._inbox: dict[str, list[AnyEvent]] = {}
         self._emitted: list[AnyEvent] = []
+        self._asked_ahead: dict[str, int] = {}
+        self._early: dict[str, m.TickReply] = {}
         self._reached: set[str] = set()
         self._reaching: set[str] = set()
         self._departed: dict[str, bool] = {}

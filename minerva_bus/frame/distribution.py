@@ -10,7 +10,7 @@ from minerva_bus.frame.placement import place
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 Offers = Mapping[str, frozenset[str]]
@@ -41,11 +41,15 @@ class Distribution:
         self._offers = offers
         if between:
             self._cut(offers)
+        preferred = self._shares(offers)
+        if not between:  # whoever evolves a part now goes on with it
+            preferred |= {
+                part: one for part, one in self._host.items() if one in offers and part in preferred
+            }
         self._host = {}
         self._stale = {host: set() for host in offers}
         self.unplaced = {}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
-        preferred = self._shares(offers)
         for fragment, node in self._composition.fragments.items():
             kinds = _kinds(node)
             host = preferred.get(fragment) or place(
@@ -139,12 +143,14 @@ class Distribution:
     def changed(self, host: str, fragment: str, result: Scene) -> None:
         """A host has made something else of a fragment; it keeps what is still that agent alone."""
         held = self._held.setdefault(host, {})
-        node = self._composition.fragments.get(fragment)
         placed = self._host.get(fragment, host)
         if placed != host:  # It moved while its old host still answered for it.
             self._stale[placed].add(fragment)
-        if node is not None and len(result.pieces) == 1 and result.pieces[0] is node:
-            held[fragment] = node
+        if fragment not in held:  # And that has been told to let go of it.
+            return
+        piece = result.pieces[0] if len(result.pieces) == 1 else None
+        if isinstance(piece, Columns) or (isinstance(piece, AgentNode) and piece.id == fragment):
+            held[fragment] = piece
         else:
             held.pop(fragment, None)
 

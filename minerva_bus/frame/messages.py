@@ -31,6 +31,7 @@ class Hello:
     kinds: tuple[AgentKind, ...] = ()
     generates: tuple[str, ...] = ()
     lockstep: bool = False
+    ahead: bool = False
     orders: tuple[str, ...] = ()
     draws: tuple[str, ...] = ()
     coupled: bool = False

@@ -109,6 +109,7 @@ class Participant:
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
             generates=tuple(generator.generates()) if generator is not None else (),
             lockstep=generator is not None and generator.lockstep,
+            ahead=generator is not None and generator.lockstep and generator.ahead,
             orders=tuple(generator.takes_orders()) if generator is not None else (),
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,

@@ -20,7 +20,8 @@ class Attending:
     """What every frame asks of the roster, worked out once for as long as nobody moves.
 
     `tickers` are those asked in a tick and `sources` the devices that are the source of their own
-    visual events, both also while they are away for a moment; `joining` those to be admitted.
+    visual events, both also while they are away for a moment; `ahead` are those asked before the
+    frame begins; `joining` those to be admitted.
     """
 
     here: tuple[Member, ...]
@@ -28,6 +29,7 @@ class Attending:
     joining: tuple[Member, ...]
     tickers: frozenset[str]
     anyone_ticks: bool
+    ahead: tuple[str, ...]
     sources: tuple[Hello, ...]
 
 
@@ -89,7 +91,8 @@ class Roster:
             awaited=tuple(member for member in members if member.awaited),
             joining=tuple(m for m in members if m.state is State.JOINING and m.greeted),
             tickers=frozenset(member.name for member in tickers),
-            anyone_ticks=any(member.here for member in tickers),
+            anyone_ticks=any(member.here and not _ahead(member) for member in tickers),
+            ahead=tuple(member.name for member in tickers if member.here and _ahead(member)),
             sources=tuple(hello for hello in hellos if hello.every > 0),
         )
 
@@ -130,6 +133,10 @@ class Roster:
         """The generators that take people's orders for an event type."""
         here = self.here()
         return [m for m in here if m.hello is not None and event_type in m.hello.orders]
+
+
+def _ahead(member: Member) -> bool:
+    return member.hello is not None and member.hello.ahead
 
 
 def _kinds(hello: Hello) -> frozenset[str]:

@@ -38,7 +38,16 @@ class Steps(Core):
         if sources:
             self._sort_events(collect(self.world.order, sources))
         self.phase = Phase.EVOLVE
+        if not self.world.frames or self.frame + 1 < self.world.frames:
+            self._ask_ahead(self.frame + 1)
         self._dispatch()
+
+    def _ask_ahead(self, frame: int) -> None:
+        """Ask generators that do not depend on the world before the frame begins, once each."""
+        for member in self.roster.attending.ahead:
+            if self._asked_ahead.get(member, -1) < frame:
+                self._asked_ahead[member] = frame
+                self._send(member, m.TickRequest(frame))
 
     def _sort_events(self, events: tuple[AnyEvent, ...]) -> None:
         types = self.world.vocabulary.events

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from operator import is_
 from typing import Any, Final, TypeAlias, cast
 from weakref import ref
 
@@ -46,12 +47,13 @@ _SCALARS: Final = frozenset((float, int, bool, str))
 class Column:
     """n values of one name: a read-only array of float64, int64, bool or, for texts, object."""
 
-    __slots__ = ("__weakref__", "_base", "array", "chunks")
+    __slots__ = ("__weakref__", "_base", "_joined", "array", "chunks")
 
     def __init__(self, array: NDArray[Any], chunks: list[bytes] | None = None) -> None:
         array.flags.writeable = False
         self.array = array
         self._base: tuple[ref[Column], Rows] | None = None
+        self._joined: tuple[tuple[Column, ...], Column] | None = None
         self.chunks = chunks
         """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
 
@@ -105,6 +107,16 @@ class Column:
     @staticmethod
     def concatenated(parts: Sequence[Column]) -> Column:
         """The values of several columns, one after another."""
+        first, others = parts[0], tuple(parts[1:])
+        if not others:
+            return first
+        known = first._joined
+        if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
+            known = first._joined = others, Column._in_one(parts)
+        return known[1]
+
+    @staticmethod
+    def _in_one(parts: Sequence[Column]) -> Column:
         arrays = [one.array for one in parts]
         if any(one.dtype != arrays[0].dtype for one in arrays):
             arrays = [one.astype(object) for one in arrays]

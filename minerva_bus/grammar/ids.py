@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from operator import is_
 from typing import Any, Final
 
 import numpy as np
@@ -33,6 +34,7 @@ class Ids:
     def __init__(self, stem: str | None, data: NDArray[Any]) -> None:
         self._stem = stem
         self._data = data
+        self._joined: tuple[tuple[Ids, ...], Ids] | None = None
         self.digest = b""
         data.flags.writeable = False
 
@@ -110,8 +112,16 @@ class Ids:
     @staticmethod
     def concatenated(parts: Sequence[Ids]) -> Ids:
         """The ids of several columns, one after another."""
-        if len(parts) == 1:
-            return parts[0]
+        first, others = parts[0], tuple(parts[1:])
+        if not others:
+            return first
+        known = first._joined
+        if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
+            known = first._joined = others, Ids._in_one(parts)
+        return known[1]
+
+    @staticmethod
+    def _in_one(parts: Sequence[Ids]) -> Ids:
         stem = parts[0]._stem
         if stem is not None and all(one._stem == stem for one in parts):
             whole = Ids(stem, np.concatenate([one._data for one in parts]))
@@ -145,10 +155,10 @@ class Ids:
         """A polynomial hash of each id's bytes, modulo 2^64; that of `chance.hash_of`."""
         spelled = np.ascontiguousarray(self.spelled)
         width = spelled.dtype.itemsize
-        letters = spelled.view(np.uint8).reshape(len(spelled), width).astype(np.uint64)
+        letters = spelled.view(np.uint8).reshape(len(spelled), width)
         found = np.zeros(len(spelled), np.uint64)
         for place in range(width):
-            letter = letters[:, place]
+            letter = letters[:, place].astype(np.uint64)
             found = np.where(letter != 0, found * _FACTOR + letter, found)
         return found
 
@@ -203,7 +213,8 @@ class Ids:
             return np.full(len(numbers), -1, np.intp)
         if self._consecutive:
             rows = numbers - data[0]
-            return np.where((rows >= 0) & (rows < len(data)), rows, -1).astype(np.intp)
+            rows[rows.view(np.uint64) >= len(data)] = -1
+            return rows.astype(np.intp, copy=False)
         return _found(data, self._sorter, numbers)
 
     @cached_property

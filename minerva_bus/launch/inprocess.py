@@ -52,7 +52,7 @@ class InProcess:
     def _addressed(self, to: str) -> list[Participant]:
         members = [self._participants[name] for name in sorted(self._participants)]
         if to == s.TICKED:
-            return [member for member in members if member.hello().ticks]
+            return [one for one in members if (hello := one.hello()).ticks and not hello.ahead]
         if to == s.HOSTS:
             return [member for member in members if member.host.kinds]
         return [member for member in members if to in (s.EVERYONE, member.name)]

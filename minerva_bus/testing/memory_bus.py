@@ -196,7 +196,8 @@ class MemoryBus:
     def _addressed(self, to: str) -> list[str]:
         """The members that listen to a key: by what they are, not by what anyone knows of them."""
         if to == s.TICKED:
-            return [name for name, one in sorted(self.alive.items()) if one.hello().ticks]
+            hellos = [(name, one.hello()) for name, one in sorted(self.alive.items())]
+            return [name for name, hello in hellos if hello.ticks and not hello.ahead]
         if to == s.HOSTS:
             return [name for name, one in sorted(self.alive.items()) if one.host.kinds]
         return [name for name in sorted(self.alive) if to in (s.EVERYONE, name)]

@@ -109,25 +109,40 @@ class Crowd:
 
     def _together(self, activity: Callable[..., Any], items: Sequence[AnyEvent]) -> None:
         """All events of a type at once."""
-        rounds = list(self._rounds(items, at_once=True))
-        if not rounds:
+        many, row, chosen = self._mine(items)
+        if not len(row):
             return
-        everyone = np.arange(len(self._ids))
-        rows = [everyone if some is None else some for _, some in rounds]
-        events = [
-            event if isinstance(event, Events) else Events.repeated(event, len(some))
-            for (event, _), some in zip(rounds, rows, strict=True)
-        ]
-        many = Events.concatenated(events)
-        if many is None:
-            raise MisuseError(f"{events[0].type} comes in forms that cannot be taken together")
-        row = np.concatenate(rows)
         there = np.zeros(len(self._ids), np.bool_)
         there[row] = True
         concerned = None if there.all() else np.flatnonzero(there)
         if concerned is not None:
-            row = (np.cumsum(there) - 1)[row]
-        self._as_population(activity, Received(many, row), many, concerned)
+            place = np.empty(len(self._ids), np.intp)
+            place[concerned] = np.arange(len(concerned))
+            row = place[row]
+        one = many if chosen is None else many.take(chosen[:1])
+        self._as_population(activity, Received(many, row, chosen), one, concerned)
+
+    def _mine(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
+        """Events of one type, the row of each, and which of them are for somebody here."""
+        first = items[0]
+        simple = len(items) == 1 and not self._lives and self._herd.away is None
+        if simple and isinstance(first, Events) and first.receivers and not first.condition:
+            rows = self._ids.rows_of(first.receivers)
+            chosen = np.flatnonzero(rows >= 0)
+            return (first, rows, None) if len(chosen) == len(rows) else (first, rows[chosen], chosen)
+        rounds = list(self._rounds(items, at_once=True))
+        if not rounds:
+            return Events(first.type, (), (), 0), np.empty(0, np.intp), None
+        everyone = np.arange(len(self._ids))
+        every = [everyone if some is None else some for _, some in rounds]
+        events = [
+            event if isinstance(event, Events) else Events.repeated(event, len(some))
+            for (event, _), some in zip(rounds, every, strict=True)
+        ]
+        many = Events.concatenated(events)
+        if many is None:
+            raise MisuseError(f"{first.type} comes in forms that cannot be taken together")
+        return many, np.concatenate(every), None
 
     def _as_population(
         self, activity: Callable[..., Any], given: Any, event: AnyEvent, rows: Rows | None

@@ -199,7 +199,7 @@ class Population:
                 f"a mask has {len(self)} truths, one for each of these agents, not"
                 f" {mask.dtype} {mask.shape}"
             )
-        return rows[mask]
+        return np.flatnonzero(mask) if self._rows is None else cast("Rows", self._rows)[mask]
 
 
 class Moments:
@@ -249,7 +249,8 @@ class Moments:
         people = self._people
         rows = people._chosen(where)  # pyright: ignore[reportPrivateUsage]
         herd: Herd = people._herd  # pyright: ignore[reportPrivateUsage]
-        senders = cast("Ids", herd.part.ids).take(rows)
+        ids = cast("Ids", herd.part.ids)
+        senders = Ids(ids.stem, ids.data[rows])
         if isinstance(event, Event):
             if len(event.receivers) > 1:
                 raise MisuseError("an event of a population has one receiver for each, or none")
@@ -257,7 +258,7 @@ class Moments:
         else:
             many = event
             if many.count == len(people) != len(rows):
-                many = many.take(np.flatnonzero(where))
+                many = many.take(rows if people._rows is None else np.flatnonzero(where))
             if many.count != len(rows):
                 raise MisuseError(f"{many.count} events from {len(rows)} agents; one from each")
             sent = replace(many, senders=senders)
@@ -266,16 +267,22 @@ class Moments:
 
 
 class Received:
-    """All events of one type of a frame: `row` says for which of the agents each of them is."""
+    """All events of one type of a frame: `row` says for which of the agents each of them is.
 
-    __slots__ = ("_events", "row")
+    Of `events` only the `chosen` ones count, or all of them.
+    """
 
-    def __init__(self, events: Events, row: Rows) -> None:
+    __slots__ = ("_chosen", "_events", "row")
+
+    def __init__(self, events: Events, row: Rows, chosen: Rows | None = None) -> None:
         self._events = events
+        self._chosen = chosen
         self.row = row
 
     def __len__(self) -> int:
-        return self._events.count
+        return len(self.row)
 
     def __getattr__(self, name: str) -> Any:
+        if self._chosen is not None:  # not before somebody asks: most ask for little of it
+            self._events, self._chosen = self._events.take(self._chosen), None
         return getattr(self._events, name)

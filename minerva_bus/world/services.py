@@ -102,16 +102,24 @@ class Generator(Service):
 
     Lockstep (the default): `generate` is asked once a frame. With `lockstep=False` the member
     runs freely: `run` emits whenever something happens, and what has arrived by a frame's edge
-    counts in it.
+    counts in it. With `ahead=True` it is asked for a frame while the one before still runs: for
+    those that depend neither on the world nor on the hour, nor on readings, views or orders.
     """
 
     events: ClassVar[tuple[str, ...]] = ()
     lockstep: ClassVar[bool] = True
+    ahead: ClassVar[bool] = False
 
     def __init_subclass__(
-        cls, events: tuple[str, ...] = (), lockstep: bool = True, **kwargs: Any
+        cls,
+        events: tuple[str, ...] = (),
+        lockstep: bool = True,
+        ahead: bool = False,
+        **kwargs: Any,
     ) -> None:
         super().__init_subclass__(**kwargs)
+        if ahead:
+            cls.ahead = True
         if events:
             cls.events = _several(cls, "events", events)
         if not lockstep:

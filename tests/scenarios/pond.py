@@ -140,6 +140,28 @@ class Lily(Agent, symbol="ALily"):
         return TAt(1.0)(self.scope)
 
 
+class Minnow(Agent, symbol="AMinnow"):
+    """One of many: swims, splits, dies and croaks at random."""
+
+    x: Metres = 0.0
+    births: int = 0
+
+    @on("eStep", population=True)
+    def swim(self, step: Any, moment: Any) -> None:
+        self.x += moment.chance.normal() + 0.001 * step.count
+        moment.emit(eCroak(self.x, receivers=self.id), where=moment.chance.chance(0.4))
+        self.bear(moment.chance.chance(0.15), x=self.x / 2)
+
+    @on("eCroak", population=True)
+    def startle(self, croak: Any, moment: Any) -> None:
+        self.x += croak.x
+        self.die(moment.chance.chance(0.3))
+
+    @view("eShow", population=True)
+    def show(self, event: Any) -> Scene:
+        return TAt(self.x)(PDot(0))
+
+
 class Add(Generator, events=("eAdd",)):
     """One event a frame, always the same."""
 
@@ -168,6 +190,10 @@ class Steps(Generator, events=("eStep",)):
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         self.count = saved["count"]
+
+
+class Forward(Steps, ahead=True):
+    """As it depends on nothing, it may be asked before its frame begins."""
 
 
 class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
@@ -236,16 +262,17 @@ VOCABULARY = Vocabulary.of(
         Frog,
         Fly,
         Lily,
+        Minnow,
     )
 )
 
 
-def world(text: str, expected: Iterable[str], **rest: Any) -> World:
+def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> World:
     """A world of the pond's vocabulary."""
     rest = {"order": Order(("eAdd", "eStep", "eSeen", "eCroak")), **rest}
     return World(
         rest.pop("name", "pond"),
-        VOCABULARY.read(text),
+        VOCABULARY.read(text) if isinstance(text, str) else text,
         VOCABULARY,
         expected=frozenset(expected),
         **rest,

@@ -3,60 +3,106 @@
 Never a hang: when nothing is under way, either the world is over or it waits for a dead member.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from random import Random
 
 import hypothesis.strategies as st
+import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, note, settings
-from pond import Add, Counter, Eye, Fly, Frog, Lily, Screen, Steps, Water, host, service, world
+from pond import (
+    VOCABULARY,
+    Add,
+    Counter,
+    Eye,
+    Fly,
+    Forward,
+    Frog,
+    Lily,
+    Minnow,
+    Screen,
+    Steps,
+    Water,
+    host,
+    service,
+    world,
+)
 
+from minerva_bus import Scene
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import Begin, FrameDone, GaveUp
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.testing.memory_bus import MemoryBus
 
-STRING = """
+POND = """
     AFrog#f1 · AFrog#f2<x=2> · TAt<x=1>(AFrog#f3 · PDot<x=0>) · AFly#y1 · AFly#y2
     · ALily#l1(AFrog#f4 · AFly#y3) · ALily#l2(TAt<x=3>(AFrog#f5)) · PDot<x=9>
 """
+SHOAL = Minnow.many("m", 150, x=np.arange(150.0)) + VOCABULARY.read("AFrog#f1 · PDot<x=9>")
 FRAMES = 8
-MEMBERS = {
-    "eye": service("eye", Eye),
-    "frogs": host("frogs", Frog),
-    "more": host("more", Frog, Fly),
-    "pads": host("pads", Lily, Frog, Fly),
-    "screen": service("screen", Screen),
-    "steps": service("steps", Steps),
-    "water": service("water", Water),
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A world, who takes part in it, and who may come by."""
+
+    scene: Scene
+    members: dict[str, Callable[[], Participant]]
+    guests: dict[str, Callable[[], Participant]]
+
+    @property
+    def world(self):
+        return world(self.scene, self.members, frames=FRAMES, seed=5)
+
+    @cached_property
+    def undisturbed(self):
+        """The digests of a run in one process, and how it ended."""
+        found = []
+
+        def watch(instruction):
+            if isinstance(instruction, FrameDone):
+                found.append(instruction.record.digest.hex())
+
+        members = [make() for make in self.members.values()]
+        runner = InProcess(FrameAlgorithm(self.world), members, watch)
+        runner.start()
+        while runner.ended is None:
+            runner.tell(Begin())
+        return found, runner.ended
+
+
+LOOK = service("look", lambda: Screen(2))
+NOISE = service("noise", Add)  # for counters, of which there are none
+SETTINGS = {
+    "pond": Setting(
+        VOCABULARY.read(POND),
+        {
+            "eye": service("eye", Eye),
+            "frogs": host("frogs", Frog),
+            "more": host("more", Frog, Fly),
+            "pads": host("pads", Lily, Frog, Fly),
+            "screen": service("screen", Screen),
+            "steps": service("steps", Steps),
+            "water": service("water", Water),
+        },
+        {"guest": host("guest", Frog, Fly, Lily, Counter), "look": LOOK, "noise": NOISE},
+    ),
+    "shoal": Setting(
+        SHOAL,
+        {
+            "many": host("many", Minnow),
+            "more": host("more", Minnow, Frog),
+            "screen": service("screen", Screen),
+            "steps": service("steps", Forward),
+            "water": service("water", Water),
+        },
+        {"guest": host("guest", Minnow), "look": LOOK, "noise": NOISE},
+    ),
 }
-GUESTS = {
-    "guest": host("guest", Frog, Fly, Lily, Counter),
-    "look": service("look", lambda: Screen(2)),
-    "noise": service("noise", Add),  # for counters, of which there are none
-}
-NAMES = sorted({*MEMBERS, *GUESTS})
-
-
-def pond():
-    return world(STRING, MEMBERS, frames=FRAMES, seed=5)
-
-
-def undisturbed():
-    """The digests of a run in one process, and its members' figures."""
-    found = []
-
-    def watch(instruction):
-        if isinstance(instruction, FrameDone):
-            found.append(instruction.record.digest.hex())
-
-    runner = InProcess(FrameAlgorithm(pond()), [make() for make in MEMBERS.values()], watch)
-    runner.start()
-    while runner.ended is None:
-        runner.tell(Begin())
-    return found, runner.ended
-
-
-DIGESTS, ENDED = undisturbed()
+both = pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
 
 
 @dataclass(frozen=True)
@@ -69,12 +115,15 @@ class Blow:
     how: str = "vanish"
 
 
-def blows(members, back, most):
+@st.composite
+def blows(draw, setting, back, most, guests=True):
     """Members of the world die; guests may also take their leave."""
-    ways = st.sampled_from([(one, "vanish") for one in members] + [(g, "leave") for g in GUESTS])
+    names = [*setting.members, *(setting.guests if guests else ())]
+    leaves = [(g, "leave") for g in setting.guests]
     after = st.integers(0, 200)
+    ways = st.sampled_from([(one, "vanish") for one in names] + leaves)
     one = st.builds(lambda after, way, back: Blow(after, way[0], back, way[1]), after, ways, back)
-    return st.lists(one, max_size=most)
+    return draw(st.lists(one, max_size=most))
 
 
 def play(bus, chance, blows, limit=20000):
@@ -99,37 +148,44 @@ schedule = settings(max_examples=60, deadline=None, suppress_health_check=list(H
 seeds = st.integers(0, 1 << 32)
 
 
+@both
 @schedule
-@given(seeds)
-def test_any_order_of_messages_gives_the_digests_of_one_process(seed):
-    bus = MemoryBus(pond(), MEMBERS)
+@given(seed=seeds)
+def test_any_order_of_messages_gives_the_digests_of_one_process(setting, seed):
+    digests, ended = setting.undisturbed
+    bus = MemoryBus(setting.world, setting.members)
     bus.start()
     play(bus, Random(seed), [])
     note("\n".join(bus.trace))
     assert bus.stuck == []
-    assert bus.digests == DIGESTS
-    assert bus.ended.reason == ENDED.reason
+    assert bus.digests == digests
+    assert bus.ended.reason == ended.reason
 
 
+@both
 @schedule
-@given(seeds, blows([*MEMBERS, *GUESTS], st.integers(1, 60), 12))
-def test_members_that_die_and_come_back_change_nothing(seed, blows):
-    bus = MemoryBus(pond(), MEMBERS | GUESTS)
+@given(seed=seeds, data=st.data())
+def test_members_that_die_and_come_back_change_nothing(setting, seed, data):
+    digests, ended = setting.undisturbed
+    bus = MemoryBus(setting.world, setting.members | setting.guests)
     bus.start()
-    play(bus, Random(seed), blows)
+    play(bus, Random(seed), data.draw(blows(setting, st.integers(1, 60), 12)))
     note("\n".join(bus.trace))
     assert bus.stuck == []
-    assert bus.digests == DIGESTS
-    assert bus.ended.reason == ENDED.reason
+    assert bus.digests == digests
+    assert bus.ended.reason == ended.reason
 
 
+@both
 @schedule
-@given(seeds, blows(MEMBERS, st.just(0), 4))
-def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(seed, blows):
-    bus = MemoryBus(pond(), MEMBERS | GUESTS)
+@given(seed=seeds, data=st.data())
+def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(setting, seed, data):
+    digests, ended = setting.undisturbed
+    bus = MemoryBus(setting.world, setting.members | setting.guests)
     bus.start()
-    chance, mortal = Random(seed), {blow.member for blow in blows}
-    play(bus, chance, blows)
+    fatal = data.draw(blows(setting, st.just(0), 4, guests=False))
+    chance, mortal = Random(seed), {blow.member for blow in fatal}
+    play(bus, chance, fatal)
     given_up = False
     while bus.ended is None:
         note("\n".join(bus.trace))
@@ -140,7 +196,7 @@ def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(seed, 
         given_up = True
         play(bus, chance, [])
     note("\n".join(bus.trace))
-    assert bus.ended.reason == ENDED.reason
+    assert bus.ended.reason == ended.reason
     assert len(bus.digests) == FRAMES
     if not given_up:
-        assert bus.digests == DIGESTS
+        assert bus.digests == digests
