@@ -169,6 +169,8 @@ class FrameAlgorithm(Attendance):
             return
         del self._parts[key]
         self._answered(member)
+        if reply.took and not reply.part:
+            self._distribution.took(reply.member, reply.took)
         self._changed.update(changed)
         self._changed_by.update(dict.fromkeys(changed, reply.member))
         self._sent.update(reply.emitted)

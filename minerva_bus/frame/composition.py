@@ -108,6 +108,11 @@ class Composition:
             self._scene = fill(self.skeleton, self._as_strings())
         return self._scene
 
+    @property
+    def empty(self) -> bool:
+        """Whether w is ε."""
+        return not self.skeleton.pieces
+
     def home(self, agent: str) -> str | None:
         """The fragment in which an agent lives."""
         home = self._home.get(agent)

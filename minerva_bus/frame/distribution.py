@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from minerva_bus.frame.composition import Composition, Fragment, shares
+from minerva_bus.frame.load import Load
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import place
 from minerva_bus.grammar.batch import AnyEvent
@@ -27,6 +28,7 @@ class Distribution:
         self._composition = composition
         self._offers: Offers = {}
         self._host: dict[str, str] = {}
+        self._load = Load()
         self._held: dict[str, dict[str, Fragment]] = {}
         self._stale: dict[str, set[str]] = {}
         self._types: dict[str, frozenset[str]] = {}
@@ -66,14 +68,31 @@ class Distribution:
         self._unwanted = {host: self._unwanted_on(host) for host in offers}
 
     def _cut(self, offers: Offers) -> None:
-        """As many parts of each population as there are hosts for it."""
+        """As many parts of each population as there are hosts for it, as big as suits them."""
         for population in list(self._composition.populations):
             parts = [self._composition.parts[name] for name in population]
             rows = sum(part.count for part in parts)
-            hosts = [one for one, offered in offers.items() if parts[0].symbol in offered]
-            wanted = max(1, min(len(hosts), rows // WORTH))
-            if wanted != len(parts):
-                self._composition.cut(population, shares(rows, [1.0] * wanted))
+            hosts = sorted(one for one, offered in offers.items() if parts[0].symbol in offered)
+            hosts = hosts[: max(1, min(len(hosts), rows // WORTH))]
+            if len(hosts) != len(parts) or self._lopsided(population):
+                self._composition.cut(population, shares(rows, self._load.weights(hosts)))
+
+    def _lopsided(self, population: Sequence[str]) -> bool:
+        """Whether some hosts have much more work with their parts than others."""
+        parts = self._composition.parts
+        on = {self._host[name]: parts[name].count for name in population if name in self._host}
+        return len(on) == len(population) and self._load.lopsided(on)
+
+    def took(self, host: str, seconds: float) -> None:
+        """A host needed so long for the parts that it has."""
+        parts = self._composition.parts
+        rows = sum(part.count for name, part in parts.items() if self._host.get(name) == host)
+        self._load.took(host, rows, seconds)
+
+    @property
+    def lopsided(self) -> bool:
+        """Whether a population should be cut anew."""
+        return any(map(self._lopsided, self._composition.populations))
 
     def _shares(self, offers: Offers) -> dict[str, str]:
         """The host of each part of a population: the first has the first, and so on."""

@@ -73,7 +73,8 @@ class EvolveReply:
 
     `changed` maps a fragment to the string that replaces it, `patched` one in columns to what is
     different in it; `views` a visual event type to the changed views by fragment; `emitted` an
-    agent, or a fragment in columns, to the events that it sent.
+    agent, or a fragment in columns, to the events that it sent. `took` is how many seconds the
+    answer was waited for, as who waited has it: it does not travel.
     """
 
     member: str
@@ -86,6 +87,7 @@ class EvolveReply:
     views: Mapping[str, Parts] = field(default_factory=dict[str, Parts])
     patched: Patches = field(default_factory=dict[str, Patch])
     view_patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
+    took: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

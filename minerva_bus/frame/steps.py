@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from minerva_bus.errors import VocabularyError
@@ -16,6 +16,9 @@ from minerva_bus.world.order import collect
 
 AGENTS: Final = "#"
 """The source of all that agents send; no generator can have this name."""
+
+BALANCED_EVERY: Final = 32
+"""Frames after which it is looked whether hosts have work for the same time."""
 
 
 class Steps(Core):
@@ -69,7 +72,7 @@ class Steps(Core):
     # --- steps 5 and 6: evolution and views ---
 
     def _dispatch(self) -> None:
-        if self._rearrange:
+        if self._rearrange or (self.frame % BALANCED_EVERY == 0 and self._distribution.lopsided):
             self._rearrange = False
             self._distribution.arrange(self.roster.offers())
         events = self._evolving + self._visual
@@ -142,12 +145,13 @@ class Steps(Core):
             return
         for fragment, host in self._changed_by.items():
             self._distribution.changed(host, fragment, self._changed[fragment])
-        digest = self.composition.scene.digest
-        self._out.append(
-            s.FrameDone(m.FrameRecord(self.frame, self._events, self._changed, digest))
-        )
+        self._out.append(s.FrameDone(self.frame, self._record(self.frame)))
         self.frame += 1
         self._end_or_go_on()
+
+    def _record(self, frame: int) -> Callable[[], m.FrameRecord]:
+        events, changed = self._events, self._changed
+        return lambda: m.FrameRecord(frame, events, changed, self.composition.scene.digest)
 
     def _sent_in_order(self) -> list[AnyEvent]:
         """What agents have sent, in the order in which they stand in the string."""
@@ -178,7 +182,7 @@ class Steps(Core):
                 self._out.append(s.Show(event_type, view))
 
     def _end_or_go_on(self) -> None:
-        if not self.composition.scene:
+        if self.composition.empty:
             self._close("the string is empty")
         elif self._until_holds():
             self._close(f"every agent has sent {self.world.until}")

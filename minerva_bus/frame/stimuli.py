@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
@@ -108,11 +110,20 @@ class Ready:
     frame: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FrameDone:
-    """A frame is over."""
+    """A frame is over. `record` is made when it is asked for, which is now or never.
 
-    record: FrameRecord
+    It has the digest of the whole string, which nobody need pay for who does not want it.
+    """
+
+    frame: int
+    make: Callable[[], FrameRecord]
+
+    @cached_property
+    def record(self) -> FrameRecord:
+        """What happened in the frame; to be asked for before the next stimulus."""
+        return self.make()
 
 
 @dataclass(frozen=True, slots=True)

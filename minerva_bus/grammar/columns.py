@@ -47,13 +47,15 @@ _SCALARS: Final = frozenset((float, int, bool, str))
 class Column:
     """n values of one name: a read-only array of float64, int64, bool or, for texts, object."""
 
-    __slots__ = ("__weakref__", "_base", "_joined", "array", "chunks")
+    __slots__ = ("__weakref__", "_base", "_joined", "array", "chunks", "kept")
 
     def __init__(self, array: NDArray[Any], chunks: list[bytes] | None = None) -> None:
         array.flags.writeable = False
         self.array = array
         self._base: tuple[ref[Column], Rows] | None = None
         self._joined: tuple[tuple[Column, ...], Column] | None = None
+        self.kept: Any = None
+        """What a host of agents keeps beside their columns."""
         self.chunks = chunks
         """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
 

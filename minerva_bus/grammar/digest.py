@@ -23,7 +23,7 @@ so that a chunk in which nothing has changed need not be gone over again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from hashlib import blake2b
 from math import copysign
 from typing import Any, Final, cast
@@ -53,14 +53,18 @@ _WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number do
 def scene_digest(scene: Scene) -> bytes:
     """16 bytes for a string; digests of nodes and scopes are kept with them and used again."""
     nodes, parts = _parts(scene), list[bytes]()
-    opened: list[tuple[TransformationNode | AgentNode, Iterator[Node | Columns], list[bytes]]] = []
+    opened: list[
+        tuple[TransformationNode | AgentNode, Iterator[Piece | list[Columns]], list[bytes]]
+    ] = []
     while True:
         for node in nodes:
             digest = _known(node)
             if digest:
                 parts.append(digest)
+            elif isinstance(node, list):
+                parts.append(_digest_of_many(node))
             elif isinstance(node, Columns):
-                parts.append(_kept(node, _digest_of_many(node)))
+                parts.append(_kept(node, _digest_of_many([node])))
             elif isinstance(node, FigureNode):
                 parts.append(_kept(node, _hash(_head(node) + b"\0")))
             elif known := _known(node.scope):
@@ -78,44 +82,59 @@ def scene_digest(scene: Scene) -> bytes:
             parts.append(_kept(done, _hash(_head(done) + b"\0" + digest)))
 
 
-def _parts(scene: Scene) -> Iterator[Piece]:
-    """Nodes, and many of one shape as columns, however the string holds them."""
+def _parts(scene: Scene) -> Iterator[Piece | list[Columns]]:
+    """Nodes, and many of one shape as columns, however the string holds them.
+
+    Columns beside one another that are cut where their chunks end are left as they are.
+    """
     pieces = scene.pieces
     if len(pieces) < MANY and not any(type(piece) is Columns for piece in pieces):
         return iter(pieces)
     return _grouped(pieces)
 
 
-def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece]:
+def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
     for shape, group in runs(pieces):
         if shape is None:
             yield from group
+        elif len(group) > 1 and _aligned(group):
+            yield cast("list[Columns]", group)
         elif size(group) >= MANY:
             yield merged(group)
         else:
             yield from Scene(tuple(group)).nodes
 
 
-def _digest_of_many(many: Columns) -> bytes:
-    parts = [f"{many.count}\0".encode()]
-    for level in many.levels():
-        parts.append(f"{level.symbol}<{','.join(level.names)}>\0".encode())
-        if level.ids is not None:
-            parts.append(_digest_of_ids(level.ids))
-        parts += [_digest_of_column(column) for column in level.columns]
+def _aligned(group: Sequence[Piece]) -> bool:
+    """Whether these are columns, all but the last of them of whole chunks."""
+    return all(isinstance(one, Columns) for one in group) and all(
+        cast("Columns", one).count % CHUNK == 0 for one in group[:-1]
+    )
+
+
+def _digest_of_many(many: Sequence[Columns]) -> bytes:
+    parts = [f"{size(many)}\0".encode()]
+    for levels in zip(*[one.levels() for one in many], strict=True):
+        first = levels[0]
+        parts.append(f"{first.symbol}<{','.join(first.names)}>\0".encode())
+        if first.ids is not None:
+            parts.append(
+                _hash(b"".join([_chunks_of_ids(cast("Ids", level.ids)) for level in levels]))
+            )
+        for columns in zip(*[level.columns for level in levels], strict=True):
+            parts.append(_hash(b"".join(map(_chunks_of_column, columns))))
     return _hash(b"".join(parts))
 
 
-def _digest_of_ids(ids: Ids) -> bytes:
-    known = ids.digest
-    if not known:
+def _chunks_of_ids(ids: Ids) -> bytes:
+    if not ids.chunks:
         spans = range(0, len(ids), CHUNK)
         chunks = [_hash(b"t" + ids.text_of(slice(at, at + CHUNK))) for at in spans]
-        known = ids.digest = _hash(b"".join(chunks))
-    return known
+        ids.chunks = b"".join(chunks)
+    return ids.chunks
 
 
-def _digest_of_column(column: Column) -> bytes:
+def _chunks_of_column(column: Column) -> bytes:
     array = column.array
     if column.chunks is None:
         column.chunks = [b""] * -(-len(array) // CHUNK)
@@ -123,7 +142,7 @@ def _digest_of_column(column: Column) -> bytes:
         if not digest:
             at = number * CHUNK
             column.chunks[number] = _digest_of_chunk(array[at : at + CHUNK])
-    return _hash(b"".join(column.chunks))
+    return b"".join(column.chunks)
 
 
 def _digest_of_chunk(values: NDArray[Any]) -> bytes:
@@ -153,7 +172,7 @@ def _hash_two(kind: bytes, values: NDArray[Any]) -> bytes:
     return hashing.digest()
 
 
-def _known(item: Scene | Piece) -> bytes:
+def _known(item: Scene | Piece | list[Columns]) -> bytes:
     return getattr(item, "_digest", b"")
 
 

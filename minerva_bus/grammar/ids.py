@@ -35,7 +35,7 @@ class Ids:
         self._stem = stem
         self._data = data
         self._joined: tuple[tuple[Ids, ...], Ids] | None = None
-        self.digest = b""
+        self.chunks = b""
         data.flags.writeable = False
 
     @staticmethod

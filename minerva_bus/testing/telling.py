@@ -21,7 +21,8 @@ def told(what: object) -> str:  # noqa: C901
             return f"says {member}: {text.strip()}"
         case s.Ready(frame):
             return f"ready for frame {frame}"
-        case s.FrameDone(record):
+        case s.FrameDone():
+            record = what.record
             changed = ", ".join(f"#{one}: {what}" for one, what in sorted(record.changed.items()))
             return f"frame {record.frame} done: {_events(record.events)}; {changed or 'no change'}"
         case s.Ended(reason, figures):

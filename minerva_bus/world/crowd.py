@@ -7,7 +7,7 @@ runs for one after another; what is written for a population runs on arrays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import groupby
+from itertools import groupby, repeat
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -23,7 +23,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.descent import assembled, emissions
-from minerva_bus.world.draws import Draws
+from minerva_bus.world.draws import Draws, Passing
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
 from minerva_bus.world.life import Life
 from minerva_bus.world.moment import Frame, Moment
@@ -129,7 +129,9 @@ class Crowd:
         if simple and isinstance(first, Events) and first.receivers and not first.condition:
             rows = self._ids.rows_of(first.receivers)
             chosen = np.flatnonzero(rows >= 0)
-            return (first, rows, None) if len(chosen) == len(rows) else (first, rows[chosen], chosen)
+            return (
+                (first, rows, None) if len(chosen) == len(rows) else (first, rows[chosen], chosen)
+            )
         rounds = list(self._rounds(items, at_once=True))
         if not rounds:
             return Events(first.type, (), (), 0), np.empty(0, np.intp), None
@@ -160,23 +162,25 @@ class Crowd:
     # --- what is written for one agent ---
 
     def _one_by_one(self, activity: Callable[..., Any], some: AnyEvent, rows: Rows | None) -> None:
-        chosen = list(range(len(self._ids))) if rows is None else rows.tolist()
-        agents = self._objects.of(chosen)
-        events = some if isinstance(some, Events) else [some] * len(agents)
-        moment = Moment(self._frame, "")
-        for row, agent, event in zip(chosen, agents, events, strict=True):
-            moment.who = "#" + agent.id
-            self._draws.lend(row, moment)
-            try:
+        agents = self._objects.of(rows)
+        chosen = range(len(agents)) if rows is None else rows.tolist()
+        events = some if isinstance(some, Events) else repeat(some, len(agents))
+        returned: list[tuple[int, Agent, Any, Event]] = []
+        moment = Passing(self._frame, self._draws)
+        row, event = 0, cast("Event", some)
+        try:
+            for row, agent, event in zip(chosen, agents, events, strict=True):
+                moment.agent, moment.row = agent, row
                 result = activity(agent, event, moment)
-            except Exception as error:
-                raise self._failed("λ", row, event) from error
-            self._draws.take_back(row, moment)
-            if moment.emitted:
-                self._said.append((row, moment.emitted))
-                moment.emitted = []
-            if result is not None:
-                self._let_go(row, agent, result, event)
+                if moment.emitted:
+                    self._said.append((row, moment.emitted))
+                    moment.emitted = []
+                if result is not None:
+                    returned.append((row, agent, result, event))
+        except Exception as error:
+            raise self._failed("λ", row, event) from error
+        for one in returned:
+            self._let_go(*one)
 
     def _let_go(self, row: int, agent: Agent, result: Any, event: Event) -> None:
         """From now on it is more, or less, or other than a row."""
@@ -206,7 +210,10 @@ class Crowd:
         lives = {row: life.string for row, (life, _) in sorted(self._lives.items())}
         said = [*self._said]
         said += [(row, moment.emitted) for row, (_, moment) in sorted(self._lives.items())]
-        return assembled(self._herd, lives), emissions(self._herd.said, said)
+        scene = assembled(self._herd, lives)
+        if len(scene.pieces) == 1 and isinstance(scene.pieces[0], Columns):
+            self._objects.keep(scene.pieces[0])
+        return scene, emissions(self._herd.said, said)
 
     def _node(self, row: int) -> AgentNode:
         return cast("AgentNode", self._herd.part.node(row))

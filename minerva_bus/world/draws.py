@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.chance import Chance, Chances, frame_key
+from minerva_bus.world.chance import Chance, Chances, frame_key, hash_of, stream
 from minerva_bus.world.moment import Frame, Moment
+
+if TYPE_CHECKING:
+    from minerva_bus.world.agent import Agent
+
+_MOST = 16
+"""When one of so many has drawn by itself, the streams of all are begun at once."""
 
 
 class Draws:
@@ -14,6 +24,7 @@ class Draws:
 
     def __init__(self, ids: Ids, frame: Frame) -> None:
         self._ids = ids
+        self._frame = frame
         self._key = frame_key(frame.seed, frame.number)
         self._many: Chances | None = None
         self._single: dict[int, Chance] = {}
@@ -33,16 +44,68 @@ class Draws:
                 self._many.words[row] = chance.word
             self._single = {}
 
-    def lend(self, row: int, moment: Moment) -> None:
-        """Let one agent go on with its stream."""
-        moment.lent(self._single.get(row), self._streams.get(row))
-        if self._many is not None and row not in self._single:
-            moment.lent(Chance(int(self._many.words[row])), self._streams.get(row))
+    def single(self, row: int) -> Chance:
+        """The stream of one agent."""
+        chance = self._single.get(row)
+        if chance is None:
+            chance = self._single[row] = self._begun(row)
+        return chance
 
-    def take_back(self, row: int, moment: Moment) -> None:
-        """Keep the stream of an agent that has drawn."""
-        chance, stream = moment.drawn
-        if chance is not None:
-            self._single[row] = chance
-        if stream is not None:
-            self._streams[row] = stream
+    def _begun(self, row: int) -> Chance:
+        if self._many is None and len(self._single) * _MOST < len(self._ids):
+            return Chance.of(hash_of(self._ids[row]), self._key)
+        if self._many is None:
+            self._many = Chances(Chances.begin(self._ids.hashes, self._key))
+        return Chance(int(self._many.words[row]))
+
+    def stream(self, row: int) -> np.random.Generator:
+        """The other stream of one agent, with all of numpy's distributions."""
+        found = self._streams.get(row)
+        if found is None:
+            who = f"#{self._ids[row]}"
+            found = self._streams[row] = stream(self._frame.seed, who, self._frame.number)
+        return found
+
+    def lend(self, row: int, moment: Moment) -> None:
+        """Let one agent go on with its streams for good."""
+        drawn = row in self._single or self._many is not None
+        moment.lent(self.single(row) if drawn else None, self._streams.get(row))
+
+
+class Passing(Moment):
+    """A frame as many agents live it, one after another: `agent`, in its `row`, at a time."""
+
+    __slots__ = ("_draws", "agent", "row")
+
+    def __init__(self, frame: Frame, draws: Draws) -> None:
+        self.frame = frame
+        self.emitted = []
+        self._draws = draws
+        self.agent: Any = None
+        self.row = 0
+
+    @property
+    def who(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The agent's name in messages."""
+        agent: Agent = self.agent
+        return f"#{agent.id}"
+
+    @property
+    def random(self) -> np.random.Generator:
+        """The random stream of this agent in this frame."""
+        return self._draws.stream(self.row)
+
+    @property
+    def chance(self) -> Chance:
+        """Single draws of this agent in this frame; those of a population too."""
+        return self._draws.single(self.row)
+
+    def emit(self, event: Event | Events) -> None:
+        """Send an event; it belongs to the next frame, and is marked with the agent's id."""
+        if type(event) is not Event:
+            super().emit(event)
+            return
+        names, values, to = event.names, event.values, event.receivers
+        self.emitted.append(
+            Event(event.type, names, values, event.condition, self.agent.id, to)
+        )

@@ -1,0 +1,44 @@
+"""How quick hosts are, so that each gets as much of a population as it can do in the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Final
+
+WINDOW: Final = 16
+_WORTH: Final = 8192
+"""Moving rows costs more than it gains where a host has fewer than this."""
+
+_BY_HOW_MUCH: Final = 1.3
+
+
+class Load:
+    """What hosts have done of late: rows a second, the median of some frames."""
+
+    def __init__(self) -> None:
+        self._speeds: dict[str, list[float]] = {}
+
+    def took(self, host: str, rows: int, seconds: float) -> None:
+        """A host has done so many rows in this time."""
+        if rows and seconds > 0:
+            speeds = self._speeds.setdefault(host, [])
+            speeds.append(rows / seconds)
+            del speeds[:-WINDOW]
+
+    def weights(self, hosts: Sequence[str]) -> list[float]:
+        """The shares that suit these hosts; equal ones while nothing is known of one of them."""
+        known = [self._speed(host) for host in hosts]
+        return known if all(known) else [1.0] * len(hosts)
+
+    def lopsided(self, rows: Mapping[str, int]) -> bool:
+        """Whether hosts with so many rows each would be much quicker with other shares."""
+        speeds = [self._speed(host) for host in rows]
+        if len(rows) < 2 or not all(speeds) or sum(rows.values()) < _WORTH * len(rows):
+            return False
+        slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
+        return slowest > _BY_HOW_MUCH * sum(rows.values()) / sum(speeds)
+
+    def _speed(self, host: str) -> float:
+        speeds = self._speeds.get(host, [])
+        return median(speeds) if len(speeds) == WINDOW else 0.0
