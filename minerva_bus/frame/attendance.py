@@ -97,6 +97,7 @@ class Attendance(Steps):
             self.roster.change(member, Change.WENT)
             self._say(member.name, "has left")
             self._go_on_without(member)
+            self._count_report(member.name, {})  # if it has not said it yet, it never will
 
     def _on_gave_up(self, told: s.GaveUp) -> None:
         member = self.roster.get(told.member)

@@ -28,6 +28,15 @@ class _Different:
     patched: dict[str, Patch] = field(default_factory=dict[str, Patch])
 
 
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A view, and what it was made of: the same again makes the same view (equation 4)."""
+
+    piece: Fragment
+    events: tuple[AnyEvent, ...]
+    view: Scene
+
+
 class Host:
     """The agents' side of steps 5 and 6 of Table 2."""
 
@@ -35,7 +44,7 @@ class Host:
         self.name = name
         self.kinds: Kinds = kinds
         self.fragments: dict[str, Fragment] = {}
-        self._shown: dict[tuple[str, str], Scene] = {}
+        self._shown: dict[tuple[str, str], _Shown] = {}
 
     def take(self, given: Fragments) -> None:
         """Keep these fragments, and let go of others."""
@@ -110,16 +119,16 @@ class Host:
         events = Addressed(tuple([event for event in visual if event.type == event_type]))
         found = _Different()
         for fragment in concerned:
-            piece = self.fragments[fragment]
+            piece, shown = self.fragments[fragment], self._shown.get((event_type, fragment))
+            if shown is not None and shown.piece is piece and shown.events == events.events:
+                continue
             view = visualize(Scene((piece,)), events, self.kinds, frame.number)
-            shown = self._shown.get((event_type, fragment))
-            patch = _patch(shown, view) if shown is not None else None
-            if patch is not None:
-                if patch.changes:
-                    found.patched[fragment] = patch
-            elif view != shown:
+            self._shown[event_type, fragment] = _Shown(piece, events.events, view)
+            patch = _patch(shown.view, view) if shown is not None else None
+            if patch is not None and patch.changes:
+                found.patched[fragment] = patch
+            elif patch is None and (shown is None or view != shown.view):
                 found.changed[fragment] = view
-            self._shown[event_type, fragment] = view
         return found
 
 

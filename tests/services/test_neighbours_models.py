@@ -1,0 +1,104 @@
+"""Whole worlds of agents that see one another: the same string however they are written and run."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from benchmarks.models import flock, schelling
+from minerva_bus import Agent, Scene
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.world.order import Order
+
+MODELS = pytest.mark.parametrize("model", [flock, schelling], ids=lambda model: model.NAME)
+
+
+def run(
+    model: ModuleType,
+    agents: int,
+    steps: int,
+    hosts: int = 1,
+    kinds: list[type[Agent]] | None = None,
+) -> tuple[list[str], Scene]:
+    """The digests of all frames, and the last string."""
+    kinds = model.kinds if kinds is None else kinds
+    members = [Participant(name, make()) for name, make in model.services(agents).items()]
+    members += [Participant(f"host-{number}", agents=kinds) for number in range(hosts)]
+    names = frozenset(member.name for member in members)
+    world = World(
+        "test",
+        model.scene(agents, 5),
+        model.vocabulary,
+        seed=5,
+        frames=steps * model.CYCLE + 1,
+        order=Order(model.order),
+        expected=names,
+    )
+    algorithm, digests = FrameAlgorithm(world), list[str]()
+
+    def watch(instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.FrameDone):
+            digests.append(algorithm.scene.digest.hex())
+
+    runner = InProcess(algorithm, members, watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+    assert not algorithm.failed, runner.ended.reason
+    return digests, algorithm.scene
+
+
+@MODELS
+def test_two_hosts_make_the_same_string_as_one(model: ModuleType) -> None:
+    digests, _ = run(model, 120, 6)
+    assert len(set(digests)) > 6
+    assert run(model, 120, 6, hosts=2)[0] == digests
+
+
+@MODELS
+def test_written_for_one_it_is_the_same_string(model: ModuleType) -> None:
+    assert run(model, 120, 6, kinds=model.plain_kinds)[0] == run(model, 120, 6)[0]
+
+
+def test_a_flock_comes_into_order() -> None:
+    before, after = flock.scene(400, 5), run(flock, 400, 60)[1]
+    assert abs(flock.statistics(before)["local_order"]) < 0.1
+    assert flock.statistics(after)["local_order"] > 0.15
+    assert flock.statistics(after)["neighbours"] > flock.statistics(before)["neighbours"] + 1
+
+
+def test_a_town_segregates_and_nobody_is_lost() -> None:
+    before, after = schelling.scene(400, 5), run(schelling, 400, 15)[1]
+    assert schelling.statistics(before)["similar"] < 0.55
+    assert schelling.statistics(after)["similar"] > 0.7
+    assert schelling.statistics(after)["happy"] > 0.95
+    cells = [p.column("x") * schelling.side(400) + p.column("y") for p in after.pieces]
+    assert sorted(np.concatenate(cells).tolist()) == list(range(schelling.side(400) ** 2))
+
+
+def test_a_step_of_boids_is_that_of_reynolds_rules_by_brute_force() -> None:
+    columns = {name: flock.scene(60, 5).pieces[0].column(name) for name in ("x", "y", "vx", "vy")}
+    place = np.stack((columns["x"], columns["y"]), axis=1)
+    heading = np.stack((columns["vx"], columns["vy"]), axis=1)
+    size = flock.side(60)
+    expected = heading.copy()
+    for one in range(60):
+        delta = (place - place[one] + size / 2) % size - size / 2
+        distance = np.hypot(*delta.T)
+        near = (distance <= flock.VISION) & (np.arange(60) != one)
+        if near.any():
+            close = near & (distance < flock.SEPARATION)
+            turn = flock.COHERE * delta[near].sum(0) - flock.SEPARATE * delta[close].sum(0)
+            turn += flock.MATCH * heading[near].sum(0)
+            expected[one] += turn / near.sum()
+            expected[one] /= np.hypot(*expected[one])
+    after = run(flock, 60, 1)[1].pieces[0]
+    np.testing.assert_allclose(after.column("vx"), expected[:, 0], atol=1e-12)
+    np.testing.assert_allclose(after.column("vy"), expected[:, 1], atol=1e-12)
+    np.testing.assert_allclose(after.column("x"), place[:, 0] + expected[:, 0], atol=1e-12)
