@@ -4,8 +4,10 @@ The names a user needs; see README.md.
 """
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import AgentKind, Default, EventType, Primitive, Transformation
@@ -31,9 +33,11 @@ __all__ = [
     "Disc",
     "Event",
     "EventType",
+    "Events",
     "Frame",
     "Generator",
     "Geometry",
+    "Ids",
     "Label",
     "Line",
     "Metres",

@@ -12,11 +12,14 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from minerva_bus import Event
+from minerva_bus import Event, Events
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.parser import parse_value
+from minerva_bus.grammar.patch import patched
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.protocol import codec
 from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
+from minerva_bus.protocol.columns import plain_patch
 from minerva_bus.protocol.limits import DEFAULT
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene, plain_value
 
@@ -109,10 +112,43 @@ def test_values(said: str, data: bytes) -> None:
 
 @pytest.mark.parametrize(("said", "data"), examples("string"))
 def test_strings(said: str, data: bytes) -> None:
-    scene = READER.scene(msgpack.unpackb(data))
+    scene = READER.scene(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
     assert scene == VOCABULARY.read(said)
     assert str(scene) == said
     assert msgpack.packb(plain_scene(scene)) == data
+
+
+@pytest.mark.parametrize(("said", "data"), examples("events"))
+def test_many_events(said: str, data: bytes) -> None:
+    events = READER.event(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
+    assert isinstance(events, Events)
+    assert ", ".join(map(str, events)) == said
+    assert msgpack.packb(plain_event(events)) == data
+
+
+def test_a_patch() -> None:
+    ((_, data),) = examples("patch")
+    patch = READER.columns.patch(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
+    assert msgpack.packb(plain_patch(patch)) == data
+    two, _ = examples("string")[1:]
+    (foxes,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces
+    assert isinstance(foxes, Columns)
+    assert [node.values[0] for node in patched(foxes, patch).nodes()] == [2.0, 4.0]
+
+
+def test_the_digest_of_a_run() -> None:
+    """Reckoned from the document's definition, for agents with a number and a text."""
+
+    def hashed(data: bytes) -> bytes:
+        return blake2b(data, digest_size=16).digest()
+
+    ids = hashed(hashed(b"t" + b"".join(b"f%d\n" % n for n in range(32))))
+    xs = hashed(hashed(b"n" + struct.pack("<32d", *range(32))))
+    names = hashed(hashed(b"t" + '"é"\n'.encode() * 32))
+    run = hashed(b"32\0" + b"AFox<x,name>\0" + ids + xs + names)
+    text = " · ".join(f'AFox#f{n}<x={n}, name="é">' for n in range(32))
+    assert VOCABULARY.read(text).digest == hashed(run)
+    assert hashed(run).hex() in DOCUMENT
 
 
 @pytest.mark.parametrize(("said", "data"), examples("event"))
@@ -143,7 +179,7 @@ def test_readings(said: str, data: bytes) -> None:
 
 def test_there_are_examples_of_every_sort() -> None:
     assert len(blocks("hex", "value")) == 3
-    for kind in ("string", "event", "message", "readings"):
+    for kind in ("string", "event", "events", "patch", "message", "readings"):
         assert blocks("hex", kind)
 
 
@@ -181,7 +217,7 @@ def digests(flat: list, names: dict[str, list[str]]) -> tuple[bytes, dict[str, b
 
 
 def test_the_digests_of_the_document() -> None:
-    ((said, data),) = examples("string")
+    (said, data), *_ = examples("string")
     names = {s: list(VOCABULARY.fields(s).names) for s in ("PStar", "TMove", "AFox")}
     whole, nodes = digests(msgpack.unpackb(data), names)
     told = {
