@@ -20,7 +20,7 @@ from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_bus.world.views import visualize
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "EMPTY",

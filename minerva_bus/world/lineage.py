@@ -25,8 +25,8 @@ def child_id(parent: str, births: int) -> str:
 def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
     """The ids of one birth of each parent; those of `child_id`."""
     names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
-    lengths = np.strings.str_len(names)
-    if int(lengths.max()) <= LONGEST_ID:
-        return Ids(None, names)
+    longest = int(np.strings.str_len(names).max())
+    if longest <= LONGEST_ID:
+        return Ids(None, names.astype(f"S{longest}"))
     texts = [child_id(*pair) for pair in zip(parents.texts(), births.tolist(), strict=True)]
     return Ids.of(texts)

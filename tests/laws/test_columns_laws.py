@@ -380,3 +380,16 @@ def test_shares_are_all_of_it(rows, weights):
     assert sum(found) == rows
     assert len(found) == len(weights)
     assert min(found) >= 0
+
+
+def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_way():
+    """A child's id is hashed where it would have more than 64 characters."""
+    form, moment = One, Frame(1, 0.1, 3)
+    w = One.many(Ids.of(["a" * 63, "b:" * 30 + "1", "c"]))
+    events = [eStep(1.0)] * 8
+    one, many = (eta(w, events, [form], moment).scene for form in (One, Many))
+    assert one == many
+    assert any(":-" in node.id for node in many.nodes)
+    for piece in many.pieces:
+        if isinstance(piece, Columns):
+            assert piece.ids.data.dtype.itemsize <= 64
