@@ -1,0 +1,82 @@
+"""A population for runs over a real bus: fish that swim, call, are born and die at random."""
+
+import numpy as np
+
+from minerva_bus import (
+    Agent,
+    Device,
+    EventType,
+    Generator,
+    Metres,
+    Primitive,
+    Transformation,
+    Vocabulary,
+    on,
+    view,
+)
+
+PDot = Primitive("PDot")
+TAt = Transformation("TAt", x=Metres)
+eStep = EventType("eStep", count=int)
+eCall = EventType("eCall", x=Metres)
+eShow = EventType("eShow", visual=True)
+
+
+class Fish(Agent, symbol="AFish"):
+    x: Metres = 0.0
+    heard: int = 0
+    births: int = 0
+
+    @on("eStep", population=True)
+    def swim(self, step, moment):
+        self.x += moment.chance.normal() + 0.001 * step.count
+        moment.emit(eCall(self.x, receivers=self.id), where=moment.chance.chance(0.3))
+        self.bear(moment.chance.chance(0.05), x=self.x)
+
+    @on("eCall", population=True)
+    def hear(self, call, moment):
+        self.heard += 1
+        self.die(moment.chance.chance(0.15))
+
+    @view("eShow", population=True)
+    def picture(self, event):
+        return TAt(self.x)(PDot())
+
+
+class Steps(Generator, events=("eStep",), ahead=True):
+    """Depends on nothing but has a memory, which a successor inherits."""
+
+    def __init__(self):
+        self.count = 0
+
+    def generate(self, tick):
+        self.count += int(tick.random.integers(1, 5))
+        return (eStep(self.count),)
+
+    def save(self):
+        return {"count": self.count}
+
+    def restore(self, saved):
+        self.count = saved["count"]
+
+
+class Screen(Device, draws=("eShow",)):
+    """Says what it has been shown: how many, and the sum of their places."""
+
+    every = 1
+
+    def __init__(self, said=False):
+        self.said = said
+
+    def show(self, view):
+        if not self.said:
+            return
+        places = [float(node.values[0]) for node in view.scene]
+        print(f"{view.frame} {len(places)} {sum(places)!r}", flush=True)
+
+
+vocabulary = Vocabulary.of(PDot, TAt, eStep, eCall, eShow, Fish)
+
+
+def scene(options):
+    return Fish.many("f", 6000, x=np.arange(6000.0))

@@ -1,0 +1,97 @@
+"""A population on a real bus: cut over hosts that come, go and die; the string does not mind."""
+
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from running import Run, World, eventually, minerva, summary
+
+WORLD = """
+[world]
+scene = "shoal:scene"
+vocabulary = "shoal:vocabulary"
+seed = 11
+frames = {frames}
+rate = {rate}
+
+[process.steps]
+service = "shoal:Steps"
+
+[process.fish]
+agents = "shoal:Fish"
+processes = {hosts}
+
+[process.screen]
+service = "shoal:Screen"
+"""
+
+
+@pytest.fixture
+def shoal(tmp_path):
+    """Writes a world of fish."""
+
+    def write(hosts=2, frames=120, rate=40):
+        shutil.copy(Path(__file__).parent / "shoal.py", tmp_path)
+        path = tmp_path / "shoal.toml"
+        path.write_text(WORLD.format(hosts=hosts, frames=frames, rate=rate))
+        return path
+
+    return write
+
+
+def alone(path):
+    return summary(minerva(path.parent, "run", path, "--in-process", "--rate", "0", "--json"))
+
+
+def test_any_number_of_hosts_gives_the_string_of_one_process(shoal):
+    found = {
+        hosts: summary(minerva(path.parent, "run", path, "--rate", "0", "--json"))["digest"]
+        for hosts in (1, 2, 3)
+        if (path := shoal(hosts, frames=30))
+    }
+    assert set(found.values()) == {alone(shoal(1, frames=30))["digest"]}
+
+
+def test_hosts_and_generators_that_are_killed_change_nothing(shoal):
+    path = shoal()
+    with World(path, "--json") as world:
+        for name in ("fish-1", "steps", "fish-2"):
+            os.kill(world.runs(name)[name], signal.SIGKILL)
+            world.says(f"{name} │ was killed by SIGKILL; restart 1 of 5 in")
+            eventually(
+                lambda name=name: world.members()[name]["state"] == "present", f"a new {name}"
+            )
+        found = world.summary()
+        world.gone()
+    assert (found["frames"], found["digest"]) == (120, alone(path)["digest"])
+
+
+def test_a_host_and_a_view_that_come_later_have_their_share(shoal):
+    path = shoal(hosts=1, rate=15)
+    with World(path, "--json") as world:
+        world.runs("steps")
+        with Run(
+            path.parent, "attach", "shoal:Screen", "--name", "late", "--said", "true"
+        ) as screen:
+            with Run(path.parent, "attach", "shoal:Fish", "--name", "more") as more:
+                eventually(
+                    lambda: world.members().get("more", {}).get("state") == "present", "it is in"
+                )
+                before = world.frame
+                eventually(
+                    lambda: world.members() and world.frame > before + 5, "the world goes on"
+                )
+                more.kill(signal.SIGINT)
+                assert more.ends() == 0
+            found = world.summary()
+            assert screen.ends() == 0
+            seen = {int(line.split()[0]): line for line in screen.output if line[:1].isdigit()}
+    assert found["digest"] == alone(path)["digest"]
+    shown = minerva(
+        path.parent, "run", path, "--in-process", "--rate", "0", "--set", "screen.said=true"
+    ).stdout
+    whole = {int(line.split()[0]): line for line in shown.splitlines() if line[:1].isdigit()}
+    assert seen
+    assert all(whole[frame] == line for frame, line in seen.items())
