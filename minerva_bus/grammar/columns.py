@@ -28,6 +28,7 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
+    walk,
     with_scope,
 )
 
@@ -319,6 +320,26 @@ def packed(scene: Scene) -> Scene:
     if len(made) == len(scene.pieces):
         return scene
     return Scene(tuple(made)) if made else EMPTY
+
+
+def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tuple[bool, Node]]:
+    """As `walk`, but columns are offered whole first; only those left over come node by node."""
+    stack: list[Iterator[Piece]] = [iter(scene.pieces)]
+    opened: list[TransformationNode | AgentNode] = []
+    while stack:
+        piece = next(stack[-1], None)
+        if piece is None:
+            stack.pop()
+            if opened:
+                yield False, opened.pop()
+        elif isinstance(piece, Columns):
+            if piece.ids is not None or not whole(piece):
+                yield from walk(Scene(piece.nodes()))
+        else:
+            yield True, piece
+            if not isinstance(piece, FigureNode):
+                opened.append(piece)
+                stack.append(iter(piece.scope.pieces))
 
 
 def around_each(many: Columns, inside: Scene) -> Scene:

@@ -46,14 +46,14 @@ class Ids:
     @staticmethod
     def of(texts: Sequence[str]) -> Ids:
         """These very ids."""
-        first = _NUMBERED.fullmatch(texts[0]) if texts else None
-        if first is not None:
-            stem = first.group(1)
-            found = [_NUMBERED.fullmatch(one) for one in texts]
-            if all(one is not None and one.group(1) == stem for one in found):
-                numbers = [int(one.group(2)) for one in found if one is not None]
-                return Ids(stem, np.array(numbers, np.int64))
-        return Ids(None, np.array([one.encode() for one in texts], f"S{_width(texts)}"))
+        numbers = _numbers(texts)
+        if numbers is not None:
+            return Ids(*numbers)
+        width = _width(texts)
+        try:
+            return Ids(None, np.array(texts, f"S{width}"))
+        except UnicodeEncodeError:  # no ids, then, but that is for others to say
+            return Ids(None, np.array([one.encode() for one in texts], f"S{4 * width}"))
 
     def __len__(self) -> int:
         return len(self._data)
@@ -91,7 +91,10 @@ class Ids:
     def texts(self) -> list[str]:
         """The ids as texts."""
         if self._stem is None:
-            return [one.decode() for one in self._data.tolist()]
+            try:
+                return self._data.astype("U").tolist()
+            except UnicodeDecodeError:
+                return [one.decode() for one in self._data.tolist()]
         return [f"{self._stem}{number}" for number in self._data.tolist()]
 
     @cached_property
@@ -168,7 +171,8 @@ class Ids:
         data = self._data
         if self._stem is not None and (data[1:] > data[:-1]).all():
             return None
-        if len(np.unique(data if self._stem is not None else self.hashes)) == len(self):
+        hashes = np.sort(data if self._stem is not None else self.hashes)
+        if (hashes[1:] != hashes[:-1]).all():
             return None
         ordered = np.sort(data)
         twice = np.flatnonzero(ordered[1:] == ordered[:-1])
@@ -235,6 +239,18 @@ class Ids:
     @cached_property
     def _speller(self) -> Rows:
         return np.argsort(self.spelled, kind="stable")
+
+
+def _numbers(texts: Sequence[str]) -> tuple[str, Numbers] | None:
+    """The one stem of all these ids and their numbers."""
+    stem, numbers = None, list[int]()
+    for one in texts:
+        found = _NUMBERED.fullmatch(one)
+        if found is None or (stem is not None and found[1] != stem):
+            return None
+        stem = found[1]
+        numbers.append(int(found[2]))
+    return None if stem is None else (stem, np.array(numbers, np.int64))
 
 
 def _found(column: NDArray[Any], sorter: Rows, wanted: NDArray[Any]) -> Rows:

@@ -6,7 +6,8 @@ from contextlib import AbstractContextManager
 from typing import Any, Self, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, walk
+from minerva_bus.grammar.columns import Columns, walk_pieces
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode
 
 
 class Geometry:
@@ -65,6 +66,13 @@ class Geometry:
         """δ : T → G, at the symbol ")"."""
         self._open.pop().__exit__(None, None, None)
 
+    def many(self, columns: Columns) -> bool:
+        """Draw many of one shape at once, if this system can; False: they come one by one.
+
+        `columns` has a row for each: arrays of parameters, and in `scope` what is within each.
+        """
+        return False
+
     def other_figure(self, figure: FigureNode) -> None:
         """α of a primitive that has no method here."""
 
@@ -91,7 +99,7 @@ def interpret(scene: Scene, geometry: Geometry) -> None:
     """
     opened: list[TransformationNode] = []
     try:
-        for opens, node in walk(scene):
+        for opens, node in walk_pieces(scene, geometry.many):
             if isinstance(node, FigureNode):
                 geometry.draw(node)
             elif isinstance(node, AgentNode):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -13,11 +14,13 @@ from minerva_bus import (
     EMPTY,
     Agent,
     EventType,
+    Geometry,
     Metres,
     Primitive,
     Scene,
     Transformation,
     Vocabulary,
+    interpret,
     on,
     parse,
     view,
@@ -384,7 +387,7 @@ def test_shares_are_all_of_it(rows, weights):
 
 def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_way():
     """A child's id is hashed where it would have more than 64 characters."""
-    form, moment = One, Frame(1, 0.1, 3)
+    moment = Frame(1, 0.1, 3)
     w = One.many(Ids.of(["a" * 63, "b:" * 30 + "1", "c"]))
     events = [eStep(1.0)] * 8
     one, many = (eta(w, events, [form], moment).scene for form in (One, Many))
@@ -393,3 +396,45 @@ def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_wa
     for piece in many.pieces:
         if isinstance(piece, Columns):
             assert piece.ids.data.dtype.itemsize <= 64
+
+
+class Plot(Geometry):
+    """Where dots are, one by one; or, if it may, all at once."""
+
+    def __init__(self, at_once):
+        self.at_once = at_once
+        self.x = 0.0
+        self.dots = []
+        self.calls = 0
+
+    @contextmanager
+    def TMove(self, x, y):
+        before, self.x = self.x, self.x + x
+        yield
+        self.x = before
+
+    def PDot(self, size, name):
+        self.dots.append((self.x, size))
+
+    def many(self, columns):
+        if not self.at_once or columns.shape != (("TMove", ("x", "y")), ("PDot", ("size", "name"))):
+            return False
+        self.calls += 1
+        xs = (self.x + columns.column("x")).tolist()
+        self.dots += zip(xs, columns.scope.column("size").tolist(), strict=True)
+        return True
+
+
+def test_a_geometry_may_draw_many_at_once():
+    """Also within the scope of a transformation; agents are refused in columns too."""
+    count = 50
+    dots = TMove(np.arange(count) / 7, 0)(PDot(np.arange(count) + 0.0, "a"))
+    w = PDot(1, "b") + TMove(100, 0)(dots + PDot(2, "c")) + dots
+    one, many = Plot(False), Plot(True)
+    for geometry in (one, many):
+        interpret(w, geometry)
+    assert many.calls == 2
+    assert many.dots == one.dots
+    assert len(one.dots) == 2 * count + 2
+    with pytest.raises(MisuseError, match="not AFish#f0"):
+        interpret(One.many("f", 3), many)
