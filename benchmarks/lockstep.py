@@ -11,7 +11,9 @@ so. Machines are noisy: read the ratios, which come from turns taken within this
 from __future__ import annotations
 
 import argparse
+import gc
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -24,6 +26,7 @@ from minerva_bus.bus.member import BusMember
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 
+ALONE = "--minerva"
 WARM_UP = 100
 FIGURES = ("us_per_step_median", "us_per_step_p99", "startup_s")
 VOCABULARY = Vocabulary.of(Primitive("PNothing"))
@@ -42,22 +45,30 @@ class Idle(Generator):
     """A member that does nothing."""
 
 
-def member(name: str, endpoint: str) -> int:
-    """Run one idle member."""
-    return BusMember(Participant(name, Idle()), "lockstep", endpoint, print).run()
+def start_member(name: str) -> int:
+    """Fork an idle member, as the launcher does; where to tell it the endpoint."""
+    read, write = os.pipe()
+    if os.fork():
+        os.close(read)
+        return write
+    gc.freeze()
+    os.close(write)
+    with os.fdopen(read) as told:
+        endpoint = told.readline().strip()
+    os._exit(BusMember(Participant(name, Idle()), "lockstep", endpoint, print).run())
 
 
 def minerva(workers: int, steps: int) -> dict[str, float]:
-    """Run our own lockstep: the coordinator here, the members as processes."""
+    """Run our own lockstep: the coordinator here, the members in processes of their own."""
     began = time.perf_counter()
     names = [f"idle-{number}" for number in range(workers)]
     times: list[float] = []
-    children: list[subprocess.Popen[bytes]] = []
+    pipes = [start_member(name) for name in names]
 
-    def start(endpoint: str) -> None:
-        for name in names:
-            words = [sys.executable, "-m", "benchmarks.lockstep", "--member", name, endpoint]
-            children.append(subprocess.Popen(words))
+    def tell(endpoint: str) -> None:
+        for pipe in pipes:
+            os.write(pipe, f"{endpoint}\n".encode())
+            os.close(pipe)
 
     world = World(
         "lockstep",
@@ -69,13 +80,14 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
     watchers = Watchers(
         said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
-        listening=start,
+        listening=tell,
         stalled=lambda name, _: None,
         frame_done=lambda _: times.append(time.perf_counter()),
     )
+    gc.freeze()
     BusCoordinator(world, watchers).run()
-    for child in children:
-        child.wait(timeout=10)
+    for _ in names:
+        os.wait()
     frames = [1e6 * (b - a) for a, b in zip(times[WARM_UP - 1 :], times[WARM_UP:], strict=False)]
     return {
         "us_per_step_median": statistics.median(frames),
@@ -95,12 +107,15 @@ def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] 
     if not python.is_file():
         return f"{python} is not there"
     words = [str(python), Path(script).name, "--workers", str(workers), "--steps", str(steps)]
-    where = (folder / script).parent
+    return run([*words, "--payload", "100", *options], (folder / script).parent)
+
+
+def run(words: list[str], where: Path) -> dict[str, float] | str:
+    """Run one benchmark in a process of its own; the figures that it prints."""
     try:
         done = subprocess.run(
-            [*words, "--payload", "100", *options],
-            cwd=where, capture_output=True, text=True, timeout=300, check=False,
-        )  # fmt: skip
+            words, cwd=where, capture_output=True, text=True, timeout=300, check=False
+        )
     except subprocess.TimeoutExpired:
         return "no end after 300 s"
     for line in reversed(done.stdout.splitlines()):
@@ -112,7 +127,11 @@ def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] 
 
 def measure(system: str, peers: Path, workers: int, steps: int) -> dict[str, float] | str:
     """One system once."""
-    return minerva(workers, steps) if system == "minerva" else peer(system, peers, workers, steps)
+    if system != "minerva":
+        return peer(system, peers, workers, steps)
+    return run(
+        [sys.executable, "-m", "benchmarks.lockstep", ALONE, str(workers), str(steps)], Path()
+    )
 
 
 def best(rows: list[dict[str, float]]) -> dict[str, float]:
@@ -166,6 +185,7 @@ def report(arguments: argparse.Namespace, workers: int) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--member"]:
-        sys.exit(member(*sys.argv[2:4]))
-    main()
+    if sys.argv[1:2] == [ALONE]:
+        print(json.dumps(minerva(*map(int, sys.argv[2:4]))))
+    else:
+        main()

@@ -1,26 +1,80 @@
 """Minerva Bus: virtual worlds as strings of a small language, run by many processes.
 
-The names a user needs; see README.md.
+The names a user needs; see README.md. Each is imported when it is first asked for, so that the
+command line answers before numpy is there.
 """
 
-from minerva_bus.errors import MinervaError
-from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
-from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import EMPTY, Scene
-from minerva_bus.grammar.symbols import AgentKind, Default, EventType, Primitive, Transformation
-from minerva_bus.grammar.types import Cells, Degrees, Metres, MetresPerSecond, Reals, Seconds
-from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.geometry import Geometry, interpret
-from minerva_bus.world.agent import Agent, on, view
-from minerva_bus.world.evolution import Policy, evolve
-from minerva_bus.world.moment import Frame, Moment
-from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_bus.world.views import visualize
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from minerva_bus.errors import MinervaError
+    from minerva_bus.grammar.batch import Events
+    from minerva_bus.grammar.events import Event
+    from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
+    from minerva_bus.grammar.ids import Ids
+    from minerva_bus.grammar.parser import parse
+    from minerva_bus.grammar.scene import EMPTY, Scene
+    from minerva_bus.grammar.symbols import (
+        AgentKind,
+        Default,
+        EventType,
+        Primitive,
+        Transformation,
+    )
+    from minerva_bus.grammar.types import (
+        Cells,
+        Degrees,
+        Metres,
+        MetresPerSecond,
+        Reals,
+        Seconds,
+    )
+    from minerva_bus.grammar.vocabulary import Vocabulary
+    from minerva_bus.semantics.geometry import Geometry, interpret
+    from minerva_bus.world.agent import Agent, on, view
+    from minerva_bus.world.evolution import Policy, evolve
+    from minerva_bus.world.moment import Frame, Moment
+    from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+    from minerva_bus.world.views import visualize
+
 
 __version__ = "0.2.0"
+
+_HOMES = {
+    "errors": "MinervaError",
+    "grammar.batch": "Events",
+    "grammar.events": "Event",
+    "grammar.forms": "Disc Label Line Motion Raster",
+    "grammar.ids": "Ids",
+    "grammar.parser": "parse",
+    "grammar.scene": "EMPTY Scene",
+    "grammar.symbols": "AgentKind Default EventType Primitive Transformation",
+    "grammar.types": "Cells Degrees Metres MetresPerSecond Reals Seconds",
+    "grammar.vocabulary": "Vocabulary",
+    "semantics.geometry": "Geometry interpret",
+    "world.agent": "Agent on view",
+    "world.evolution": "Policy evolve",
+    "world.moment": "Frame Moment",
+    "world.services": "Device Generator Tick View WorldInfo",
+    "world.views": "visualize",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from where it lives."""
+    from importlib import import_module
+
+    for module, names in _HOMES.items():
+        if name in names.split():
+            found = getattr(import_module(f"minerva_bus.{module}"), name)
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
 
 __all__ = [
     "EMPTY",

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import zenoh
 
-from minerva_bus.bus.inbox import Inbox
+from minerva_bus.bus.inbox import Watch
 from minerva_bus.bus.session import open_client
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
@@ -59,7 +59,7 @@ class Client:
 
     def records(self) -> Iterator[m.FrameRecord]:
         """What happens in each frame from now on, until the world ends."""
-        keys, inbox = Keys(self.world), Inbox()
+        keys, inbox = Keys(self.world), Watch()
         decoder = Decoder(self.vocabulary())
         coordinator = keys.alive(COORDINATOR)
         watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())

@@ -5,16 +5,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import zenoh
 from zenoh.handlers import Callback as Direct
 
 from minerva_bus.bus.control import answer
-from minerva_bus.bus.inbox import KNOCK, HubInbox
+from minerva_bus.bus.inbox import HubInbox, Tick
 from minerva_bus.bus.session import LOOPBACK, open_hub
+from minerva_bus.bus.shortcut import nothing_to
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -29,6 +30,16 @@ NAP = 0.01
 FEW = 3
 REPORTS_WITHIN = 3.0
 HURRIED_REPORTS_WITHIN = 0.5
+_BEGIN = s.Begin()
+
+
+def _presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
+    """What a token's sample says of a member; nothing of the coordinator's own."""
+    member = last_part(str(sample.key_expr))
+    if member == COORDINATOR:
+        return None
+    there = sample.kind == zenoh.SampleKind.PUT
+    return s.Appeared(member) if there else s.Vanished(member)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +85,7 @@ class BusCoordinator:
         rate: float = 0.0,
         listen: str = LOOPBACK,
         patience: Patience = Patience(),
+        shared: bool = False,
     ) -> None:
         self.algorithm = FrameAlgorithm(world)
         self.keys = Keys(world.name)
@@ -81,15 +93,19 @@ class BusCoordinator:
         self._watch = watchers
         self._pace = Pace(rate)
         self._listen = listen
+        self._shared = shared
         self._patience = patience
         self._decoder = Decoder(world.vocabulary)
-        self._groups = {
+        self._keys_to = {
             s.EVERYONE: self.keys.all,
             s.TICKED: self.keys.tick,
             s.HOSTS: self.keys.evolve,
         }
+        self._asked: int = -1
+        self._nothing = b""
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._begin_at: float | None = None
+        self._evolving_since = 0.0
         self._alarm = 0.0
         self._waiting_since: float | None = None
         self._told_at = 0.0
@@ -104,7 +120,7 @@ class BusCoordinator:
 
     def run(self) -> s.Ended:
         """Run the world to its end. Raises BusError where the bus cannot be set up."""
-        session, endpoint = open_hub(COORDINATOR, self._listen)
+        session, endpoint = open_hub(COORDINATOR, self._listen, shared=self._shared)
         with session:
             self._session = session
             declared = self._declare(session)
@@ -116,6 +132,10 @@ class BusCoordinator:
             for one in declared:
                 one.undeclare()
         return self.ended
+
+    def profile(self) -> Mapping[str, Mapping[str, float]]:
+        """What was measured of the frames: nothing, here."""
+        return {}
 
     def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys = self.inbox.handler, self.keys
@@ -129,7 +149,7 @@ class BusCoordinator:
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
             session.declare_queryable(keys.control, handler()),
             liveliness.declare_token(keys.alive(COORDINATOR)),
-            liveliness.declare_subscriber(keys.alive("*"), handler(), history=True),
+            liveliness.declare_subscriber(keys.alive("*"), handler(_presence), history=True),
         ]
 
     def _on_watchers(self, status: zenoh.MatchingStatus) -> None:
@@ -138,59 +158,48 @@ class BusCoordinator:
     # --- one turn of the loop ---
 
     def _step(self) -> None:
-        if self._begin_at is None:
+        due = self._begin_at
+        if due is None:
             self._take(self.inbox.wait())
-        else:
-            self._take_all_until(self._begin_at)
-            self._begin_if_due()
-        now = time.monotonic()
-        if now >= self._status_at + STATUS_EVERY:
-            self._look_at_the_clock(now)
-
-    def _begin_if_due(self) -> None:
+            return
+        self._take_all_until(due)
         if self._begin_at is not None and time.monotonic() >= self._begin_at:
             self._begin_at = None
-            self.tell(s.Begin())
+            self.tell(_BEGIN)
 
     def _take_all_until(self, due: float) -> None:
         """Take what there is; what is still to come may take a nap's time to be heard."""
-        while (sample := self.inbox.ready()) is not None:
-            self._take(sample)
+        while (item := self.inbox.ready()) is not None:
+            self._take(item)
         wait = due - time.monotonic()
         if wait > 0:
             time.sleep(min(wait, NAP))
 
-    def _take(self, sample: zenoh.Sample) -> None:
-        data = sample.payload.to_bytes()
-        if data == KNOCK and last_part(str(sample.key_expr)) == COORDINATOR:
-            item = self.inbox.aside()
-            if item is not None:
-                self._take_aside(item)
-        elif data:
-            self._heard(last_part(str(sample.key_expr)), data)
-
-    def _take_aside(self, item: Any) -> None:
-        if isinstance(item, zenoh.Sample):
-            self._presence(last_part(str(item.key_expr)), item.kind)
+    def _take(self, item: Any) -> None:
+        if isinstance(item, tuple):
+            self._heard(*cast("tuple[str, bytes]", item))
+        elif isinstance(item, Tick):
+            self._look_at_the_clock()
         elif isinstance(item, zenoh.Query):
             with item:
                 answer(item, self)
-        else:
+        elif item is not None:
             self.tell(item)
 
     def _heard(self, member: str, data: bytes) -> None:
+        if data == self._nothing:  # Most answers to a tick: no need to read each.
+            self.tell(m.TickReply(member, self._asked))
+            return
+        if not data:
+            return
         try:
             message = self._decoder.from_member(member, data)
         except (ProtocolError, SceneError) as error:
             self.tell(s.Violation(member, str(error)))
             return
+        if isinstance(message, m.EvolveReply):
+            message = replace(message, took=time.monotonic() - self._evolving_since)
         self.tell(message)
-
-    def _presence(self, member: str, kind: zenoh.SampleKind) -> None:
-        if member == COORDINATOR:
-            return
-        there = kind == zenoh.SampleKind.PUT
-        self.tell(s.Appeared(member) if there else s.Vanished(member))
 
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
@@ -201,20 +210,25 @@ class BusCoordinator:
 
     def _do(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
-            key = self._groups.get(instruction.to) or self.keys.to(instruction.to)
-            self._put(key, instruction.message)
+            data = self._encode(instruction.message)
+            if instruction.to == s.TICKED:
+                self._asked, self._nothing = self.algorithm.frame, nothing_to(data)
+            elif instruction.to == s.HOSTS:
+                self._evolving_since = time.monotonic()
+            self._put(self._key_to(instruction.to), data)
         elif isinstance(instruction, s.FrameDone):
             self._waiting_since = None
             self.last_frame_at = time.monotonic()
             self._watch.frame_done(instruction)
             if self._recorded:
-                self._put(self.keys.record, instruction.record, drop=True)
+                self._put(self.keys.record, self._encode(instruction.record), drop=True)
         elif isinstance(instruction, s.Ready):
             self._begin_at = self._pace.due(time.monotonic())
             if instruction.frame == 0:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
-            self._put(self.keys.view(instruction.event_type), instruction.message, drop=True)
+            key = self.keys.view(instruction.event_type)
+            self._put(key, self._encode(instruction.message), drop=True)
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
@@ -222,7 +236,16 @@ class BusCoordinator:
         else:
             self.ended = instruction
 
-    def _put(self, key: str, message: m.ToMember | m.FrameRecord, *, drop: bool = False) -> None:
+    def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
+        return encode(message)
+
+    def _key_to(self, to: str) -> str:
+        key = self._keys_to.get(to)
+        if key is None:
+            key = self._keys_to[to] = self.keys.to(to)
+        return key
+
+    def _put(self, key: str, data: bytes, *, drop: bool = False) -> None:
         publisher = self._publishers.get(key)
         if publisher is None:
             control = zenoh.CongestionControl
@@ -230,11 +253,14 @@ class BusCoordinator:
                 key, congestion_control=control.DROP if drop else control.BLOCK
             )
             self._publishers[key] = publisher
-        publisher.put(encode(message))
+        publisher.put(data)
 
     # --- the clock ---
 
-    def _look_at_the_clock(self, now: float) -> None:
+    def _look_at_the_clock(self) -> None:
+        now = time.monotonic()
+        if now < self._status_at + STATUS_EVERY / 2:
+            return  # After a long frame the clock has knocked several times.
         waiting = self.algorithm.waiting_for()
         if not waiting:
             self._waiting_since = None

@@ -1,9 +1,8 @@
 """What a process hears, in one place and in the order in which it arrives.
 
 Zenoh's threads hand over, the main thread takes. A hand-over through a Python callback costs a
-turn of the interpreter's lock for each message, which a member with one message a frame can
-afford; the coordinator, which hears everybody, reads its members' messages from a channel that
-fills without the lock.
+turn of the interpreter's lock for each message. So the messages of a frame, which are what counts,
+are read from a channel that fills without the lock; all else is put beside it, and knocks.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -12,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from typing import Any
@@ -20,27 +20,30 @@ import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
 CAPACITY = 4096
+KNOCKS = CAPACITY // 2
 KNOCK = b"\x00"
 
 
-class Inbox:
-    """One queue for all that a member hears."""
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """It is time to look at the clock."""
+
+
+class Watch:
+    """One queue for what a watcher hears: nobody waits for it, so it may take its time."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Any] = SimpleQueue()
-        self.put = self._queue.put
 
     def handler(self) -> Callback[Any]:
         """A handler for a Zenoh declaration that leads here.
 
         Direct, because a bare C put neither blocks nor computes; only the main thread does.
         """
-        return Callback(self.put, indirect=False)
+        return Callback(self._queue.put, indirect=False)
 
-    def get(self, until: float | None = None) -> Any:
+    def get(self, until: float) -> Any:
         """The next item, or None when the monotonic time `until` has come."""
-        if until is None:
-            return self._queue.get()
         wait = until - time.monotonic()
         try:
             return self._queue.get(timeout=wait) if wait > 0 else self._queue.get_nowait()
@@ -48,62 +51,143 @@ class Inbox:
             return None
 
 
+def _as_it_is(item: Any) -> Any:
+    return item
+
+
 def _nobody(sign: bytes) -> None:
     """Nobody is there to be knocked for."""
 
 
-class HubInbox:
-    """What the coordinator hears: members' messages by a channel, all else beside it.
+class Inbox:
+    """What a member hears: one key's messages by a channel, all else beside it.
 
-    Whatever comes from the side knocks by a message on a key of its own, so that the one blocking
-    receive sees everything, and each in its turn: a member's last words before its departure. A
-    clock knocks too, with an empty message.
+    Whatever comes from the side knocks, by a message to itself on the channel's key, so that the
+    one blocking receive sees everything, and each in its turn.
     """
 
-    def __init__(self, every: float) -> None:
+    indirect = False
+
+    def __init__(self) -> None:
         self._side: SimpleQueue[Any] = SimpleQueue()
+        self._knock: Callable[[bytes], None] = _nobody
+
+    def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
+        """Begin to hear a key; the declarations, to be undeclared at the end.
+
+        `knock` is a key to knock on, where the key itself has wildcards.
+        """
+        channel = session.declare_subscriber(key, FifoChannel(CAPACITY))
+        knocking = session.declare_publisher(
+            knock or key,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            allowed_destination=zenoh.Locality.SESSION_LOCAL,
+        )
+
+        def tell(sign: bytes) -> None:
+            try:
+                knocking.put(sign)
+            except zenoh.ZError:
+                return  # The session is closing: nobody waits any more.
+
+        self._channel, self._knock = channel, tell
+        for _ in range(min(self._side.qsize(), KNOCKS)):
+            tell(KNOCK)  # For what has come before.
+        return [channel]
+
+    def close(self) -> None:
+        """Nobody knocks any more."""
+        self._knock = _nobody
+
+    def put(self, item: Any) -> None:
+        """Add an item from the side; from any thread.
+
+        One that lies behind very many others does not knock yet, or the channel would be full and
+        Zenoh's thread would wait.
+        """
+        self._side.put(item)
+        if self._side.qsize() <= KNOCKS:
+            self._knock(KNOCK)
+
+    def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
+        """A handler for a Zenoh declaration that leads here from the side, in order of arrival.
+
+        `read` makes something else of what comes.
+        """
+
+        def put(item: Any) -> None:
+            self.put(read(item))
+
+        return Callback(put, indirect=self.indirect)
+
+    def wait(self) -> Any:
+        """The next item: a message of the channel's as bytes, or one from the side.
+
+        None where somebody knocked in vain.
+        """
+        data = self._channel.recv().payload.to_bytes()
+        return data if data != KNOCK else self._aside()
+
+    def ready(self) -> Any:
+        """The next item if there is one."""
+        sample = self._channel.try_recv()
+        if sample is None:
+            return None
+        data = sample.payload.to_bytes()
+        return data if data != KNOCK else self._aside()
+
+    def _aside(self) -> Any:
+        try:
+            item = self._side.get_nowait()
+        except Empty:
+            return None
+        if self._side.qsize() >= KNOCKS:
+            self._knock(KNOCK)  # For one that has not knocked itself.
+        return item
+
+
+class HubInbox(Inbox):
+    """What the coordinator hears: its members' messages by the channel, each with who sent it.
+
+    A clock knocks too, with an empty message.
+    """
+
+    indirect = True
+
+    def __init__(self, every: float) -> None:
+        super().__init__()
         self._every = every
         self._stop = Event()
-        self._knock: Callable[[bytes], None] = _nobody
         self._clock = Thread(target=self._tick, daemon=True)
 
-    def open(self, session: zenoh.Session, members: str, knock: str) -> list[Any]:
+    def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
         """Begin to hear the members' keys; the declarations, to be undeclared at the end."""
-        self._channel = session.declare_subscriber(members, FifoChannel(CAPACITY))
-        knocking = session.declare_publisher(knock)
-        self._knock = lambda sign: knocking.put(sign)
+        declared = super().open(session, key, knock)
+        self._knocked = knock
+        self._sender = len(knock.rpartition("/")[0]) + 1
         self._clock.start()
-        return [self._channel]
+        return declared
 
     def close(self) -> None:
         """Stop the clock; nobody knocks any more."""
         self._stop.set()
-        self._knock = _nobody
+        super().close()
         self._clock.join()
 
-    def put(self, item: Any) -> None:
-        """Add an item from the side; from any thread."""
-        self._side.put(item)
-        self._knock(KNOCK)
+    def wait(self) -> Any:
+        """The next item: a member's name and its message, one from the side, or a `Tick`."""
+        return self._read(self._channel.recv())
 
-    def handler(self) -> Callback[Any]:
-        """A handler for a Zenoh declaration that leads here from the side."""
-        return Callback(self.put, indirect=True)
+    def ready(self) -> Any:
+        """The next item if there is one."""
+        sample = self._channel.try_recv()
+        return None if sample is None else self._read(sample)
 
-    def wait(self) -> zenoh.Sample:
-        """The next message; KNOCK stands for an item from the side, an empty one for the clock."""
-        return self._channel.recv()
-
-    def ready(self) -> zenoh.Sample | None:
-        """The next message if there is one."""
-        return self._channel.try_recv()
-
-    def aside(self) -> Any:
-        """The next item from the side, or None."""
-        try:
-            return self._side.get_nowait()
-        except Empty:
-            return None
+    def _read(self, sample: zenoh.Sample) -> Any:
+        key, data = str(sample.key_expr), sample.payload.to_bytes()
+        if key != self._knocked:
+            return key[self._sender :], data
+        return self._aside() if data == KNOCK else Tick()
 
     def _tick(self) -> None:
         while not self._stop.wait(self._every):

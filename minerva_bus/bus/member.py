@@ -15,22 +15,25 @@ import zenoh
 
 from minerva_bus.bus.inbox import Inbox
 from minerva_bus.bus.session import open_client
+from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant, Refusal
+from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.protocol.codec import Decoder, encode
-from minerva_bus.protocol.keys import COORDINATOR, Keys, checked_name, last_part
+from minerva_bus.protocol.keys import COORDINATOR, Keys, checked_name
 from minerva_bus.world.services import Device, Generator
 
 GREETING = 10.0
 NAME_FREE = 2.0
 WORLD_SEEN = 1.0
+SHOWN_WITHIN = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Gone:
-    """The coordinator's token is gone."""
+class Ungreeted:
+    """So long nobody has greeted the member that nobody will."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +45,27 @@ class BusMember:
     """A participant with a Zenoh session of its own."""
 
     def __init__(
-        self, participant: Participant, world: str, endpoint: str, tell: Callable[[str], None]
+        self,
+        participant: Participant,
+        world: str,
+        endpoint: str,
+        tell: Callable[[str], None],
+        *,
+        shared: bool = False,
     ) -> None:
         checked_name(participant.name, "a member")
         self.participant = participant
         self.keys = Keys(world)
         self.inbox = Inbox()
         self._endpoint = endpoint
+        self._shared = shared
         self._tell = tell
         self._decoder = Decoder()
+        self._topics = f"{self.keys.base}/topic/"
+        self._alive = self.keys.alive(COORDINATOR)
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._stop = threading.Event()
+        self._shown_at = 0.0
 
     def leave(self) -> None:
         """Leave the world; may be called from a signal handler or another thread."""
@@ -63,7 +76,8 @@ class BusMember:
 
         Raises BusError where the world cannot be reached and Refusal where it refuses.
         """
-        with open_client(self.participant.name, self._endpoint) as session:
+        name = self.participant.name
+        with open_client(name, self._endpoint, shared=self._shared) as session:
             self._find_world(session)
             self._wait_for_name(session)
             declared = self._declare(session)
@@ -71,6 +85,7 @@ class BusMember:
                 return self._take_part()
             finally:
                 self._stop.set()
+                self.inbox.close()
                 if self.participant.service is not None:
                     self.participant.service.close()
                 for one in declared:
@@ -101,111 +116,144 @@ class BusMember:
     def _declare(self, session: zenoh.Session) -> list[Any]:
         """Subscribers first, then publishers, the token last: so that nothing is missed."""
         name, keys, service = self.participant.name, self.keys, self.participant.service
-        listen = [keys.all, keys.to(name), *map(keys.topic, self.participant.topics)]
-        if self.participant.hello().ticks:
-            listen.append(keys.tick)
-        if self.participant.host.kinds:
-            listen.append(keys.evolve)
-        if isinstance(service, Device) and not service.coupled:
-            listen += map(keys.view, service.draws)
-        declared: list[Any] = [session.declare_subscriber(k, self.inbox.handler()) for k in listen]
-        self._publisher(session, keys.sent_by(name))
+        handler = self.inbox.handler
+        first, *others = self._listens()
+        declared = self.inbox.open(session, first)
+        declared += [session.declare_subscriber(key, handler()) for key in others]
+        self._first = first
+        self._answers = self._publisher(session, keys.sent_by(name))
         for topic in service.publishes if service is not None else ():
-            self._publisher(session, keys.topic(topic, name))
-        declared += self._publishers.values()
-        declared.append(
-            session.liveliness().declare_subscriber(
-                keys.alive(COORDINATOR), self.inbox.handler(), history=True
-            )
-        )
-        declared.append(session.liveliness().declare_token(keys.alive(name)))
+            key = keys.topic(topic, name)
+            self._publishers[topic] = self._publisher(session, key)
+        declared += [self._answers, *self._publishers.values()]
+        liveliness = session.liveliness()
+        declared.append(liveliness.declare_subscriber(self._alive, handler(), history=True))
+        declared.append(liveliness.declare_token(keys.alive(name)))
         return list(reversed(declared))
 
-    def _publisher(self, session: zenoh.Session, key: str) -> None:
-        self._publishers[key] = session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.BLOCK
-        )
+    def _listens(self) -> list[str]:
+        """The keys that it listens to, first the one on which most comes and is waited for."""
+        participant, keys, service = self.participant, self.keys, self.participant.service
+        listens = [keys.to(participant.name), keys.all, *map(keys.topic, participant.topics)]
+        if isinstance(service, Device) and not service.coupled:
+            listens += map(keys.view, service.draws)
+        if participant.host.kinds:
+            listens.insert(0, keys.evolve)
+        hello = participant.hello()
+        if hello.ticks and not hello.ahead:
+            listens.insert(0, keys.tick)
+        return listens
+
+    def _publisher(self, session: zenoh.Session, key: str) -> zenoh.Publisher:
+        return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def _take_part(self) -> int:
-        deadline = time.monotonic() + GREETING
-        while True:
-            try:
-                joined = self.participant.world is not None
-                item = self._idle() if joined else self.inbox.get(deadline)
-                if item is None:
-                    raise BusError(
-                        f"the world {self.keys.world!r} does not greet {self.participant.name};"
-                        " is that its name (minerva list)?"
-                    )
+        service = self.participant.service
+        self._greeting = threading.Timer(GREETING, self.inbox.put, (Ungreeted(),))
+        self._greeting.daemon = True
+        self._greeting.start()
+        try:
+            observes = isinstance(service, Device) and not service.coupled
+            while not self.participant.stopped:
+                item = self._shown_first() if observes else self.inbox.wait()
                 if not self._handle(item):
                     return 0
-            except (Refusal, BusError):
-                raise
-            except Exception as error:
-                self._report_failure(error)
-                return 1
-            if self.participant.stopped:
-                return 0
+        except (Refusal, BusError):
+            raise
+        except Exception as error:
+            self._report_failure(error)
+            return 1
+        finally:
+            self._greeting.cancel()
+        return 0
 
-    def _idle(self) -> Any:
-        """Wait for the next item; a view that nothing newer replaces is shown first."""
-        item = self.inbox.get(0.0)
+    def _shown_first(self) -> Any:
+        """The next item for an observer, who shows a view that nothing newer replaces.
+
+        And one now and then also where something newer always comes.
+        """
+        item = self.inbox.ready()
         if item is None:
-            self.participant.show()
-            item = self.inbox.get()
+            self._show()
+            return self.inbox.wait()
+        if time.monotonic() > self._shown_at + SHOWN_WITHIN:
+            self._show()
         return item
+
+    def _show(self) -> None:
+        self.participant.show()
+        self._shown_at = time.monotonic()
 
     def _handle(self, item: Any) -> bool:
         """Deal with one item; False when it is time to go."""
-        if isinstance(item, zenoh.Sample):
-            return self._heard(item)
-        if isinstance(item, Event):
+        if isinstance(item, bytes):
+            self._heard_first(item)
+        elif isinstance(item, zenoh.Sample):
+            return self._heard_aside(item)
+        elif isinstance(item, Event | Events):
             self._send(self.participant.emitted(item))
-            return True
-        if isinstance(item, Exception):
+        elif isinstance(item, Exception):
             raise item
-        self._send(m.Leaving(self.participant.name))
-        return False
+        elif isinstance(item, Leave):
+            self._send(m.Leaving(self.participant.name))
+            return False
+        elif isinstance(item, Ungreeted) and self.participant.world is None:
+            raise BusError(
+                f"the world {self.keys.world!r} does not greet {self.participant.name};"
+                " is that its name (minerva list)?"
+            )
+        return True
 
-    def _heard(self, sample: zenoh.Sample) -> bool:
-        key = str(sample.key_expr)
-        if key == self.keys.alive(COORDINATOR):
-            if sample.kind == zenoh.SampleKind.DELETE:
-                self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
-                return False
-            return True
-        message = self._decode(key, sample.payload.to_bytes())
+    def _heard_first(self, data: bytes) -> None:
+        message = tick(data) if self.participant.world is not None else None
         if message is None:
-            return True
+            self._heard(self._first, data)
+            return
+        for answer in self.participant.receive(message):
+            if says_nothing(answer, message.frame):
+                self._answers.put(nothing_to(data))
+            else:
+                self._send(answer)
+
+    def _heard_aside(self, sample: zenoh.Sample) -> bool:
+        key = str(sample.key_expr)
+        if key != self._alive:
+            self._heard(key, sample.payload.to_bytes())
+        elif sample.kind == zenoh.SampleKind.DELETE:
+            self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
+            return False
+        return True
+
+    def _heard(self, key: str, data: bytes) -> None:
+        message = self._decode(key, data)
+        if message is None:
+            return
         joining = self.participant.world is None
         for answer in self.participant.receive(message):
             self._send(answer)
         if joining and self.participant.world is not None:
+            self._greeting.cancel()
             self._decoder = Decoder(self.participant.world.vocabulary)
             self._run_freely()
-        return True
 
     def _decode(self, key: str, data: bytes) -> m.ToMember | m.Readings | None:
-        parts = key.split("/")
+        topic = key.split("/")[3:] if key.startswith(self._topics) else None
         try:
-            if parts[2] == "topic":
-                return self._decoder.readings(parts[3], parts[4], data)
+            if topic is not None:
+                return self._decoder.readings(topic[0], topic[1], data)
             return self._decoder.to_member(data)
         except (ProtocolError, SceneError) as error:
             if self.participant.world is None:
                 return None  # Before the welcome nothing with symbols in it can be read.
-            if parts[2] != "topic":
+            if topic is None:
                 raise  # Without what the coordinator says there is no taking part.
-            self._tell(f"{self.participant.name}: from {last_part(key)}: {error}; dropped")
+            self._tell(f"{self.participant.name}: from {topic[1]}: {error}; dropped")
             return None
 
     def _send(self, message: m.FromMember | m.Readings) -> None:
-        name = self.participant.name
-        if isinstance(message, m.Readings):
-            key = self.keys.topic(message.topic, name)
-        else:
-            key = self.keys.sent_by(name)
-        self._publishers[key].put(encode(message))
+        readings = isinstance(message, m.Readings)
+        publisher = self._publishers[message.topic] if readings else self._answers
+        publisher.put(encode(message))
 
     def _report_failure(self, error: Exception) -> None:
         frame = self.participant.frame

@@ -8,6 +8,7 @@ Loopback only and no discovery unless an endpoint says otherwise; no router, no 
 from __future__ import annotations
 
 import json
+import os
 import socket
 from typing import Any
 
@@ -17,26 +18,50 @@ from minerva_bus.errors import BusError
 
 LOOPBACK = "tcp/127.0.0.1:0"
 
+# A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
+# those that read (rx): two hand-overs for a message. Where they are the same it is one, and a
+# client, which has one link, needs one of them only. Those that write (tx) stay by themselves, so
+# that a link is kept alive whatever its readers do.
+_HUB_THREADS = "(acc:(handover:rx))"
+_CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,
     "timestamping/enabled": False,
     "adminspace/enabled": True,
-    "transport/shared_memory/enabled": False,
     "transport/link/tx/lease": 3000,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
 }
 
 
-def open_hub(name: str, listen: str = LOOPBACK) -> tuple[zenoh.Session, str]:
+POOL_BYTES = 64 * 1024 * 1024
+_SHARED: dict[str, Any] = {
+    "transport/shared_memory/enabled": True,
+    "transport/shared_memory/mode": "init",
+    "transport/shared_memory/transport_optimization": {
+        "enabled": True,
+        "pool_size": POOL_BYTES,
+        "message_size_threshold": 1024 * 1024,
+    },
+}
+_UNSHARED: dict[str, Any] = {"transport/shared_memory/enabled": False}
+
+
+def open_hub(
+    name: str, listen: str = LOOPBACK, *, shared: bool = False
+) -> tuple[zenoh.Session, str]:
     """The coordinator's session and the endpoint at which members find it.
 
+    `shared`: messages from a megabyte on go through shared memory to those who can do so too.
     Raises BusError where the endpoint cannot be listened to.
     """
     check_endpoint(listen)
     _check_port_free(listen)
-    config = _config("router", name, {"listen/endpoints": [listen], "listen/exit_on_failure": True})
+    os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
+    options = {"listen/endpoints": [listen], "listen/exit_on_failure": True}
+    config = _config("router", name, options, shared)
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
@@ -57,8 +82,13 @@ def _listening_at(session: zenoh.Session, listen: str) -> str:
     raise BusError(f"the session at {listen} does not say where it listens")
 
 
-def open_client(name: str, connect: str, patience: float = 5.0) -> zenoh.Session:
-    """A member's session. Raises BusError with what to check where nobody answers."""
+def open_client(
+    name: str, connect: str, patience: float = 5.0, *, shared: bool = False
+) -> zenoh.Session:
+    """A member's session; `shared` as for the hub.
+
+    Raises BusError with what to check where nobody answers.
+    """
     check_endpoint(connect)
     options: dict[str, Any] = {
         "connect/endpoints": [connect],
@@ -70,8 +100,9 @@ def open_client(name: str, connect: str, patience: float = 5.0) -> zenoh.Session
             "period_increase_factor": 1.5,
         },
     }
+    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
     try:
-        return zenoh.open(_config("client", name, options))
+        return zenoh.open(_config("client", name, options, shared))
     except zenoh.ZError:
         raise BusError(
             f"nobody answers at {connect} within {patience:g} s; is the world running"
@@ -79,9 +110,10 @@ def open_client(name: str, connect: str, patience: float = 5.0) -> zenoh.Session
         ) from None
 
 
-def _config(mode: str, name: str, options: dict[str, Any]) -> zenoh.Config:
+def _config(mode: str, name: str, options: dict[str, Any], shared: bool) -> zenoh.Config:
     config = zenoh.Config()
-    settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **options}
+    memory = _SHARED if shared else _UNSHARED
+    settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config

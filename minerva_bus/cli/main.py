@@ -67,6 +67,12 @@ def run(
     in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option(help="Say only what goes wrong.")] = False,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Show at the end where the time of a frame goes.")
+    ] = False,
+    profile_member: Annotated[
+        str, typer.Option(help="Sample this member's code; a page WORLD-MEMBER.html shows it.")
+    ] = "",
 ) -> None:
     """Run a world. A world's own options, as its [options] say, are options here too.
 
@@ -75,6 +81,7 @@ def run(
     """
     with _uncollected():
         from minerva_bus.cli.running import read_world, run_world
+        from minerva_bus.launch.profiling import Profiling
         from minerva_bus.launch.worldfile import Overrides
 
         overrides = Overrides(
@@ -88,7 +95,14 @@ def run(
             listen=listen,
         )
         file = read_world(world, overrides)
-    run_world(file, BEGAN, in_process=in_process, json_too=json, quiet=quiet)
+    run_world(
+        file,
+        BEGAN,
+        in_process=in_process,
+        json_too=json,
+        quiet=quiet,
+        profiling=Profiling(profile, profile_member),
+    )
 
 
 @contextmanager

@@ -8,9 +8,10 @@ import sys
 
 import typer
 
-from minerva_bus.errors import WorldStopped
+from minerva_bus.errors import MisuseError, WorldStopped
 from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
@@ -30,8 +31,12 @@ def run_world(
     in_process: bool,
     json_too: bool,
     quiet: bool,
+    profiling: Profiling = NOTHING,
 ) -> None:
     """Run a world and print its summary; exits with 1 where it failed and 130 on Ctrl-C."""
+    if in_process and profiling != NOTHING:
+        raise MisuseError("--profile and --profile-member look at the bus: not with --in-process")
+    profiling.check(file)
     console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
     failure = ""
     try:
@@ -39,7 +44,7 @@ def run_world(
             signal.signal(signal.SIGTERM, signal.default_int_handler)
             summary = Alone(file, console, began).run()
         else:
-            supervisor = Supervisor(file, console, began)
+            supervisor = Supervisor(file, console, began, profiling)
             summary = supervisor.run()
             failure = supervisor.failure
     except WorldStopped as stopped:

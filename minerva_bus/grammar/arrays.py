@@ -30,7 +30,9 @@ def fit_array(kind: Type, value: Any) -> Column:
     if kind.kind not in SCALARS:
         raise Unfit(f"a {kind}, which cannot be a column")
     if isinstance(value, Ids):
-        value = np.array(value.texts(), object)
+        if kind.kind != "text":
+            raise Unfit(f"an array of {kind}, not of ids")
+        return Column(value.column)
     array = cast("NDArray[Any]", value)
     letter = array.dtype.kind
     if letter not in _KINDS[kind.kind] or (kind.kind == "real" and letter == "b"):

@@ -76,15 +76,9 @@ class Events:
             self.receivers.take(rows) if self.receivers is not None else None,
         )
 
-    def __getattr__(self, name: str) -> Any:
-        """A datum of all, by name: an array of shape (n,)."""
-        if name in _SLOTS:  # not set yet: events that are being copied or unpickled
-            raise AttributeError(name)
-        try:
-            return self.columns[self.names.index(name)].array
-        except ValueError:
-            known = ", ".join(self.names) or "no data"
-            raise AttributeError(f"{self.type} has no {name}; it has {known}") from None
+    def data(self, name: str) -> NDArray[Any]:
+        """The column of a datum."""
+        return self.columns[self.names.index(name)].array
 
     def rows_to(self, receiver: str) -> list[int]:
         """The rows of the events for one agent."""
@@ -173,7 +167,6 @@ class Events:
         return found
 
 
-_SLOTS = frozenset(Events.__slots__)
 AnyEvent: TypeAlias = Event | Events
 
 

@@ -87,7 +87,9 @@ class Column:
         chunks = None
         if self.chunks is not None:
             chunks = self.chunks.copy()
-            for chunk in np.unique(rows // CHUNK).tolist():
+            touched = np.zeros(len(chunks), np.bool_)
+            touched[rows // CHUNK] = True
+            for chunk in np.flatnonzero(touched).tolist():
                 chunks[chunk] = b""
         column = Column(array, chunks)
         column._base = ref(self), rows
@@ -99,13 +101,13 @@ class Column:
             return None
         return self._base[1]
 
-    def same(self, other: Column) -> bool:
-        """Whether the values are of the same types and print the same."""
-        if self is other or self.array is other.array:
-            return True
-        if self.array.dtype != other.array.dtype or len(self) != len(other):
-            return False
-        return bool((bits(self.array) == bits(other.array)).all())
+    def differs(self, other: Column) -> Rows | None:
+        """The rows in which another column of this length prints otherwise; None: in all."""
+        if self.array is other.array:
+            return np.empty(0, np.intp)
+        if self.array.dtype != other.array.dtype:
+            return None
+        return np.flatnonzero(bits(self.array) != bits(other.array))
 
     @staticmethod
     def concatenated(parts: Sequence[Column]) -> Column:

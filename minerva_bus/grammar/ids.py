@@ -98,6 +98,14 @@ class Ids:
         return [f"{self._stem}{number}" for number in self._data.tolist()]
 
     @cached_property
+    def column(self) -> NDArray[Any]:
+        """The ids as texts in an array, shape (n,): made once for all that show them."""
+        made = np.empty(len(self), object)
+        made[:] = self.texts()
+        made.flags.writeable = False
+        return made
+
+    @cached_property
     def spelled(self) -> NDArray[np.bytes_]:
         """The ids as bytes, shape (n,)."""
         if self._stem is None:

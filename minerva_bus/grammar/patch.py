@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from minerva_bus.grammar.columns import Column, Columns, Rows
 from minerva_bus.grammar.fitting import Unfit
+
+FEW: Final = 0.25
+"""Of a column in which more has changed all travels, which is shorter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,10 +47,12 @@ def _changes(old: Columns, new: Columns) -> Iterator[Change]:
             if one is other:
                 continue
             rows = other.rows_since(one)
-            if rows is not None:
-                yield Change(level, place, rows, other.take(rows))
-            elif not one.same(other):
+            if rows is None:
+                rows = one.differs(other)
+            if rows is None or len(rows) > FEW * len(other):
                 yield Change(level, place, None, other)
+            elif len(rows):
+                yield Change(level, place, rows, other.take(rows))
 
 
 def patched(old: Columns, patch: Patch) -> Columns:

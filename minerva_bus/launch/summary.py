@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -23,6 +23,9 @@ class Summary:
     seed: int
     startup: Mapping[str, float]
     figures: Mapping[str, Any]
+    profile: Mapping[str, Mapping[str, float]] = field(
+        default_factory=dict[str, Mapping[str, float]]
+    )
 
     @property
     def frames_per_second(self) -> float:
@@ -31,7 +34,7 @@ class Summary:
 
     def plain(self) -> dict[str, Any]:
         """As one JSON object; a member's figure never takes the place of one of these."""
-        own = {
+        own: dict[str, Any] = {
             "world": self.world,
             "frames": self.frames,
             "digest": self.digest,
@@ -44,6 +47,8 @@ class Summary:
             "seed": self.seed,
             "ended": self.ended,
         }
+        if self.profile:
+            own["profile"] = {name: dict(row) for name, row in self.profile.items()}
         figures = {name: _plain(value) for name, value in self.figures.items()}
         return own | {name: value for name, value in figures.items() if name not in own}
 
@@ -62,7 +67,22 @@ class Summary:
         for name, value in self.figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)
             shown.append(f"  {name.replace('_', ' ')}: {text}")
-        return [*shown, f"  digest {self.digest}  (seed {self.seed})"]
+        digest = f"  digest {self.digest}  (seed {self.seed})"
+        return [*shown, digest, *_profile_shown(self.profile)]
+
+
+def _profile_shown(profile: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A profile as a table."""
+    if not profile:
+        return []
+    width = max(map(len, profile))
+    titles = f"  {'µs or bytes a frame':{width}} {'mean':>11} {'p50':>11} {'p99':>11} {'frames':>9}"
+    rows = [
+        f"  {name:{width}} {row['mean']:11,.1f} {row['p50']:11,.1f} {row['p99']:11,.1f}"
+        f" {row['frames']:9,.0f}"
+        for name, row in profile.items()
+    ]
+    return [titles, *rows]
 
 
 def _plain(value: Any) -> Any:

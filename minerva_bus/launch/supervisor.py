@@ -13,9 +13,13 @@ from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator, Patience, Status, Watchers
 from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.profile import ProfiledCoordinator
+from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.launch.console import Console, live_line
+from minerva_bus.launch.memory import has_room, sweep
+from minerva_bus.launch.profiling import NOTHING, Profiling, profile_of, sampled
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.reports import Lines, Reports, parsed
 from minerva_bus.launch.starters import Child, command, fork
@@ -25,6 +29,7 @@ from minerva_bus.protocol.keys import COORDINATOR
 
 GRACE = 1.0
 LAST_WORDS = 0.4
+LAST_PAGE = 5.0
 CALM = 30.0
 
 
@@ -45,8 +50,16 @@ class Watched:
 class Supervisor:
     """Runs one world in processes, from the first to the last."""
 
-    def __init__(self, file: WorldFile, console: Console, began: float) -> None:
+    def __init__(
+        self,
+        file: WorldFile,
+        console: Console,
+        began: float,
+        profiling: Profiling = NOTHING,
+    ) -> None:
         self._file = file
+        self._profiling = profiling
+        self._last_words = LAST_PAGE if profiling.member else LAST_WORDS
         self._console = console
         self._began = began
         self._selector = selectors.DefaultSelector()
@@ -60,17 +73,20 @@ class Supervisor:
         self._endpoint = ""
         self._ended: dict[str, Any] | None = None
         self._failure = ""
-        self._last_words = ""
+        self._last_line = ""
         self._interrupts = 0
         self._stopping = False
         self._first_frame = 0.0
         self._startup: dict[str, float] = {}
         self._deadline: float | None = None
         self._claim: Claim | None = None
+        self._shared = False
 
     def run(self) -> Summary:
         """Run the world to its end. Raises BusError, and WorldStopped where it had to stop."""
         self._claim = Claim(self._file.world.name)
+        if self._file.bus.shared_memory:
+            self._prepare_memory()
         self._lap("imports and checks")
         handlers = self._catch_signals()
         try:
@@ -83,10 +99,23 @@ class Supervisor:
                 signal.signal(number, handler)
             signal.set_wakeup_fd(-1)
             self._console.end()
+            if self._shared:
+                sweep()
             self._claim.release()
         return self._summary()
 
     # --- starting ---
+
+    def _prepare_memory(self) -> None:
+        """Use shared memory where every process can have its pool: more would end by a signal."""
+        sweep()
+        needed = POOL_BYTES * (1 + len(self._watched))
+        self._shared = has_room(needed)
+        if not self._shared:
+            self._console.note(
+                f"{self._file.world.name}: no room for {needed >> 20} MB of shared memory; large"
+                " messages go through sockets"
+            )
 
     def _start_coordinator(self) -> None:
         down_read, down_write = os.pipe()
@@ -94,7 +123,9 @@ class Supervisor:
         file = self._file
         self._coordinator = fork(
             COORDINATOR,
-            lambda: _coordinate(file, Reports(up_write), down_read),
+            lambda: _coordinate(
+                file, Reports(up_write), down_read, self._profiling.frames, self._shared
+            ),
             (down_read, up_write),
             self._lifeline[0],
         )
@@ -117,8 +148,12 @@ class Supervisor:
                 process.name, process.command, environment, process.folder, self._lifeline[0]
             )
         else:
+            sample = process.name == self._profiling.member
             child = fork(
-                process.name, lambda: _take_part(process, world, endpoint), (), self._lifeline[0]
+                process.name,
+                lambda: _take_part(process, world, endpoint, sample, self._shared),
+                (),
+                self._lifeline[0],
             )
         watched.child, watched.started, watched.restart_at = child, time.monotonic(), None
         watched.lines = Lines()
@@ -216,7 +251,7 @@ class Supervisor:
 
     def _on_ended(self, **ended: Any) -> None:
         self._ended = ended
-        self._deadline = time.monotonic() + LAST_WORDS
+        self._deadline = time.monotonic() + self._last_words
 
     # --- processes that end ---
 
@@ -235,8 +270,8 @@ class Supervisor:
             self._coordinator = None
             self._on_reports_left()
             if self._ended is None and not self._failure:
-                self._failure = self._last_words or f"the coordinator {_how(code)}"
-            self._deadline = min(self._deadline or 1e18, time.monotonic() + LAST_WORDS)
+                self._failure = self._last_line or f"the coordinator {_how(code)}"
+            self._deadline = min(self._deadline or 1e18, time.monotonic() + self._last_words)
             return
         for watched in self._watched.values():
             if watched.child is not None and watched.child.pid == pid:
@@ -361,7 +396,7 @@ class Supervisor:
         ]
         data = self._read(found[0].fd)
         for line in self._coordinator_output.feed(data or b""):
-            self._last_words = line
+            self._last_line = line
             self._console.log(COORDINATOR, line)
 
     # --- the end ---
@@ -383,6 +418,7 @@ class Supervisor:
             seed=self._file.world.seed,
             startup=self._startup,
             figures=ended["figures"],
+            profile=ended["profile"],
         )
         if ended["failed"] and not self._failure:
             self._failure = reason
@@ -424,14 +460,17 @@ def _how(code: int) -> str:
 # --- what runs in the children ---
 
 
-def _take_part(process: Process, world: str, endpoint: str) -> int:
+def _take_part(process: Process, world: str, endpoint: str, sample: bool, shared: bool) -> int:
     def tell(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    return BusMember(process.participant(), world, endpoint, tell).run()
+    member = BusMember(process.participant(), world, endpoint, tell, shared=shared)
+    return sampled(member.run, profile_of(world, process.name)) if sample else member.run()
 
 
-def _coordinate(file: WorldFile, reports: Reports, commands: int) -> int:
+def _coordinate(
+    file: WorldFile, reports: Reports, commands: int, profile: bool, shared: bool
+) -> int:
     import threading
 
     first: list[float] = []
@@ -455,12 +494,13 @@ def _coordinate(file: WorldFile, reports: Reports, commands: int) -> int:
         frame_done=frame_done,
         stopping=lambda: reports.tell("stopping"),
     )
-    coordinator = BusCoordinator(
+    coordinator = (ProfiledCoordinator if profile else BusCoordinator)(
         file.world,
         watchers,
         rate=file.rate,
         listen=file.bus.listen,
         patience=Patience(file.bus.soft, file.bus.hard),
+        shared=shared,
     )
     threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
     ended = coordinator.run()
@@ -476,6 +516,7 @@ def _coordinate(file: WorldFile, reports: Reports, commands: int) -> int:
         seconds=coordinator.last_frame_at - began if first else 0.0,
         members=coordinator.most_members,
         figures=dict(ended.figures),
+        profile=coordinator.profile(),
     )
     return 0
 

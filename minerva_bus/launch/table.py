@@ -40,6 +40,10 @@ class Table:
             self.wrong(key, f"must be a number from {least:g}")
         return float(value)
 
+    def truth(self, key: str, default: bool) -> bool:
+        """True or false."""
+        return self._get(key, bool, default, "true or false")
+
     def texts(self, key: str) -> tuple[str, ...]:
         """A list of texts, or one text alone."""
         value = self._get(key, (list, str), [], "a list of texts")

@@ -61,11 +61,15 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class BusSettings:
-    """Where the coordinator listens and how long a frame waits for a member, seconds."""
+    """Where the coordinator listens and how long a frame waits for a member, seconds.
+
+    `shared_memory`: large messages between processes of the world file do not go through sockets.
+    """
 
     listen: str = "tcp/127.0.0.1:0"
     soft: float = 1.0
     hard: float = 30.0
+    shared_memory: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,6 +286,7 @@ class _Loader:
             self.overrides.listen or table.text("listen", plain.listen),
             table.number("soft", plain.soft, 0.05),
             table.number("hard", plain.hard, 0.1),
+            table.truth("shared_memory", plain.shared_memory),
         )
         check_endpoint(bus.listen)
         if bus.soft > bus.hard:

@@ -65,7 +65,8 @@ class Crowd:
                 continue
             for event, rows in self._rounds(group):
                 if population is not None:
-                    self._as_population(population, event, event, rows)
+                    given = Received(event) if isinstance(event, Events) else event
+                    self._as_population(population, given, event, rows)
                 elif activity is not None:
                     self._one_by_one(activity, event, rows)
 

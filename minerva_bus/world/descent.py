@@ -50,7 +50,7 @@ def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
         row = int(np.flatnonzero(~np.isfinite(array))[0])
         who = part.ids[row] if part.ids is not None else ""
         raise MisuseError(f"{part.symbol}#{who}: {name} must be a finite number")
-    if count < _FEW * len(array) and old.chunks is not None:
+    if count < _FEW * len(array):
         rows = np.flatnonzero(differs)
         return old.put(rows, array[rows])
     return Column(array)

@@ -106,6 +106,4 @@ class Passing(Moment):
             super().emit(event)
             return
         names, values, to = event.names, event.values, event.receivers
-        self.emitted.append(
-            Event(event.type, names, values, event.condition, self.agent.id, to)
-        )
+        self.emitted.append(Event(event.type, names, values, event.condition, self.agent.id, to))

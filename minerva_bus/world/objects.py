@@ -51,8 +51,9 @@ class Objects:
                 self._made = {}
             return self._all
         if self._all is not None:
-            return [self._all[row] for row in rows.tolist()]
-        wanted: list[int] = rows.tolist()
+            listed = cast("list[int]", rows.tolist())
+            return [self._all[row] for row in listed]
+        wanted = cast("list[int]", rows.tolist())
         missing = [row for row in wanted if row not in self._made]
         self._made.update(zip(missing, self._some(missing), strict=True))
         return [self._made[row] for row in wanted]

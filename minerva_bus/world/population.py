@@ -64,7 +64,7 @@ class Herd:
         array = self.arrays.get(name)
         return self.part.column(name) if array is None else array
 
-    def write(self, name: str, rows: Rows | None, values: Sequence[Any]) -> None:
+    def write(self, name: str, rows: Rows | None, values: Sequence[Any] | NDArray[Any]) -> None:
         """Other values of an attribute in some rows, or in all."""
         if rows is None and len(values) == self.part.count:
             old = self.part.column(name)
@@ -199,7 +199,7 @@ class Population:
                 f"a mask has {len(self)} truths, one for each of these agents, not"
                 f" {mask.dtype} {mask.shape}"
             )
-        return np.flatnonzero(mask) if self._rows is None else cast("Rows", self._rows)[mask]
+        return np.flatnonzero(mask) if self._rows is None else self._rows[mask]
 
 
 class Moments:
@@ -258,7 +258,7 @@ class Moments:
         else:
             many = event
             if many.count == len(people) != len(rows):
-                many = many.take(rows if people._rows is None else np.flatnonzero(where))
+                many = many.take(np.flatnonzero(where))
             if many.count != len(rows):
                 raise MisuseError(f"{many.count} events from {len(rows)} agents; one from each")
             sent = replace(many, senders=senders)
@@ -267,22 +267,38 @@ class Moments:
 
 
 class Received:
-    """All events of one type of a frame: `row` says for which of the agents each of them is.
+    """Events as a method for populations gets them: their data by name, arrays of shape (n,)."""
 
-    Of `events` only the `chosen` ones count, or all of them.
-    """
+    __slots__ = ("_chosen", "_events", "_row")
 
-    __slots__ = ("_chosen", "_events", "row")
-
-    def __init__(self, events: Events, row: Rows, chosen: Rows | None = None) -> None:
+    def __init__(self, events: Events, row: Rows | None = None, chosen: Rows | None = None) -> None:
         self._events = events
         self._chosen = chosen
-        self.row = row
+        self._row = row
+
+    @property
+    def row(self) -> Rows:
+        """For each event, which of the agents it is for."""
+        return np.arange(self._events.count) if self._row is None else self._row
+
+    @property
+    def sender(self) -> Ids | None:
+        """Who sent them; None where nobody did."""
+        return self._mine().senders
 
     def __len__(self) -> int:
-        return len(self.row)
+        return self._events.count if self._chosen is None else len(self._chosen)
 
     def __getattr__(self, name: str) -> Any:
+        if name in self.__slots__:  # not set yet: one that is being copied or unpickled
+            raise AttributeError(name)
+        events = self._mine()
+        if name not in events.names:
+            known = ", ".join(events.names) or "no data"
+            raise AttributeError(f"{events.type} has no {name}; it has {known}")
+        return events.data(name)
+
+    def _mine(self) -> Events:
         if self._chosen is not None:  # not before somebody asks: most ask for little of it
             self._events, self._chosen = self._events.take(self._chosen), None
-        return getattr(self._events, name)
+        return self._events

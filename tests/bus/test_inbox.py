@@ -7,6 +7,7 @@ import zenoh
 from minerva_bus.bus import inbox as inboxes
 from minerva_bus.bus.inbox import HubInbox, Inbox, Tick
 from minerva_bus.bus.session import open_client, open_hub
+from tests.bus.running import eventually
 
 
 def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():
@@ -16,7 +17,7 @@ def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():
         inbox.open(session, "much")
         kept = session.declare_subscriber("little", inbox.handler())
         token = session.liveliness().declare_token("alive/member")
-        list(hub.liveliness().get("alive/member"))
+        eventually(lambda: list(hub.liveliness().get("alive/member")), "the member is there")
         block = zenoh.CongestionControl.BLOCK
         for number in range(300):
             hub.put("little" if number % 3 else "much", b"%d" % number, congestion_control=block)

@@ -187,8 +187,10 @@ def test_a_port_in_use(folder):
 
 
 def test_versions_and_help(folder):
+    from minerva_bus.frame.roster import PROTOCOL_VERSION
+
     found = json.loads(minerva(folder, "version", "--json").stdout)
-    assert found["protocol"] == 1
+    assert found["protocol"] == PROTOCOL_VERSION
     shown = minerva(folder, "--help")
     for command in ("run", "check", "attach", "list", "echo", "pub", "version"):
         assert f" {command} " in shown.stdout

@@ -47,16 +47,14 @@ def test_a_slightly_different_start_makes_little_difference(down, across, turn):
     """The search goes through the same rooms whatever the last centimetres of the start are."""
     run = simulator({}, start=(down, across, turn)).go(600)
     assert run.reached
-    assert run.frames < 450
+    assert run.frames < 550
     assert run.metres < 35
     assert run.least_gap > RADIUS
 
 
-@pytest.mark.parametrize(
-    ("objective", "frames"), [("office", 600), ("store", 800), ("meeting", 600)]
-)
-def test_astar_finds_other_rooms(objective, frames):
-    run = simulator({}, objective).go(frames)
+@pytest.mark.parametrize("objective", ["office", "store", "meeting"])
+def test_astar_finds_other_rooms(objective):
+    run = simulator({}, objective).go(600)
     assert run.reached
     assert run.least_gap > RADIUS
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,6 +26,7 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.symbols import Default
 from minerva_services.neighbours import Neighbours
@@ -32,7 +34,8 @@ from minerva_services.neighbours.spots import Names, Reader
 
 PSpot = Primitive("PSpot", who=str, vx=float)
 PCell = Primitive("PCell", who=str, x=int, y=int, colour=int, age=float)
-PBare = Primitive("PBare")
+PTree = Primitive("PTree", ages=tuple[float, ...])
+PNumbered = Primitive("PNumbered", who=int)
 TMove = Transformation("TMove", x=float, y=float)
 TTurn = Transformation("TTurn", angle=float)
 eWhere = EventType("eWhere", visual=True)
@@ -48,14 +51,15 @@ eFlock = EventType(
     apart_x=float,
     apart_y=float,
 )
+eSums = EventType("eSums", number=int, dx=float, vx=float, apart_x=float, apart_y=float)
 eLike = EventType("eLike", number=int, same=int, age=float)
 eOdd = EventType("eOdd", dx=int)
 eTextual = EventType("eTextual", vx=str)
 eTaste = EventType("eTaste", taste=float)
 eSmell = EventType("eSmell", number=int, smell=Default(float, 0.5))
 VOCABULARY = Vocabulary.of(
-    *(PSpot, PCell, PBare, TMove, TTurn, eWhere),
-    *(eNear, eClose, eFlock, eLike, eOdd, eTextual, eTaste, eSmell),
+    *(PSpot, PCell, PNumbered, PTree, TMove, TTurn, eWhere),
+    *(eNear, eClose, eFlock, eSums, eLike, eOdd, eTextual, eTaste, eSmell),
 )
 INFO = WorldInfo("test", VOCABULARY, seed=0, dt=0.1)
 Point = tuple[float, float, float]
@@ -147,15 +151,22 @@ def test_the_nearest_come_first_and_are_so_many(
     assert [(e.receivers[0], e.who) for e in events] == expected
 
 
-def test_a_thousand_points_are_cut_into_pieces_that_nobody_notices(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_points_in_a_clump_are_all_found() -> None:
     chance = np.random.default_rng(1)
     some = [tuple(row) for row in chance.integers(0, 64, (300, 3)) / 8]
-    whole = told(plane(1.5, True), spots(some))
-    monkeypatch.setattr("minerva_services.neighbours.plane._AT_ONCE", 100)
-    assert told(plane(1.5, True), spots(some)) == whole
-    assert len(whole) == len(brute_force(some, 1.5, True)) > 1000
+    assert len(told(plane(1.5, True), spots(some))) == len(brute_force(some, 1.5, True)) > 1000
+
+
+def test_a_place_a_hair_before_the_edge_of_a_torus_is_near_the_other_edge() -> None:
+    events = told(plane(1.5, True), spots([(-1e-18, 0, 1), (0.5, 0, 2)]))
+    assert len(events) == 2
+
+
+def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy.spatial", None)
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[neighbours\]'"):
+        Neighbours(radius=1.0)
+    Neighbours(radius=1, grid=True, width=8, height=8)
 
 
 def test_only_what_the_event_type_declares_is_told() -> None:
@@ -209,7 +220,7 @@ def test_what_an_agent_is_told_does_not_depend_on_the_order_of_agents(
     order = list(range(len(some)))
     random.shuffle(order)
     mixed = spots([some[row] for row in order], [f"a{row}" for row in order])
-    for options in ({}, {"event": "eFlock", "summary": True}, {"nearest": 3}):
+    for options in ({}, {"event": "eSums", "summary": True}, {"nearest": 3}):
         plain = told(joined(radius=1.5, **options), spots(some))
         again = told(joined(radius=1.5, **options), mixed)
         key = lambda event: (event.receivers, str(event))  # noqa: E731
@@ -301,6 +312,7 @@ def test_who_is_in_no_cell_is_named(x: int, y: int) -> None:
         ({"every": 0}, "every is 0"),
         ({"radius": 0.0}, r"radius is 0\.0"),
         ({"nearest": -1}, "nearest is -1"),
+        ({"nearest": 2, "summary": True}, "nearest is for one event for each neighbour"),
         ({"hood": "more"}, "hood is 'more'; expected moore or von neumann"),
         ({"periodic": True, "width": 2.0, "height": 9.0}, r"expected numbers above 2\.0"),
         ({"periodic": True}, r"width and height of a periodic plane are 0\.0 and 0\.0"),
@@ -320,9 +332,9 @@ def test_options_that_cannot_be_are_refused(options: dict[str, Any], problem: st
     ("view", "problem"),
     [
         (PSpot("a", 1.0), "an agent in a view, PSpot, has no number x"),
-        (TMove(1.0, 2.0)(PBare()), "TMove around PBare, has no text who"),
+        (TMove(1.0, 2.0)(PNumbered(3)), "TMove around PNumbered, has no text who"),
         (TMove(1.0, 2.0)(TMove(1.0, 2.0)(PSpot("a", 1.0))), "TMove around PSpot, has x twice"),
-        (TMove(1.0, 2.0)(PSpot("a", 1.0) + PSpot("b", 1.0)), "TMove in a view does not stand"),
+        (TMove(1.0, 2.0)(PSpot("a", 1.0) + PSpot("b", 1.0)), "PSpot is not alone where it stands"),
     ],
 )
 def test_a_view_that_says_nothing_of_an_agent_is_refused(view: Scene, problem: str) -> None:
@@ -336,6 +348,13 @@ def test_what_nobody_shows_is_named_unless_it_has_a_default() -> None:
         told(joined(event="eTaste", radius=5.0), view)
     events = told(joined(event="eSmell", summary=True, radius=5.0), view)
     assert [(event.number, event.smell) for event in events] == [(1, 0.5), (1, 0.5)]
+
+
+def test_scenery_is_overlooked() -> None:
+    trees = PTree([1.0]) + TMove(0.5, 0.5)(PTree([1.0]) + PTree([2.0]))
+    assert told(joined(radius=5.0), trees) == []
+    plain = told(joined(radius=5.0), spots([(0, 0, 1), (3, 4, 2)]))
+    assert told(joined(radius=5.0), trees + spots([(0, 0, 1), (3, 4, 2)]) + trees) == plain
 
 
 def test_turned_spots_keep_their_place() -> None:

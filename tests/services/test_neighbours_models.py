@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -14,8 +15,10 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.worldfile import Overrides, read_world_file
 from minerva_bus.world.order import Order
 
+ROOT = Path(__file__).resolve().parents[2]
 MODELS = pytest.mark.parametrize("model", [flock, schelling], ids=lambda model: model.NAME)
 
 
@@ -102,3 +105,22 @@ def test_a_step_of_boids_is_that_of_reynolds_rules_by_brute_force() -> None:
     np.testing.assert_allclose(after.column("vx"), expected[:, 0], atol=1e-12)
     np.testing.assert_allclose(after.column("vy"), expected[:, 1], atol=1e-12)
     np.testing.assert_allclose(after.column("x"), place[:, 0] + expected[:, 0], atol=1e-12)
+
+
+def test_the_flock_of_the_examples_is_the_same_in_any_number_of_processes() -> None:
+    digests = set()
+    for processes in (1, 3):
+        settings = (f"birds.processes={processes}",)
+        overrides = Overrides(frames=30, options={"birds": "90"}, settings=settings)
+        file = read_world_file(ROOT / "examples" / "flock" / "flock.toml", overrides)
+        members = [process.participant() for process in file.processes]
+        assert len(members) == processes + 2
+        algorithm = FrameAlgorithm(file.world)
+        runner = InProcess(algorithm, members, lambda _: None)
+        runner.start()
+        while runner.ended is None:
+            runner.tell(s.Begin())
+        assert not algorithm.failed, runner.ended.reason
+        assert algorithm.frame == 30
+        digests.add(algorithm.scene.digest)
+    assert len(digests) == 1

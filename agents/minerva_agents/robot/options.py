@@ -77,7 +77,8 @@ class Options:
         component = free_component(self.floor, self.radius, (x, y))
         chosen = [(x, y)]
         least = _APART * self.radius
-        cells = [(int(row), int(column)) for row, column in zip(*component.nonzero(), strict=True)]
+        others = component.nonzero() if self.robots > 1 else ()
+        cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
         free = [self.floor.centre_of(cell) for cell in cells]
         for place in sorted(free, key=lambda one: (math.dist(one, (x, y)), one)):
             if len(chosen) == self.robots:

@@ -120,13 +120,20 @@ def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
     begins = free & ~np.pad(free, ((0, 0), (1, 0)))[:, :-1]
     runs = np.where(free, np.cumsum(begins).reshape(free.shape), 0)
     touching = free[:-1] & free[1:]
-    pairs = np.unique(np.stack((runs[:-1][touching], runs[1:][touching]), axis=1), axis=0)
-    roots = list(range(int(runs.max(initial=0)) + 1))
-    for one, other in pairs.tolist():
+    most = int(runs.max(initial=0)) + 1
+    pairs = np.sort(runs[:-1][touching] * most + runs[1:][touching])
+    roots = list(range(most))
+    for one, other in (divmod(pair, most) for pair in pairs[_firsts(pairs)].tolist()):
         first, second = sorted((_root(roots, one), _root(roots, other)))
         roots[second] = first
-    merged = np.array([_root(roots, run) for run in range(len(roots))])
-    return np.unique(merged, return_inverse=True)[1][runs]
+    merged = np.array([_root(roots, run) for run in range(most)])
+    numbers = np.cumsum(np.bincount(merged, minlength=most) > 0) - 1
+    return numbers[merged][runs]
+
+
+def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which items of an ordered array differ from those before them."""
+    return np.concatenate((np.ones(min(1, ordered.size), np.bool_), ordered[1:] != ordered[:-1]))
 
 
 def _root(roots: list[int], run: int) -> int:

@@ -1,0 +1,276 @@
+"""Microseconds from an event to the view that shows it, on a world at rest, beside bare Zenoh.
+
+    python -m benchmarks.latency [--events 500] [--turns 3] [--json]
+
+A free-running generator emits one event; a device, which nothing else shows anything, notes when
+the view is there. `view`: the event is a visual one, so the view is of the same frame: generator,
+coordinator, host, coordinator, device. `change`: the event changes an agent, which asks to be
+shown; the view is of the next frame, and the host is asked twice. `zenoh`: a message of 100 bytes
+through a hub in Python, generator to hub to device, and nothing else. Each has processes of its
+own; the machine's one monotonic clock is read at both ends.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import statistics
+import struct
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import zenoh
+from zenoh.handlers import FifoChannel
+
+from minerva_bus import (
+    Agent,
+    Device,
+    EventType,
+    Generator,
+    Moment,
+    Primitive,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.session import open_client, open_hub
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+
+WARM_UP = 50
+PAUSE = 0.002
+STAMP = struct.Struct("<d")
+PTouched = Primitive("PTouched", times=int)
+eTouch = EventType("eTouch")  # noqa: N816
+eShow = EventType("eShow", visual=True)  # noqa: N816
+
+
+class Touched(Agent, symbol="ATouched"):
+    """An agent that counts, and asks to be shown."""
+
+    times: int = 0
+
+    @on("eTouch")
+    def touch(self, event: eTouch, moment: Moment) -> None:
+        self.times += 1
+        moment.emit(eShow())
+
+    @view("eShow")
+    def shown(self, event: eShow) -> PTouched:
+        return PTouched(self.times)
+
+
+class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
+    """Emits when it is told to through a pipe, and says when it did."""
+
+    def __init__(self, event: EventType, told: int, stamps: int) -> None:
+        self.event, self.told, self.stamps = event, told, stamps
+
+    def run(self, emit, stop) -> None:
+        while os.read(self.told, 1):
+            os.write(self.stamps, STAMP.pack(time.monotonic()))
+            emit(self.event())
+
+
+class Eye(Device, draws=("eShow",)):
+    """Says through a pipe when it has seen a view."""
+
+    def __init__(self, stamps: int) -> None:
+        self.stamps = stamps
+
+    def show(self, view: View) -> None:
+        os.write(self.stamps, STAMP.pack(time.monotonic()))
+
+
+VOCABULARY = Vocabulary.of(PTouched, eTouch, eShow, Touched)
+
+
+def forked(body: Callable[[], object]) -> int:
+    """Run a body in a process of its own."""
+    child = os.fork()
+    if child:
+        return child
+    gc.freeze()
+    code = 1
+    try:
+        body()
+        code = 0
+    finally:
+        os._exit(code)
+
+
+class Pipes:
+    """Who tells whom: the driver the finger; finger and eye the driver; the hub the others."""
+
+    def __init__(self, others: int) -> None:
+        self.told, self.tell = os.pipe()
+        self.emitted, self.emits = os.pipe()
+        self.seen, self.sees = os.pipe()
+        self.endpoints = [os.pipe() for _ in range(others)]
+        self.ready, self.is_ready = os.pipe()
+
+    def listening(self, endpoint: str) -> None:
+        for _, write in self.endpoints:
+            os.write(write, endpoint.encode())
+
+    def endpoint(self, number: int) -> str:
+        return os.read(self.endpoints[number][0], 1000).decode()
+
+    def drive(self, events: int) -> list[float]:
+        """One event after another; µs from each to its view."""
+        os.read(self.ready, 1)
+        found: list[float] = []
+        for _ in range(WARM_UP + events):
+            time.sleep(PAUSE)
+            os.write(self.tell, b"x")
+            (began,) = STAMP.unpack(os.read(self.emitted, STAMP.size))
+            (ended,) = STAMP.unpack(os.read(self.seen, STAMP.size))
+            found.append(1e6 * (ended - began))
+        return found[WARM_UP:]
+
+
+def minerva(event: EventType, events: int) -> list[float]:
+    """Our own: a world of one agent, a finger and an eye."""
+    pipes = Pipes(3)
+    members = [
+        Participant("finger", Finger(event, pipes.told, pipes.emits)),
+        Participant("host", None, [Touched]),
+        Participant("eye", Eye(pipes.sees)),
+    ]
+    children = [
+        forked(lambda n=n, one=one: BusMember(one, "latency", pipes.endpoint(n), print).run())
+        for n, one in enumerate(members)
+    ]
+    children.append(forked(lambda: coordinate(pipes, [one.name for one in members])))
+    return driven(pipes, children, events)
+
+
+def coordinate(pipes: Pipes, names: list[str]) -> None:
+    world = World("latency", VOCABULARY.read("ATouched#a"), VOCABULARY, expected=frozenset(names))
+    begun: list[bool] = []
+
+    def frame_done(_: s.FrameDone) -> None:
+        if not begun:
+            begun.append(True)
+            os.write(pipes.is_ready, b"x")
+
+    watchers = Watchers(
+        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        status=lambda _: None,
+        listening=pipes.listening,
+        stalled=lambda name, _: None,
+        frame_done=frame_done,
+    )
+    BusCoordinator(world, watchers).run()
+
+
+def bare(events: int) -> list[float]:
+    """Two hops of Zenoh."""
+    pipes = Pipes(2)
+    children = [
+        forked(lambda: finger(pipes)),
+        forked(lambda: eye(pipes)),
+        forked(lambda: hub(pipes)),
+    ]
+    return driven(pipes, children, events)
+
+
+def finger(pipes: Pipes) -> None:
+    with open_client("finger", pipes.endpoint(0)) as session:
+        publisher = session.declare_publisher("a", congestion_control=zenoh.CongestionControl.BLOCK)
+        token = session.liveliness().declare_token("alive/finger")
+        while os.read(pipes.told, 1):
+            os.write(pipes.emits, STAMP.pack(time.monotonic()))
+            publisher.put(b"x" * 100)
+        token.undeclare()
+
+
+def eye(pipes: Pipes) -> None:
+    with open_client("eye", pipes.endpoint(1)) as session:
+        heard = session.declare_subscriber("b", FifoChannel(16))
+        token = session.liveliness().declare_token("alive/eye")
+        while heard.recv().payload.to_bytes():
+            os.write(pipes.sees, STAMP.pack(time.monotonic()))
+        token.undeclare()
+
+
+def hub(pipes: Pipes) -> None:
+    session, endpoint = open_hub("hub")
+    with session:
+        heard = session.declare_subscriber("a", FifoChannel(16))
+        publisher = session.declare_publisher("b", congestion_control=zenoh.CongestionControl.BLOCK)
+        alive = session.liveliness().declare_subscriber("alive/*", FifoChannel(16), history=True)
+        pipes.listening(endpoint)
+        alive.recv(), alive.recv()
+        os.write(pipes.is_ready, b"x")
+        while True:
+            publisher.put(heard.recv().payload.to_bytes())
+
+
+def driven(pipes: Pipes, children: list[int], events: int) -> list[float]:
+    """Drive some processes, and end them."""
+    try:
+        return pipes.drive(events)
+    finally:
+        for child in children:
+            os.kill(child, 9)
+            os.waitpid(child, 0)
+
+
+SYSTEMS: dict[str, Callable[[int], list[float]]] = {
+    "zenoh": bare,
+    "view": lambda events: minerva(eShow, events),
+    "change": lambda events: minerva(eTouch, events),
+}
+
+
+def measured(system: str, events: int) -> list[float]:
+    """One system in a process of its own, which forks before it opens anything."""
+    read, write = os.pipe()
+
+    def body() -> None:
+        os.close(read)
+        Path(f"/dev/fd/{write}").write_text(json.dumps(SYSTEMS[system](events)))
+
+    child = forked(body)
+    os.close(write)
+    with os.fdopen(read) as told:
+        found = json.loads(told.read() or "[]")
+    os.waitpid(child, 0)
+    return found
+
+
+def main() -> None:
+    """Measure in turns and print a table; ratios are to bare Zenoh."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--events", type=int, default=500)
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    turns: dict[str, list[list[float]]] = {system: [] for system in SYSTEMS}
+    for _ in range(arguments.turns):
+        for system in SYSTEMS:
+            turns[system].append(measured(system, arguments.events))
+    floor = statistics.median(map(statistics.median, turns["zenoh"]))
+    if not arguments.json:
+        print(f"{'system':10} {'µs':>8} {'p99':>8} {'ratio':>6}")
+    for system, rows in turns.items():
+        middle = statistics.median(map(statistics.median, rows))
+        slow = statistics.median(statistics.quantiles(row, n=100)[98] for row in rows)
+        if arguments.json:
+            row = {"system": system, "us": middle, "us_p99": slow, "ratio": middle / floor}
+            print(json.dumps(row))
+        else:
+            print(f"{system:10} {middle:8.0f} {slow:8.0f} {middle / floor:6.2f}")
+
+
+if __name__ == "__main__":
+    main()

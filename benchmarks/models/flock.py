@@ -1,0 +1,179 @@
+"""Boids (Reynolds 1987) as Mesa's example has them: cohesion, separation and alignment.
+
+One step takes two frames: in the first the service looks at where everybody is, in the second all
+boids steer and fly. So they act at once, each by what was before the step; Mesa's act one after
+another, in an order drawn anew for each step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus import (
+    Agent,
+    Event,
+    EventType,
+    Moment,
+    Primitive,
+    Scene,
+    Transformation,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.world.population import Moments
+from minerva_bus.world.services import Service
+from minerva_services.neighbours import Neighbours
+from minerva_services.neighbours.plane import near
+
+NAME = "flock"
+CYCLE = 2
+order = ("eNear",)
+
+SPEED = 1.0
+VISION = 10.0
+SEPARATION = 2.0
+COHERE, SEPARATE, MATCH = 0.03, 0.015, 0.05
+AREA = 100.0
+"""Of the plane, for each boid."""
+
+# The names that event types have in the string are theirs here too.
+# ruff: noqa: N816
+PSpot = Primitive("PSpot", who=str, vx=float, vy=float)
+TMove = Transformation("TMove", x=float, y=float)
+eWhere = EventType("eWhere", visual=True)
+eNear = EventType(
+    "eNear", number=int, dx=float, dy=float, vx=float, vy=float, apart_x=float, apart_y=float
+)
+
+
+class Boid(Agent, symbol="ABoid"):
+    """Flies on and on; the plane's opposite edges are one."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+
+    @on("eNear", population=True)
+    def steer(self, near: Event, moment: Moments) -> None:
+        several = np.maximum(near.number, 1)
+        vx = self.vx + (COHERE * near.dx + SEPARATE * near.apart_x / several + MATCH * near.vx)
+        vy = self.vy + (COHERE * near.dy + SEPARATE * near.apart_y / several + MATCH * near.vy)
+        length = np.where(near.number > 0, np.sqrt(vx * vx + vy * vy), 1.0)
+        self.vx, self.vy = vx / length, vy / length
+        self.x += SPEED * self.vx
+        self.y += SPEED * self.vy
+
+    @view("eWhere", population=True)
+    def where(self, event: Event) -> Scene:
+        return TMove(self.x, self.y)(PSpot(self.id, self.vx, self.vy))
+
+
+class PlainBoid(Agent, symbol="ABoid"):
+    """The same, written for one."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+
+    @on("eNear")
+    def steer(self, near: Event, moment: Moment) -> None:
+        if near.number:
+            n = near.number
+            self.vx += COHERE * near.dx + SEPARATE * near.apart_x / n + MATCH * near.vx
+            self.vy += COHERE * near.dy + SEPARATE * near.apart_y / n + MATCH * near.vy
+            length = math.sqrt(self.vx * self.vx + self.vy * self.vy)
+            self.vx /= length
+            self.vy /= length
+        self.x += SPEED * self.vx
+        self.y += SPEED * self.vy
+
+    @view("eWhere")
+    def where(self, event: Event) -> Scene:
+        return TMove(self.x, self.y)(PSpot(self.id, self.vx, self.vy))
+
+
+kinds: list[type[Agent]] = [Boid]
+plain_kinds: list[type[Agent]] = [PlainBoid]
+vocabulary = Vocabulary.of(PSpot, TMove, eWhere, eNear, Boid)
+
+
+def side(agents: int) -> float:
+    """Of the square that so many boids have."""
+    return math.sqrt(agents * AREA)
+
+
+def scene(agents: int, seed: int) -> Scene:
+    """Boids anywhere, in any direction."""
+    chance = np.random.default_rng(seed)
+    x, y = chance.uniform(0.0, side(agents), (2, agents))
+    vx, vy = chance.uniform(-1.0, 1.0, (2, agents))
+    return Boid.many("b", agents, x=x, y=y, vx=vx, vy=vy)
+
+
+def services(agents: int) -> dict[str, Callable[[], Service]]:
+    """Who tells boids what is near them."""
+    return {
+        "neighbours": partial(
+            Neighbours,
+            every=CYCLE,
+            radius=VISION,
+            apart=SEPARATION,
+            width=side(agents),
+            height=side(agents),
+            periodic=True,
+            summary=True,
+        )
+    }
+
+
+def updates_per_frame(agents: int) -> int:
+    """Everybody acts in every other frame."""
+    return agents // CYCLE
+
+
+def statistics(scene: Scene) -> dict[str, float]:
+    """How much boids fly in one direction, all of them and those that are near each other."""
+    parts = [one for one in scene.pieces if isinstance(one, Columns)]
+    columns = {name: [one.column(name) for one in parts] for name in ("x", "y", "vx", "vy")}
+    return alignment(**{name: np.concatenate(some) for name, some in columns.items()})
+
+
+def alignment(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    vx: NDArray[np.float64],
+    vy: NDArray[np.float64],
+) -> dict[str, float]:
+    """Mean heading of all, mean cosine of neighbours, and how many there are.
+
+    Also for positions and directions that come from elsewhere.
+    """
+    length = np.maximum(np.hypot(vx, vy), 1e-12)
+    ux, uy = vx / length, vy / length
+    cosines, pairs = 0.0, 0
+    for one, other in _pairs(x, y):
+        cosines += float((ux[one] * ux[other] + uy[one] * uy[other]).sum())
+        pairs += len(one)
+    return {
+        "order": float(np.hypot(ux.mean(), uy.mean())),
+        "local_order": cosines / max(pairs, 1),
+        "neighbours": pairs / len(x),
+    }
+
+
+def _pairs(
+    x: NDArray[np.float64], y: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Who is near whom, both ways."""
+    pairs = near(x, y, VISION, (side(len(x)), side(len(x))))
+    yield pairs.one, pairs.other
+    yield pairs.other, pairs.one

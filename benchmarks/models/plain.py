@@ -1,0 +1,61 @@
+"""Agents that are written one by one, in plain Python and as simple as can be: they walk to and
+fro between two walls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from benchmarks.models.events import Clock, eStep
+from minerva_bus import Agent, Event, Moment, Scene, Vocabulary, on
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.world.services import Service
+
+NAME = "plain"
+order = ("eStep",)
+WIDTH = 100.0
+
+
+class Walker(Agent, symbol="AWalker"):
+    """Walks and turns at the walls."""
+
+    x: float = 0.0
+    speed: float = 1.0
+
+    @on("eStep")
+    def step(self, step: Event, moment: Moment) -> None:
+        self.x += self.speed
+        if not 0.0 <= self.x <= WIDTH:
+            self.speed = -self.speed
+
+
+kinds: list[type[Agent]] = [Walker]
+plain_kinds = kinds
+vocabulary = Vocabulary.of(eStep, Walker)
+
+
+def scene(agents: int, seed: int) -> Scene:
+    """Walkers anywhere, at any speed."""
+    chance = np.random.default_rng(seed)
+    places, speeds = chance.uniform(0.0, WIDTH, agents), chance.uniform(-2.0, 2.0, agents)
+    return Walker.many("w", agents, x=places, speed=speeds)
+
+
+def services(agents: int) -> dict[str, Callable[[], Service]]:
+    """A clock."""
+    return {"clock": partial(Clock, agents)}
+
+
+def updates_per_frame(agents: int) -> int:
+    """Everybody acts in every frame."""
+    return agents
+
+
+def statistics(scene: Scene) -> dict[str, float]:
+    """Where they are, on the average."""
+    parts = [one for one in scene.pieces if isinstance(one, Columns)]
+    places = np.concatenate([one.column("x") for one in parts])
+    return {"mean": float(places.mean()), "deviation": float(places.std())}

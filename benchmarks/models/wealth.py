@@ -1,0 +1,100 @@
+"""Wealth without space: who has something gives one coin to somebody, anybody, in every step.
+
+What is given is there in the next step. The distribution tends to the exponential one of
+Boltzmann; nobody makes or loses money, so that wealth and what is on its way are as much as there
+are agents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from benchmarks.models.events import Clock, eStep
+from minerva_bus import Agent, Event, EventType, Moment, Scene, Vocabulary, on
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.world.population import Moments, Received
+from minerva_bus.world.services import Service
+
+NAME = "wealth"
+order = ("eGive", "eStep")
+
+eGive = EventType("eGive")  # noqa: N816  the name that its type has in the string
+
+
+class Person(Agent, symbol="APerson"):
+    """Somebody with some coins."""
+
+    wealth: int = 1
+
+    @on("eStep", population=True)
+    def step(self, step: Event, moment: Moments) -> None:
+        rich = self.wealth > 0
+        somebody = Ids.numbered("w", moment.chance.integers(step.count))
+        moment.emit(eGive(receivers=somebody), where=rich)
+        self.wealth -= rich
+
+    @on("eGive", together=True)
+    def take(self, given: Received, moment: Moments) -> None:
+        self.wealth += np.bincount(given.row, minlength=len(self))
+
+
+class PlainPerson(Agent, symbol="APerson"):
+    """The same, written for one."""
+
+    wealth: int = 1
+
+    @on("eStep")
+    def step(self, step: Event, moment: Moment) -> None:
+        somebody = moment.chance.integers(step.count)
+        if self.wealth > 0:
+            moment.emit(eGive(receivers=[f"w{somebody}"]))
+            self.wealth -= 1
+
+    @on("eGive")
+    def take(self, given: Event, moment: Moment) -> None:
+        self.wealth += 1
+
+
+kinds: list[type[Agent]] = [Person]
+plain_kinds: list[type[Agent]] = [PlainPerson]
+vocabulary = Vocabulary.of(eStep, eGive, Person)
+
+
+def scene(agents: int, seed: int) -> Scene:
+    """Everybody has one coin."""
+    return Person.many("w", agents)
+
+
+def services(agents: int) -> dict[str, Callable[[], Service]]:
+    """A clock."""
+    return {"clock": partial(Clock, agents)}
+
+
+def updates_per_frame(agents: int) -> int:
+    """Everybody acts in every frame."""
+    return agents
+
+
+def statistics(scene: Scene) -> dict[str, float]:
+    """How unequal people are."""
+    parts = [one for one in scene.pieces if isinstance(one, Columns)]
+    return inequality(np.concatenate([one.column("wealth") for one in parts]))
+
+
+def inequality(wealth: np.ndarray) -> dict[str, float]:
+    """Mean, Gini, the share of the poor, and how fast the tail of the distribution decays."""
+    ranked = np.sort(wealth)
+    count = len(ranked)
+    rank = np.arange(1, count + 1)
+    gini = 2 * float((rank * ranked).sum()) / (count * float(ranked.sum())) - (count + 1) / count
+    rich = ranked[ranked >= 2]  # of a geometric distribution p^k, -log p
+    return {
+        "mean": float(ranked.mean()),
+        "gini": gini,
+        "poor": float((ranked == 0).mean()),
+        "decay": float(-np.log1p(-1 / (rich.mean() - 1))) if (rich > 2).any() else 0.0,
+    }

@@ -1,0 +1,317 @@
+"""Wolves, sheep and grass on a lattice, with the parameters of Mesa's example (Wilensky 1997).
+
+In a step every sheep goes to a neighbouring cell without wolves, to one with grass where it can,
+and eats; then every wolf goes to a neighbouring cell, to one with sheep where it can, and eats one.
+Moving costs energy, food gives it; who has none dies, who is lucky has young and shares with it.
+
+Agents perceive by events only, so a step takes two frames. In the first the lattice, a coupled
+device, is shown where everybody is. In the second it tells everybody, in random order and each in
+view of what those before have left, which cell is free for it and whether there is food (in Mesa
+too the grid draws the cell); agents move, eat, die and have young by themselves. The grass is
+agents too, one a cell, that know when they are grown again. Young ones cannot be eaten in the very
+step of their birth, which they can in Mesa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus import (
+    Agent,
+    Device,
+    Event,
+    EventType,
+    Generator,
+    Primitive,
+    Scene,
+    Tick,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.world.population import Moments, Population
+from minerva_bus.world.services import Service
+
+NAME = "wolf_sheep"
+CYCLE = 2
+COUNTED = ("ASheep", "AWolf")
+order = ("eGraze", "eDevoured", "eHunt", "eEaten")
+
+GRASS_GIVES: Final = 4.0
+SHEEP_GIVES: Final = 20.0
+SHEEP_BREED: Final = 0.04
+WOLVES_BREED: Final = 0.05
+REGROWTH: Final = 30
+
+eWhere = EventType("eWhere", visual=True)  # noqa: N816
+eGraze = EventType("eGraze", cell=int, food=bool)  # noqa: N816
+eHunt = EventType("eHunt", cell=int, food=bool)  # noqa: N816
+eDevoured = EventType("eDevoured")  # noqa: N816
+eEaten = EventType("eEaten", step=int)  # noqa: N816
+PSheep = Primitive("PSheep", who=str, cell=int, energy=float)
+PWolf = Primitive("PWolf", who=str, cell=int)
+PGrass = Primitive("PGrass", grown=int)
+
+
+class Sheep(Agent, symbol="ASheep"):
+    """Eats grass."""
+
+    cell: int = 0
+    energy: float = 0.0
+    births: int = 0
+
+    @on("eGraze", population=True)
+    def graze(self, graze: Event, moment: Moments) -> None:
+        live_on(self, graze, moment, GRASS_GIVES, SHEEP_BREED)
+
+    @on("eDevoured", population=True)
+    def devoured(self, devoured: Event, moment: Moments) -> None:
+        self.die()
+
+    @view("eWhere", population=True)
+    def where(self, event: Event) -> Scene:
+        return PSheep(who=self.id, cell=self.cell, energy=self.energy)
+
+
+class Wolf(Agent, symbol="AWolf"):
+    """Eats sheep."""
+
+    cell: int = 0
+    energy: float = 0.0
+    births: int = 0
+
+    @on("eHunt", population=True)
+    def hunt(self, hunt: Event, moment: Moments) -> None:
+        live_on(self, hunt, moment, SHEEP_GIVES, WOLVES_BREED)
+
+    @view("eWhere", population=True)
+    def where(self, event: Event) -> Scene:
+        return PWolf(who=self.id, cell=self.cell)
+
+
+class Grass(Agent, symbol="AGrass"):
+    """The grass of one cell; there is some after the step `grown`."""
+
+    grown: int = 0
+
+    @on("eEaten", population=True)
+    def eaten(self, eaten: Event, moment: Moments) -> None:
+        self.grown = eaten.step + REGROWTH
+
+    @view("eWhere", population=True)
+    def where(self, event: Event) -> Scene:
+        return PGrass(grown=self.grown)
+
+
+def live_on(some: Any, food: Any, moment: Moments, gives: float, breed: float) -> None:
+    """Move, eat, die or have young."""
+    animals = cast("Population", some)
+    energy = some.energy - 1.0 + gives * food.food
+    starved = energy < 0
+    breeding = moment.chance.chance(breed) & ~starved
+    energy[breeding] /= 2
+    some.energy, some.cell = energy, food.cell
+    animals.bear(breeding, energy=energy, cell=some.cell)
+    animals.die(starved)
+
+
+# --- the lattice ---
+
+Cells = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """Where everybody is."""
+
+    sheep: Ids
+    at: Cells
+    energy: NDArray[np.float64]
+    wolves: Ids
+    hunting_at: Cells
+    grown: Cells
+
+
+class Lattice(Device, Generator, draws=("eWhere",), events=("eWhere", *order), coupled=True):
+    """A torus of cells that knows who is where and says who can go where."""
+
+    def __init__(self, side: int = 20) -> None:
+        self._side = side
+        self._around = neighbours(side)
+        self._shown: Shown | None = None
+
+    def show(self, view: View) -> None:
+        self._shown = shown(view.scene)
+
+    def generate(self, tick: Tick) -> Iterator[AnyEvent]:
+        if tick.number % CYCLE == 0:
+            yield eWhere()
+        elif self._shown is not None:
+            yield from self._step(self._shown, tick.number // CYCLE + 1, tick.random)
+
+    def _step(self, now: Shown, step: int, chance: np.random.Generator) -> Iterator[AnyEvent]:
+        grass = (now.grown < step).astype(np.int64)
+        cells = len(grass)
+        no_wolf = np.bincount(now.hunting_at, minlength=cells) == 0
+        options = self._around[now.at]
+        cell, grazed = allotted(now.at, options, no_wolf[options], grass, chance)
+        if len(cell):
+            yield eGraze(cell=cell, food=grazed, receivers=now.sheep)
+            if grazed.any():
+                yield eEaten(step, receivers=Ids.numbered("g", cell[grazed]))
+        prey = np.flatnonzero(now.energy - 1.0 + GRASS_GIVES * grazed >= 0)
+        options = self._around[now.hunting_at]
+        anywhere = np.ones(options.shape, np.bool_)
+        there = np.bincount(cell[prey], minlength=cells)
+        hunted, fed = allotted(now.hunting_at, options, anywhere, there, chance)
+        if len(hunted):
+            yield eHunt(cell=hunted, food=fed, receivers=now.wolves)
+            eaten = victims(prey, cell[prey], hunted[fed], cells, chance)
+            if len(eaten):
+                yield eDevoured(receivers=now.sheep.take(eaten))
+
+
+def neighbours(side: int) -> Cells:
+    """The four cells around each, on a torus; shape (cells, 4)."""
+    y, x = np.divmod(np.arange(side * side), side)
+    around = [((y + 1) % side, x), ((y - 1) % side, x), (y, (x + 1) % side), (y, (x - 1) % side)]
+    return np.stack([row * side + column for row, column in around], axis=1)
+
+
+def shown(scene: Scene) -> Shown:
+    """What a view says."""
+    by_symbol: dict[str, list[Columns]] = {"PSheep": [], "PWolf": [], "PGrass": []}
+    for piece in scene.pieces:
+        part = piece if isinstance(piece, Columns) else Columns.of([piece])
+        by_symbol[part.symbol].append(part)
+
+    def column(symbol: str, name: str, dtype: Any = np.int64) -> NDArray[Any]:
+        found = [part.column(name) for part in by_symbol[symbol]]
+        return np.concatenate(found) if found else np.empty(0, dtype)
+
+    return Shown(
+        Ids.of(column("PSheep", "who", object).tolist()),
+        column("PSheep", "cell"),
+        column("PSheep", "energy", np.float64),
+        Ids.of(column("PWolf", "who", object).tolist()),
+        column("PWolf", "cell"),
+        column("PGrass", "grown"),
+    )
+
+
+def allotted(
+    at: Cells, options: Cells, allowed: Truths, food: Cells, chance: np.random.Generator
+) -> tuple[Cells, Truths]:
+    """Where each animal goes and whether it gets food there; `food` is how much a cell has.
+
+    It goes to one of its allowed options that has food left, any of them that is allowed where
+    none has, and stays where none is allowed. Who comes too late for the food chooses anew.
+    """
+    food = food.copy()
+    cell, fed = at.copy(), np.zeros(len(at), np.bool_)
+    left = chance.permutation(len(at))
+    while len(left):
+        near, may = options[left], allowed[left]
+        good = may & (food[near] > 0)
+        hungry = ~good.any(axis=1)
+        wanted = any_of(np.where(hungry[:, None], may, good), chance)
+        goes = near[np.arange(len(left)), wanted]
+        stays = ~may.any(axis=1)
+        goes[stays] = at[left[stays]]
+        served = first_come(goes, food) & (~hungry | stays)
+        food -= np.bincount(goes[served], minlength=len(food))
+        cell[left], fed[left] = goes, served
+        left = left[~served & ~hungry]
+    return cell, fed
+
+
+def any_of(some: Truths, chance: np.random.Generator) -> Cells:
+    """A true column of each row, any of them."""
+    return np.where(some, chance.random(some.shape), -1.0).argmax(axis=1)
+
+
+def first_come(goes: Cells, food: Cells) -> Truths:
+    """Who is early enough for the food of the cell that it goes to."""
+    by_cell = np.argsort(goes, kind="stable")
+    ordered = goes[by_cell]
+    new = np.concatenate(([True], ordered[1:] != ordered[:-1]))
+    begins = np.flatnonzero(new)
+    rank = np.arange(len(goes)) - begins[np.cumsum(new) - 1]
+    served = np.empty(len(goes), np.bool_)
+    served[by_cell] = rank < food[ordered]
+    return served
+
+
+def victims(prey: Cells, at: Cells, meals: Cells, cells: int, chance: np.random.Generator) -> Cells:
+    """Which of the prey are eaten: in each cell as many as there are meals, any of them."""
+    if not len(prey):
+        return prey
+    some = chance.permutation(len(prey))
+    return prey[some[first_come(at[some], np.bincount(meals, minlength=cells))]]
+
+
+# --- the world ---
+
+kinds: list[type[Agent]] = [Sheep, Wolf, Grass]
+vocabulary = Vocabulary.of(
+    eWhere, eGraze, eHunt, eDevoured, eEaten, PSheep, PWolf, PGrass, Sheep, Wolf, Grass
+)
+
+
+def side_of(agents: int) -> int:
+    """The lattice of so many animals: 20 cells wide for 150."""
+    return max(1, round(20 * (agents / 150) ** 0.5))
+
+
+def scene(agents: int, seed: int) -> Scene:
+    """Two sheep for a wolf, anywhere; half of the grass is grown."""
+    chance = np.random.default_rng(seed)
+    cells, wolves = side_of(agents) ** 2, agents // 3
+    sheep = agents - wolves
+    grown = np.where(chance.random(cells) < 0.5, 0, chance.integers(0, REGROWTH, cells))
+    return (
+        Sheep.many(
+            "s",
+            sheep,
+            cell=chance.integers(0, cells, sheep),
+            energy=chance.random(sheep) * 2 * GRASS_GIVES,
+        )
+        + Wolf.many(
+            "w",
+            wolves,
+            cell=chance.integers(0, cells, wolves),
+            energy=chance.random(wolves) * 2 * SHEEP_GIVES,
+        )
+        + Grass.many("g", cells, grown=grown)
+    )
+
+
+def services(agents: int) -> dict[str, Callable[[], Service]]:
+    """The lattice."""
+    return {"lattice": partial(Lattice, side_of(agents))}
+
+
+def updates_per_frame(agents: int) -> int:
+    """At the beginning; `COUNTED` says who is counted later."""
+    return agents // CYCLE
+
+
+def statistics(scene: Scene) -> dict[str, float]:
+    """How many there are."""
+    found = {"sheep": 0.0, "wolves": 0.0}
+    names = {"ASheep": "sheep", "AWolf": "wolves"}
+    for piece in scene.pieces:
+        if piece.symbol in names:
+            found[names[piece.symbol]] += piece.count if isinstance(piece, Columns) else 1
+    return found

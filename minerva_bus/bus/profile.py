@@ -1,0 +1,146 @@
+"""Where the time of a frame goes, at the coordinator: `minerva run --profile`.
+
+A coordinator that looks at the clock wherever something begins and ends. The plain one looks
+nowhere: what is measured here is overridden there, so that nobody pays who does not ask.
+"""
+
+from __future__ import annotations
+
+import statistics
+from array import array
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import Phase
+from minerva_bus.frame.description import World
+from minerva_bus.protocol.codec import Decoder
+
+MICRO = 1e6
+Figures = dict[str, float]
+
+
+class Tally:
+    """What was measured of each frame, by name: sums within a frame, then one figure a frame."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, float] = {}
+        self._frames: dict[str, array[float]] = {}
+
+    def add(self, name: str, amount: float) -> None:
+        """Count an amount towards this frame."""
+        self._sums[name] = self._sums.get(name, 0.0) + amount
+
+    def close(self) -> None:
+        """The frame is over."""
+        sums, self._sums = self._sums, {}
+        for name, amount in sums.items():
+            self._frames.setdefault(name, array("d")).append(amount)
+
+    def plain(self) -> dict[str, Figures]:
+        """Mean, median and 99th percentile over the frames in which it occurred, greatest first."""
+        found = {name: _figures(amounts) for name, amounts in self._frames.items()}
+        return dict(sorted(found.items(), key=lambda item: (-item[1]["mean"], item[0])))
+
+
+def _figures(amounts: array[float]) -> Figures:
+    ordered = sorted(amounts)
+    return {
+        "mean": round(statistics.fmean(ordered), 1),
+        "p50": round(ordered[len(ordered) // 2], 1),
+        "p99": round(ordered[min(len(ordered) - 1, len(ordered) * 99 // 100)], 1),
+        "frames": len(ordered),
+    }
+
+
+class TimedDecoder(Decoder):
+    """A decoder that counts its time."""
+
+    def __init__(self, world: World, tally: Tally) -> None:
+        super().__init__(world.vocabulary)
+        self._tally = tally
+
+    def from_member(self, member: str, data: bytes) -> m.FromMember:
+        """A message that a member sent to the coordinator."""
+        began = perf_counter()
+        try:
+            return super().from_member(member, data)
+        finally:
+            self._tally.add("decode", MICRO * (perf_counter() - began))
+
+
+class ProfiledCoordinator(BusCoordinator):
+    """Runs a world as its base does, and keeps a tally of it, in microseconds and bytes.
+
+    tick, evolve   from the request until the last answer is there
+    wait for NAME  from a request until this member's answer, both requests together; nothing where
+                   it had answered before the frame began
+    collect        what follows from the last answer to a tick: steps 2 to 4
+    commit         what ends a frame: the changes put into w, the digest, what comes next
+    encode, view   messages to bytes; of these, views with their sending
+    decode         answers from bytes, but for those that say nothing, which are not read
+    frame          from one end to the next, so with what was waited for between them
+    """
+
+    def __init__(self, world: World, *others: Any, **options: Any) -> None:
+        super().__init__(world, *others, **options)
+        self.tally = Tally()
+        self._decoder = TimedDecoder(world, self.tally)
+        self._asked_at = perf_counter()
+        self._ended_at = self._asked_at
+
+    def profile(self) -> Mapping[str, Figures]:
+        """What was measured."""
+        return self.tally.plain()
+
+    def tell(self, stimulus: s.Stimulus) -> None:
+        """Give the algorithm a stimulus, and do what it says."""
+        phase, began = self.algorithm.phase, perf_counter()
+        answers = isinstance(stimulus, m.TickReply | m.EvolveReply)
+        if answers and stimulus.frame == self.algorithm.frame:
+            self.tally.add(f"wait for {stimulus.member}", MICRO * (began - self._asked_at))
+        instructions = self.algorithm.receive(stimulus)
+        ended = perf_counter()
+        done = any(isinstance(one, s.FrameDone) for one in instructions)
+        if done or self.algorithm.phase is not phase:
+            self._note_step(phase, began, ended, done)
+        for instruction in instructions:
+            self._do(instruction)
+        if done:
+            self._close()
+        elif self.algorithm.phase is not phase:
+            self._asked_at = perf_counter()
+
+    def _note_step(self, phase: Phase, began: float, ended: float, done: bool) -> None:
+        if phase in (Phase.TICK, Phase.EVOLVE):
+            name = "tick" if phase is Phase.TICK else "evolve"
+            self.tally.add(name, MICRO * (began - self._asked_at))
+        if done or phase is Phase.TICK:
+            self.tally.add("commit" if done else "collect", MICRO * (ended - began))
+
+    def _close(self) -> None:
+        now = perf_counter()
+        self.tally.add("frame", MICRO * (now - self._ended_at))
+        self._ended_at = now
+        self.tally.close()
+
+    def _do(self, instruction: s.Instruction) -> None:
+        began = perf_counter()
+        super()._do(instruction)
+        shows = isinstance(instruction, s.Send | s.Show)
+        if shows and isinstance(instruction.message, m.ViewShown):
+            self.tally.add("view", MICRO * (perf_counter() - began))
+
+    def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
+        began = perf_counter()
+        data = super()._encode(message)
+        self.tally.add("encode", MICRO * (perf_counter() - began))
+        self.tally.add("bytes out", len(data))
+        return data
+
+    def _heard(self, member: str, data: bytes) -> None:
+        self.tally.add("bytes in", len(data))
+        super()._heard(member, data)

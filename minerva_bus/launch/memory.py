@@ -1,0 +1,42 @@
+"""Shared memory of sessions: whether there is room for it, and an end of what is left over.
+
+A process that is killed leaves its files behind. Zenoh locks those that are in use, and the lock
+ends with the process: a file without one is nobody's.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from pathlib import Path
+
+FOLDER = Path("/dev/shm")  # noqa: S108
+
+
+def has_room(needed: int, folder: Path = FOLDER) -> bool:
+    """Whether so many bytes of shared memory can be had here."""
+    try:
+        return shutil.disk_usage(folder).free >= needed
+    except OSError:
+        return False
+
+
+def sweep(folder: Path = FOLDER) -> int:
+    """Remove the files of sessions that are no more; how many there were."""
+    return sum([_removed(path) for path in sorted(folder.glob("*.zenoh"))])
+
+
+def _removed(path: Path) -> bool:
+    try:
+        descriptor = os.open(path, os.O_RDWR)
+    except OSError:
+        return False  # Another's, or just gone.
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        path.unlink()
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True

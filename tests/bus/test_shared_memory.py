@@ -1,0 +1,64 @@
+"""Large messages through shared memory: the same world, and nothing left over."""
+
+import fcntl
+import os
+import signal
+
+from minerva_bus.launch.memory import FOLDER, has_room, sweep
+from tests.bus.running import MEMBERS, World, minerva, summary, write_world
+
+BIG = "PDot<x=1> · " * 60_000
+
+
+def left():
+    """The files of sessions, in use or left over."""
+    return set(FOLDER.glob("*.zenoh"))
+
+
+def crowd(tmp_path, **world):
+    """A world whose fragments are over a megabyte."""
+    string = f"AWalker#a<x=1>({BIG.rstrip(' ·')}) · AWalker#b<x=2>"
+    return write_world(tmp_path, string=string, bus="shared_memory = true", **world)
+
+
+def test_the_same_world_and_no_file_left(tmp_path):
+    before = left()
+    path = crowd(tmp_path, frames=3)
+    plain = summary(minerva(tmp_path, "run", path, "--in-process", "--json"))
+    shared = summary(minerva(tmp_path, "run", path, "--json"))
+    assert shared["digest"] == plain["digest"]
+    assert left() <= before
+
+
+def test_no_file_is_left_by_killed_members_or_interrupts(tmp_path):
+    before = left()
+    with World(crowd(tmp_path, frames=0)) as world:
+        pids = world.runs("steps", "walkers")
+        os.kill(pids["walkers"], signal.SIGKILL)
+        world.says("walkers", "restart 1")
+        world.kill(signal.SIGINT)
+        assert world.ends(10) == 130
+        world.gone()
+    assert left() <= before
+
+
+def test_a_sweep_takes_what_nobody_has_locked(tmp_path):
+    for name in ("mine.zenoh", "dead.zenoh", "other"):
+        (tmp_path / name).write_bytes(b"x")
+    with (tmp_path / "mine.zenoh").open("r+") as mine:
+        fcntl.flock(mine, fcntl.LOCK_EX)
+        assert sweep(tmp_path) == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"mine.zenoh", "other"}
+
+
+def test_no_room_is_no_error(tmp_path):
+    assert has_room(1, tmp_path)
+    assert not has_room(1 << 60, tmp_path)
+    assert not has_room(1, tmp_path / "nowhere")
+
+
+def test_the_option_is_true_or_false(tmp_path):
+    path = write_world(tmp_path, MEMBERS, bus='shared_memory = "perhaps"')
+    done = minerva(tmp_path, "check", path)
+    assert done.returncode == 1
+    assert "shared_memory must be true or false" in done.stderr
