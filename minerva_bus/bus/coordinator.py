@@ -210,12 +210,7 @@ class BusCoordinator:
 
     def _do(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
-            data = self._encode(instruction.message)
-            if instruction.to == s.TICKED:
-                self._asked, self._nothing = self.algorithm.frame, nothing_to(data)
-            elif instruction.to == s.HOSTS:
-                self._evolving_since = time.monotonic()
-            self._put(self._key_to(instruction.to), data)
+            self._send(instruction)
         elif isinstance(instruction, s.FrameDone):
             self._waiting_since = None
             self.last_frame_at = time.monotonic()
@@ -235,6 +230,14 @@ class BusCoordinator:
             self._watch.said(instruction.member, instruction.text)
         else:
             self.ended = instruction
+
+    def _send(self, instruction: s.Send) -> None:
+        data = self._encode(instruction.message)
+        if instruction.to == s.TICKED:
+            self._asked, self._nothing = self.algorithm.frame, nothing_to(data)
+        elif instruction.to == s.HOSTS:
+            self._evolving_since = time.monotonic()
+        self._put(self._key_to(instruction.to), data)
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
         return encode(message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import is_
-from typing import TypeAlias, cast
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from minerva_bus.grammar.scene import (
     walk,
 )
 
+FIRST: Final = 64
 Fragment: TypeAlias = AgentNode | Columns
 
 
@@ -122,6 +123,12 @@ class Composition:
 
     def homes(self, agents: Ids) -> Iterator[str]:
         """The fragments in which some agents live."""
+        if not self._home:
+            first = agents.take(slice(FIRST))  # of very many, a few live everywhere already
+            parts = {name for name, part in self.parts.items() if _any_in(part, first)}
+            if len(parts) == len(self.parts):
+                yield from self.parts
+                return
         left = agents
         for name, part in self.parts.items():
             there = _ids(part).rows_of(left) >= 0
@@ -233,6 +240,10 @@ def shares(rows: int, weights: Sequence[float]) -> list[int]:
 
 def _ids(part: Columns) -> Ids:
     return cast("Ids", part.ids)
+
+
+def _any_in(part: Columns, agents: Ids) -> bool:
+    return bool((_ids(part).rows_of(agents) >= 0).any())
 
 
 def _has(part: Columns, agent: str) -> bool:

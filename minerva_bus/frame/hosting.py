@@ -127,7 +127,7 @@ class Host:
             patch = _patch(shown.view, view) if shown is not None else None
             if patch is not None and patch.changes:
                 found.patched[fragment] = patch
-            elif patch is None and (shown is None or view != shown.view):
+            elif patch is None and (shown is None or _other(shown.view, view)):
                 found.changed[fragment] = view
         return found
 
@@ -137,6 +137,12 @@ def _is_fragment(piece: object, name: str) -> bool:
     if isinstance(piece, Columns):
         return piece.ids is not None and name.startswith("~")
     return isinstance(piece, AgentNode) and piece.id == name
+
+
+def _other(old: Scene, new: Scene) -> bool:
+    """Whether two views that are no patch of one another differ; columns do, without a digest."""
+    several = any(isinstance(piece, Columns) for piece in new.pieces)
+    return several or old != new
 
 
 def _patch(old: Scene, new: Scene) -> Patch | None:

@@ -299,14 +299,25 @@ def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode
 
     Nodes whose `id()` is in `passed_over` do not count, nor does what is in them.
     """
-    stack = list(reversed(scene.nodes))
+    stack = _perhaps_agents(scene)
     while stack:
         node = stack.pop()
         if isinstance(node, FigureNode) or id(node) in passed_over:
             continue
         if isinstance(node, AgentNode):
             yield node
-        stack.extend(reversed(node.scope.nodes))
+        stack += _perhaps_agents(node.scope)
+
+
+def _perhaps_agents(scene: Scene) -> list[Node]:
+    """The nodes that are agents or may have some, from right to left: no columns of figures."""
+    found: list[Node] = []
+    for piece in reversed(scene.pieces):
+        if isinstance(piece, FigureNode | TransformationNode | AgentNode):
+            found.append(piece)
+        elif piece.ids is not None:
+            return list(reversed(scene.nodes))
+    return found
 
 
 def identities(scene: Scene) -> frozenset[int]:

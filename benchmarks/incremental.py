@@ -1,0 +1,246 @@
+"""How long a frame takes where most of the string stands still.
+
+    python -m benchmarks.incremental [--what figures separate idle bytes] [--sizes 1000 ...]
+        [--in-process] [--digest] [--plot FILE] [--json]
+
+Ten agents walk in every frame. Beside them stand:
+
+    figures    so many primitives of one kind, one after another
+    separate   so many primitives of two kinds by turns, so that they are no columns
+    idle       so many agents of a kind that no event addresses
+    bytes      one primitive with a matrix of so many bytes
+
+Nothing of that changes, so that a frame should take as long as with few of it. A row is the median
+of the frames of some turns; its ratio is to the smallest size, from turns taken by turns within
+this one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from benchmarks.models.events import Clock, eStep
+from benchmarks.plot import Line, plotted
+from minerva_bus import Agent, Cells, Event, Moment, Primitive, Scene, Vocabulary, on
+from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.member import BusMember
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.inprocess import InProcess
+
+WARM_UP: Final = 20
+ACTIVE: Final = 10
+MEMBERS: Final = ("clock", "host")
+LARGEST: Final = {"separate": 100_000}
+"""Where more would say nothing new and take long to begin."""
+
+PDot = Primitive("PDot", size=float)
+PBox = Primitive("PBox", size=float)
+PMap = Primitive("PMap", cells=Cells)
+
+
+class Walker(Agent, symbol="AWalker"):
+    """Goes on and on."""
+
+    x: float = 0.0
+
+    @on("eStep")
+    def step(self, step: Event, moment: Moment) -> None:
+        self.x += 1.0
+
+
+class Stone(Agent, symbol="AStone"):
+    """Nothing concerns it."""
+
+    x: float = 0.0
+    y: float = 0.0
+
+
+VOCABULARY = Vocabulary.of(eStep, PDot, PBox, PMap, Walker, Stone)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table."""
+
+    what: str
+    size: int
+    us_per_frame: float
+    us_p90: float
+    ratio: float
+
+
+def still(what: str, size: int) -> Scene:
+    """What stands beside the agents."""
+    sizes = np.arange(size) / 8
+    if what == "figures":
+        return PDot(size=sizes)
+    if what == "separate":
+        one, other = PDot(1.0).pieces, PBox(1.0).pieces
+        return Scene((one + other) * (size // 2))
+    if what == "idle":
+        return Stone.many("s", size, x=sizes, y=sizes)
+    side = max(1, round((size / 2) ** 0.5))  # cells of two bytes
+    return PMap(np.zeros((side, side), np.int16))
+
+
+def world(what: str, size: int, frames: int) -> World:
+    """Ten walkers and much that stands still."""
+    walkers = Scene(tuple([Walker(f"w{n}", x=float(n)).string.pieces[0] for n in range(ACTIVE)]))
+    return World(
+        "incremental",
+        still(what, size) + walkers,
+        VOCABULARY,
+        frames=WARM_UP + frames,
+        expected=frozenset(MEMBERS),
+    )
+
+
+def participant(name: str) -> Participant:
+    """The clock, or the host of both kinds."""
+    return Participant(name, Clock()) if name == "clock" else Participant(name, None, HOSTED)
+
+
+HOSTED: Final = [Walker, Stone]
+
+
+def on_bus(what: str, size: int, frames: int) -> list[float]:
+    """Microseconds of each frame over the bus."""
+    times: list[float] = []
+    children: list[subprocess.Popen[bytes]] = []
+
+    def start(endpoint: str) -> None:
+        for name in MEMBERS:
+            words = [sys.executable, "-m", "benchmarks.incremental", "--member", name, endpoint]
+            children.append(subprocess.Popen(words))
+
+    watchers = Watchers(
+        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        status=lambda _: None,
+        listening=start,
+        stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
+        frame_done=lambda _: times.append(time.perf_counter()),
+    )
+    coordinator = BusCoordinator(world(what, size, frames), watchers)
+    coordinator.run()
+    for child in children:
+        child.wait(timeout=10)
+    return microseconds(times)
+
+
+def in_process(what: str, size: int, frames: int, digest: bool = False) -> list[float]:
+    """Microseconds of each frame in this process."""
+    times: list[float] = []
+
+    def watch(instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.FrameDone):
+            if digest:
+                assert algorithm.scene.digest
+            times.append(time.perf_counter())
+
+    algorithm = FrameAlgorithm(world(what, size, frames))
+    runner = InProcess(algorithm, [participant(name) for name in MEMBERS], watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+    return microseconds(times)
+
+
+def microseconds(times: list[float]) -> list[float]:
+    """How long each frame after the first ones has taken."""
+    late = times[WARM_UP - 1 :]
+    return [1e6 * (b - a) for a, b in pairwise(late)]
+
+
+def measured(what: str, size: int, arguments: argparse.Namespace) -> list[float]:
+    """The frames of one turn, in a process of its own."""
+    way = "in-process" if arguments.in_process else "bus"
+    way = "digest" if arguments.digest else way
+    words = [sys.executable, "-m", "benchmarks.incremental", "--task", way, what]
+    done = subprocess.run(
+        [*words, str(size), str(arguments.frames)], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        sys.exit(f"{what} {size}: {done.stderr[-400:].strip()}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def rows_of(what: str, arguments: argparse.Namespace) -> list[Row]:
+    """All sizes of one thing, by turns."""
+    sizes = [size for size in arguments.sizes if size <= LARGEST.get(what, size)]
+    frames: dict[int, list[list[float]]] = {size: [] for size in sizes}
+    for _, size in product(range(arguments.turns), sizes):
+        frames[size].append(measured(what, size, arguments))
+    middle = {size: [statistics.median(turn) for turn in turns] for size, turns in frames.items()}
+    least = middle[sizes[0]]
+    return [
+        Row(
+            what,
+            size,
+            statistics.median(middle[size]),
+            statistics.median(statistics.quantiles(turn, n=10)[8] for turn in turns),
+            statistics.median(a / b for a, b in zip(middle[size], least, strict=True)),
+        )
+        for size, turns in frames.items()
+    ]
+
+
+def main(words: Sequence[str]) -> None:
+    """Measure in turns and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    things = ["figures", "separate", "idle", "bytes"]
+    parser.add_argument("--what", nargs="+", default=things, choices=things)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[10**n for n in range(3, 7)])
+    parser.add_argument("--in-process", action="store_true")
+    parser.add_argument("--digest", action="store_true", help="in process, asked for each time")
+    parser.add_argument("--frames", type=int, default=400)
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args(words)
+    if not arguments.json:
+        print(f"{'what':9} {'size':>9} {'µs/frame':>9} {'p90':>9} {'ratio':>6}")
+    lines: list[Line] = []
+    for what in arguments.what:
+        rows = rows_of(what, arguments)
+        for row in rows:
+            print(json.dumps(asdict(row)) if arguments.json else shown(row), flush=True)
+        x, y = [row.size for row in rows], [row.us_per_frame for row in rows]
+        lines.append(Line("ten agents beside what stands still", what, x, y))
+    if arguments.plot:
+        plotted(arguments.plot, lines, "size", "µs per frame")
+
+
+def shown(row: Row) -> str:
+    """A row as text."""
+    return f"{row.what:9} {row.size:9,} {row.us_per_frame:9.0f} {row.us_p90:9.0f} {row.ratio:6.2f}"
+
+
+def task(way: str, what: str, size: str, frames: str) -> list[float]:
+    """One turn."""
+    if way == "bus":
+        return on_bus(what, int(size), int(frames))
+    return in_process(what, int(size), int(frames), way == "digest")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--member"]:
+        sys.exit(BusMember(participant(sys.argv[2]), "incremental", sys.argv[3], print).run())
+    if sys.argv[1:2] == ["--task"]:
+        print(json.dumps(task(*sys.argv[2:])))
+        sys.exit(0)
+    main(sys.argv[1:])

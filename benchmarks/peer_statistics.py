@@ -1,0 +1,86 @@
+"""A peer's figures after some steps; run by the peer's own Python, in the folder of its script.
+
+venvs/mesa/bin/python peer_statistics.py mesa wealth 10000 5 1 10 100
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path.cwd()))
+
+
+def inequality(wealth: Any) -> dict[str, float]:
+    """The figures of benchmarks/models/wealth.py."""
+    ranked = np.sort(np.asarray(wealth))
+    count = len(ranked)
+    rank = np.arange(1, count + 1)
+    gini = 2 * float((rank * ranked).sum()) / (count * float(ranked.sum())) - (count + 1) / count
+    rich = ranked[ranked >= 2]
+    return {
+        "mean": float(ranked.mean()),
+        "gini": gini,
+        "poor": float((ranked == 0).mean()),
+        "decay": float(-np.log1p(-1 / (rich.mean() - 1))) if (rich > 2).any() else 0.0,
+    }
+
+
+def mesa_wealth(agents: int, seed: int) -> tuple[Any, Any]:
+    """A step of Mesa's model, and its figures."""
+    import bench_mesa
+
+    model, step, _ = bench_mesa.build("wealth", agents // 100, seed, True)
+    return step, lambda: inequality([one.wealth for one in model.everybody])
+
+
+def mesa_wolf_sheep(agents: int, seed: int) -> tuple[Any, Any]:
+    """A step of Mesa's model, and its figures."""
+    import bench_mesa
+    from mesa.examples.advanced.wolf_sheep.agents import Sheep, Wolf
+
+    model, step, _ = bench_mesa.build("wolfsheep", agents // 150, seed, True)
+    kinds = {"sheep": Sheep, "wolves": Wolf}
+    return step, lambda: {name: len(model.agents_by_type[kind]) for name, kind in kinds.items()}
+
+
+def frames_wealth(agents: int, seed: int) -> tuple[Any, Any]:
+    """A step of the model of mesa-frames in its native style, and its figures."""
+    import bench_mesaframes
+    from mesa_frames import ModelDF
+
+    model = ModelDF()
+    some = bench_mesaframes.Native(agents, model)
+    model.agents += some
+    held = next(iter(model.agents._agentsets))
+    return lambda: model.agents.do("step"), lambda: inequality(held._agents["wealth"].to_numpy())
+
+
+MODELS = {
+    ("mesa", "wealth"): mesa_wealth,
+    ("mesa", "wolf_sheep"): mesa_wolf_sheep,
+    ("mesaframes", "wealth"): frames_wealth,
+}
+
+
+def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
+    """Print the figures of all seeds by step."""
+    found: dict[int, dict[str, list[float]]] = {}
+    for seed in range(1, int(seeds) + 1):
+        step, figures = MODELS[peer, model](int(agents), seed)
+        done = 0
+        for wanted in map(int, steps):
+            while done < wanted:
+                step()
+                done += 1
+            for name, value in figures().items():
+                found.setdefault(wanted, {}).setdefault(name, []).append(value)
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,466 @@
+"""Agent updates per second of whole models, beside other platforms in one run.
+
+    python -m benchmarks.populations [--model flock wealth ...] [--agents N ...] [--hosts 1 2]
+        [--in-process] [--systems minerva mesa mesa-frames] [--plot FILE] [--json]
+    python -m benchmarks.populations --statistics [--model wealth ...]
+
+Each model (benchmarks/models) runs over the real bus: a coordinator, its services and one or two
+hosts as processes of their own. The peers' scripts are looked for in --peers (`bench_mesa.py` with
+a virtual environment `venvs/mesa`, and so on); what is not there is left out, saying so. Machines
+are noisy: read the ratios, which come from turns taken within this one run. Memory is the sum of
+the processes' peaks; what they share (libraries) counts once. A peer's is its one process's.
+
+What is compared is the same model, not the same work: ours checks a grammar, keeps the string as
+it is in every frame, can say its digest (--digest asks for it each time), and comes to the same
+string whatever runs where. Mesa lets its agents act one after another, the others and we all at
+once. Its figure for `plain` is that of agents that do nothing, called in any order. `--statistics`
+sets what models do beside what the peers' do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.models import MODELS, Model, counted, cycle, load
+from benchmarks.plot import Line, plotted
+from minerva_bus import Scene
+from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.member import BusMember
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.columns import size
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.world.order import Order
+
+WARM_UP: Final = 3
+SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")
+SIZES: Final[dict[str, tuple[int, ...]]] = {
+    "flock": (1_000, 10_000),
+    "schelling": (31_830,),
+    "wolf_sheep": (15_000,),
+    "wealth": (100_000, 1_000_000),
+    "plain": (10_000,),
+}
+MESA: Final = {
+    "flock": ("boids", 100),
+    "schelling": ("schelling", 318),
+    "wolf_sheep": ("wolfsheep", 150),
+    "wealth": ("wealth", 100),
+    "plain": ("noop", 100),
+}
+"""Mesa's name of a model and how many agents it has at scale 1."""
+
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table."""
+
+    system: str
+    model: str
+    agents: int
+    hosts: int
+    updates_per_s: float
+    frames_per_s: float
+    memory_mb: float
+    ratio: float = 0.0
+
+
+# --- ours ---
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run of one of our models; no hosts: in this process."""
+
+    model: str
+    agents: int
+    hosts: int
+    frames: int
+    seed: int = 1
+    digest: int = 0
+
+    def words(self) -> list[str]:
+        """The words of the command line that say so."""
+        return [
+            self.model,
+            *map(str, (self.agents, self.hosts, self.frames, self.seed, self.digest)),
+        ]
+
+    @staticmethod
+    def of(words: Sequence[str]) -> Task:
+        """A task from its words."""
+        return Task(words[0], *map(int, words[1:]))
+
+
+def world_of(task: Task, members: Sequence[str]) -> World:
+    """The world of a model."""
+    model = load(task.model)
+    return World(
+        "populations",
+        model.scene(task.agents, task.seed),
+        model.vocabulary,
+        seed=task.seed,
+        order=Order(model.order),
+        frames=task.frames,
+        expected=frozenset(members),
+    )
+
+
+class Meter:
+    """Takes the time of each step of a model, and counts who acts in it."""
+
+    def __init__(self, model: Model, task: Task) -> None:
+        self._model = model
+        self._agents = task.agents
+        self._digest = task.digest
+        self._cycle = cycle(model)
+        self._last = 0.0
+        self._acting = 0.0
+        self._frames = 0
+        self.steps: list[tuple[float, float]] = []
+        """Seconds and updates of each step after the first ones."""
+
+    def frame_done(self, algorithm: FrameAlgorithm) -> None:
+        """A frame is over."""
+        self._frames += 1
+        if self._digest:
+            assert algorithm.scene.digest
+        if self._frames % self._cycle:
+            return
+        now = time.perf_counter()
+        if self._frames > WARM_UP * self._cycle:
+            self.steps.append((now - self._last, self._acting))
+        self._last, self._acting = now, self._updates(algorithm)
+
+    def _updates(self, algorithm: FrameAlgorithm) -> float:
+        kinds = counted(self._model)
+        if not kinds:
+            return self._model.updates_per_frame(self._agents) * self._cycle
+        fragments = algorithm.composition.fragments.values()
+        return sum(size([one]) for one in fragments if one.symbol in kinds)
+
+    def figures(self) -> Figures:
+        """Medians."""
+        rates = [updates / seconds for seconds, updates in self.steps]
+        middle = statistics.median(seconds for seconds, _ in self.steps)
+        return {
+            "updates_per_s": statistics.median(rates),
+            "frames_per_s": self._cycle / middle,
+        }
+
+
+def in_process(task: Task) -> Figures:
+    """Run a model in this process."""
+    model = load(task.model)
+    services = model.services(task.agents)
+    algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
+    meter = Meter(model, task)
+    participants = [Participant(name, make()) for name, make in services.items()]
+
+    def watch(instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.FrameDone):
+            meter.frame_done(algorithm)
+
+    runner = InProcess(algorithm, [*participants, Participant("host-0", agents=model.kinds)], watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+    return {**meter.figures(), "memory_mb": memory("self")}
+
+
+def on_bus(task: Task) -> Figures:
+    """Run a model over the bus: the coordinator here, hosts and services as processes."""
+    model = load(task.model)
+    names = [*(f"host-{number}" for number in range(task.hosts)), *model.services(task.agents)]
+    children: dict[str, subprocess.Popen[bytes]] = {}
+    peaks: dict[str, float] = {}
+    meter = Meter(model, task)
+
+    def start(endpoint: str) -> None:
+        for name in names:
+            words = [sys.executable, "-m", __spec__.name, "--member", name, endpoint]
+            children[name] = subprocess.Popen([*words, *task.words()])
+
+    def done(_: s.FrameDone) -> None:
+        meter.frame_done(coordinator.algorithm)
+        if coordinator.algorithm.frame == task.frames:
+            peaks.update((name, memory(child.pid)) for name, child in children.items())
+            peaks[""] = memory("self")
+
+    def look(_: object) -> None:
+        gone = [name for name, child in children.items() if child.poll()]
+        if gone and not coordinator.algorithm.failed:
+            coordinator.algorithm.failed = True
+            coordinator.tell(s.End(f"{gone[0]} has failed"))
+
+    watchers = Watchers(
+        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        status=look,
+        listening=start,
+        stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
+        frame_done=done,
+    )
+    coordinator = BusCoordinator(world_of(task, names), watchers)
+    coordinator.run()
+    for child in children.values():
+        child.wait(timeout=10)
+    if not peaks:
+        sys.exit(f"{task.model} did not come to its end")
+    return {**meter.figures(), "memory_mb": sum(peaks.values())}
+
+
+def member(name: str, endpoint: str, task: Task) -> int:
+    """Run one host or service."""
+    model = load(task.model)
+    make = model.services(task.agents).get(name)
+    kinds = [] if make is not None else model.kinds
+    participant = Participant(name, make() if make is not None else None, kinds)
+    return BusMember(participant, "populations", endpoint, print).run()
+
+
+def memory(process: int | str) -> float:
+    """The most memory that a process has had, in MB; what it shares with others in parts."""
+    found: dict[str, int] = {}
+    for file in ("status", "smaps_rollup"):
+        for line in Path(f"/proc/{process}/{file}").read_text().splitlines():
+            words = line.split()
+            if words[-1:] == ["kB"]:
+                found[words[0]] = int(words[1])
+    return (found["VmHWM:"] - (found["Rss:"] - found["Pss:"])) / 1024
+
+
+def minerva(task: Task) -> Figures | str:
+    """Run one of our models in a process of its own, so that its memory is its own too."""
+    words = [sys.executable, "-m", __spec__.name, "--task", *task.words()]
+    return answered(words, Path.cwd(), lambda found: found)
+
+
+# --- the others ---
+
+
+def mesa(model: str, agents: int, folder: Path, seconds: float) -> Figures | str:
+    """Run Mesa's model of the same name."""
+    if model not in MESA:
+        return "it has no such model"
+    name, unit = MESA[model]
+    options = ["--model", name, "--scale", str(max(1, round(agents / unit)))]
+    return peer("mesa", "bench_mesa.py", options, folder, seconds)
+
+
+def mesa_frames(model: str, agents: int, folder: Path, seconds: float, style: str) -> Figures | str:
+    """Run the model of mesa-frames."""
+    if model != "wealth":
+        return "it has no such model"
+    options = ["--scale", str(max(1, agents // 100)), "--style", style]
+    return peer("mesaframes", "bench_mesaframes.py", options, folder, seconds)
+
+
+def peer(name: str, script: str, options: list[str], folder: Path, seconds: float) -> Figures | str:
+    """Run a peer's script; its figures, or why there are none."""
+    python = (folder / "venvs" / name / "bin" / "python").absolute()
+    for needed in (folder / script, python):
+        if not needed.is_file():
+            return f"{needed} is not there"
+    words = [str(python), script, *options, "--seconds", str(seconds)]
+    return answered(words, folder, _peer_figures)
+
+
+def _peer_figures(found: dict[str, Any]) -> Figures:
+    return {
+        "agents": found["agents"],
+        "updates_per_s": found["agent_updates_per_s"],
+        "frames_per_s": 1e6 / found["us_per_step_median"],
+        "memory_mb": found["max_rss_mb"],
+    }
+
+
+def answered(
+    words: list[str], folder: Path, figures: Callable[[dict[str, Any]], Figures]
+) -> Figures | str:
+    """What a command says in its last line of JSON, or why it says nothing."""
+    try:
+        done = subprocess.run(
+            words, cwd=folder, capture_output=True, text=True, timeout=600, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "no end after 600 s"
+    for line in reversed(done.stdout.splitlines()):
+        if line.startswith("{"):
+            return figures(json.loads(line))
+    return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-400:].strip()}"
+
+
+# --- the table ---
+
+
+def runs_of(arguments: argparse.Namespace, model: str, agents: int):
+    """All that is to be run of one model and size: system, hosts and how."""
+    if "minerva" in arguments.systems:
+        for hosts in [0] if arguments.in_process else arguments.hosts:
+            frames = (WARM_UP + arguments.frames) * cycle(load(model))
+            task = Task(model, agents, hosts, frames, digest=int(arguments.digest))
+            yield "minerva", hosts, lambda task=task: minerva(task)
+    folder, seconds = arguments.peers, arguments.seconds
+    if "mesa" in arguments.systems:
+        yield "mesa", 0, lambda: mesa(model, agents, folder, seconds)
+    if "mesa-frames" in arguments.systems:
+        for style in ("native", "api"):
+            yield (
+                f"mesa-frames {style}",
+                0,
+                lambda style=style: mesa_frames(model, agents, folder, seconds, style),
+            )
+
+
+def measured(arguments: argparse.Namespace, model: str, agents: int) -> list[Row]:
+    """All systems at one size, in turns; ratios are of our fastest row to each."""
+    turns: dict[tuple[str, int], list[Figures]] = {}
+    missing: set[tuple[str, int]] = set()
+    for _ in range(arguments.turns):
+        for system, hosts, run in runs_of(arguments, model, agents):
+            if (system, hosts) in missing:
+                continue
+            found = run()
+            if isinstance(found, str):
+                missing.add((system, hosts))
+                print(f"{system}: {model} left out: {found}", file=sys.stderr)
+            else:
+                turns.setdefault((system, hosts), []).append(found)
+    rows = [_row(system, model, agents, hosts, all) for (system, hosts), all in turns.items()]
+    ours = max((row.updates_per_s for row in rows if row.system == "minerva"), default=0.0)
+    return [_with_ratio(row, ours) for row in rows]
+
+
+def _row(system: str, model: str, agents: int, hosts: int, turns: list[Figures]) -> Row:
+    middle = {key: statistics.median(one[key] for one in turns) for key in turns[0]}
+    agents = int(middle.pop("agents", agents))
+    return Row(system, model, agents, hosts, **middle)
+
+
+def _with_ratio(row: Row, ours: float) -> Row:
+    return Row(**{**asdict(row), "ratio": ours / row.updates_per_s})
+
+
+def shown(row: Row, as_json: bool) -> str:
+    """A row as text."""
+    if as_json:
+        return json.dumps(asdict(row))
+    return (
+        f"{row.system:19} {row.model:11} {row.agents:9,} {row.hosts or '-':>5}"
+        f" {row.updates_per_s:12,.0f} {row.frames_per_s:9.1f} {row.memory_mb:7.0f}"
+        f" {row.ratio:7.2f}"
+    )
+
+
+HEAD: Final = (
+    f"{'system':19} {'model':11} {'agents':>9} {'hosts':>5} {'updates/s':>12} {'frames/s':>9}"
+    f" {'MB':>7} {'ratio':>7}"
+)
+
+
+def lines_of(rows: list[Row]) -> list[Line]:
+    """The rows as lines of a diagram."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        label = f"{row.system}, {row.hosts} hosts" if row.hosts else row.system
+        found.setdefault((row.model, label), []).append(row)
+    return [
+        Line(model, label, [one.agents for one in some], [one.updates_per_s for one in some])
+        for (model, label), some in found.items()
+    ]
+
+
+# --- statistics ---
+
+
+def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
+    """What a model looks like after some steps. What is under way arrives first."""
+    model = load(task.model)
+    services = {name: make() for name, make in model.services(task.agents).items()}
+    algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
+    participants = [Participant(name, service) for name, service in services.items()]
+    host = Participant("host-0", agents=model.kinds)
+    runner = InProcess(algorithm, [*participants, host], lambda _: None)
+    runner.start()
+    found: dict[int, Figures] = {}
+    for step in range(max(at) + 1):
+        if step in at:
+            found[step] = model.statistics(settled(runner, list(services.values())))
+        for _ in range(cycle(model)):
+            runner.tell(s.Begin())
+    return found
+
+
+def settled(runner: InProcess, services: list[Any]) -> Scene:
+    """The string after a frame without a step, where the model's clock can be quiet."""
+    quiet = [one for one in services if hasattr(one, "quiet")]
+    for one in quiet:
+        one.quiet = True
+    if quiet:
+        runner.tell(s.Begin())
+    for one in quiet:
+        one.quiet = False
+    return runner.algorithm.scene
+
+
+def main() -> None:
+    """Measure in turns and print a table."""
+    arguments = parser().parse_args()
+    if arguments.statistics:
+        from benchmarks.spread import compare
+
+        compare(arguments)
+        return
+    if not arguments.json:
+        print(HEAD)
+    rows: list[Row] = []
+    for model in arguments.model:
+        for agents in arguments.agents or SIZES[model]:
+            for row in measured(arguments, model, agents):
+                print(shown(row, arguments.json), flush=True)
+                rows.append(row)
+    if arguments.plot:
+        plotted(arguments.plot, lines_of(rows), "agents", "updates per second")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    found = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    found.add_argument("--model", nargs="+", default=list(MODELS), choices=MODELS)
+    found.add_argument("--agents", type=int, nargs="+")
+    found.add_argument("--hosts", type=int, nargs="+", default=[1, 2])
+    found.add_argument("--in-process", action="store_true")
+    found.add_argument("--digest", action="store_true", help="ask for it in every frame")
+    found.add_argument("--frames", type=int, default=40, help="steps that count, in each turn")
+    found.add_argument("--turns", type=int, default=3)
+    found.add_argument("--systems", nargs="+", default=list(SYSTEMS), choices=SYSTEMS)
+    found.add_argument("--peers", type=Path, default=Path("../shared/peers"))
+    found.add_argument("--seconds", type=float, default=5.0, help="for each turn of a peer")
+    found.add_argument("--statistics", action="store_true")
+    found.add_argument("--seeds", type=int, default=5, help="runs of each for --statistics")
+    found.add_argument("--plot", type=Path)
+    found.add_argument("--json", action="store_true")
+    return found
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--member"]:
+        sys.exit(member(sys.argv[2], sys.argv[3], Task.of(sys.argv[4:])))
+    if sys.argv[1:2] == ["--task"]:
+        chosen = Task.of(sys.argv[2:])
+        print(json.dumps(on_bus(chosen) if chosen.hosts else in_process(chosen)))
+        sys.exit(0)
+    main()
