@@ -16,6 +16,7 @@ from minerva_bus.grammar.arrays import fit_array, is_array, repeated
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Column, Columns, around_each
 from minerva_bus.grammar.condition import parse_condition
+from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.forms import Form, Motion, Shape, parameters_of
 from minerva_bus.grammar.ids import Ids
@@ -33,13 +34,25 @@ class Default:
     value: Any
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Field:
     """A named, typed parameter, attribute or datum; without a default it must be given."""
 
     name: str
     type: Type
     default: Value | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Field):
+            return NotImplemented
+        if (self.name, self.type) != (other.name, other.type):
+            return False
+        if self.default is None or other.default is None:
+            return self.default is other.default
+        return same_values((self.default,), (other.default,))  # which matrices have no == for
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.type))
 
     @staticmethod
     def of(name: str, annotation: Any) -> Field:

@@ -5,8 +5,21 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from minerva_bus import EMPTY, Agent, Cells, EventType, Metres, Vocabulary, evolve, on, parse, view
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Cells,
+    Default,
+    EventType,
+    Metres,
+    Vocabulary,
+    evolve,
+    on,
+    parse,
+    view,
+)
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.symbols import Field
 from minerva_bus.world.kinds import kinds_of
 
 eHit = EventType("eHit")
@@ -242,3 +255,12 @@ def test_mixins_need_no_symbol():
     assert not hasattr(Base, "kind")
     assert Base.activities.keys() == {"eHit"}
     assert evolve(EMPTY, [eHit()], [Plain]).scene == EMPTY
+
+
+def test_kinds_whose_defaults_are_matrices_can_be_compared():
+    def kind(cells):
+        return Field.of("grids", Default(tuple[Cells, ...], (np.array(cells, np.int16),)))
+
+    assert kind([[1, 2]]) == kind([[1, 2]])
+    assert kind([[1, 2]]) != kind([[1, 3]])
+    assert kind([[1, 2]]) != Field.of("grids", tuple[Cells, ...])
