@@ -375,7 +375,8 @@ def lines_of(rows: list[Row]) -> list[Line]:
     """The rows as lines of a diagram."""
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        label = f"{row.system}, {row.hosts} hosts" if row.hosts else row.system
+        hosts = "host" if row.hosts == 1 else "hosts"
+        label = f"{row.system}, {row.hosts} {hosts}" if row.hosts else row.system
         found.setdefault((row.model, label), []).append(row)
     return [
         Line(model, label, [one.agents for one in some], [one.updates_per_s for one in some])

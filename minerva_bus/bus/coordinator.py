@@ -106,10 +106,8 @@ class BusCoordinator:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._begin_at: float | None = None
         self._evolving_since = 0.0
-        self._alarm = 0.0
         self._waiting_since: float | None = None
         self._told_at = 0.0
-        self._given_up: set[str] = set()
         self._status_at = 0.0
         self._status_frame: int = 0
         self._recorded = False
@@ -125,7 +123,7 @@ class BusCoordinator:
             self._session = session
             declared = self._declare(session)
             self._watch.listening(endpoint)
-            self._status_at = self._alarm = time.monotonic()
+            self._status_at = time.monotonic()
             while self.ended is None:
                 self._step()
             self.inbox.close()
