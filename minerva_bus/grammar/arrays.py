@@ -22,10 +22,10 @@ def is_array(value: object) -> bool:
     return (isinstance(value, np.ndarray) and value.ndim == 1) or isinstance(value, Ids)
 
 
-def fit_array(kind: Type, value: Any) -> Column:
+def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     """A column of this type with the values of an array of shape (n,), or the texts of ids.
 
-    Raises Unfit.
+    `finite` is False where it is seen to later that they are. Raises Unfit.
     """
     if kind.kind not in SCALARS:
         raise Unfit(f"a {kind}, which cannot be a column")
@@ -42,7 +42,7 @@ def fit_array(kind: Type, value: Any) -> Column:
     fitted = array.astype(_DTYPES[kind.kind], copy=array.flags.writeable)
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
-    if kind.kind == "real" and not np.isfinite(fitted).all():
+    if finite and kind.kind == "real" and not np.isfinite(fitted).all():
         raise Unfit(f"an array of {kind}, of finite numbers")
     return Column(fitted)
 

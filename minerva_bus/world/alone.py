@@ -13,7 +13,13 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
 from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.moment import Moment
-from minerva_bus.world.population import Herd, Moments, Population, Received
+from minerva_bus.world.population import (
+    Herd,
+    Moments,
+    Population,
+    Received,
+    returns_nothing,
+)
 
 if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
@@ -29,7 +35,8 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Moment], Scene | None]:
         herd, people = _population_of(agent)
         chances = moment.chance.as_many()
         given = Received(Events.repeated(event, 1), np.zeros(1, np.intp)) if together else event
-        activity(people, given, Moments(moment.frame, lambda: chances, people, None))
+        moments = Moments(moment.frame, lambda: chances, people, None)
+        returns_nothing(activity(people, given, moments))
         moment.chance.take(chances)
         for name, array in herd.arrays.items():
             setattr(agent, name, array.tolist()[0])

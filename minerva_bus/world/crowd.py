@@ -22,13 +22,19 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.declaring import TOGETHER
-from minerva_bus.world.descent import assembled, emissions
+from minerva_bus.world.descent import Unsound, assembled, emissions
 from minerva_bus.world.draws import Draws, Passing
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
 from minerva_bus.world.life import Life
 from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.objects import Objects
-from minerva_bus.world.population import Herd, Moments, Population, Received
+from minerva_bus.world.population import (
+    Herd,
+    Moments,
+    Population,
+    Received,
+    returns_nothing,
+)
 
 Round: TypeAlias = tuple[AnyEvent, Rows | None]
 """Events and the rows of their agents, each row once; None: one event for all."""
@@ -156,9 +162,12 @@ class Crowd:
         self._herd.turn += 1
         people = Population(self._herd, self._cls, rows)
         try:
-            activity(people, given, Moments(self._frame, self._draws.many, people, rows))
+            returns_nothing(activity(people, given, self._moments(people, rows)))
         except Exception as error:
             raise self._failed("λ", 0 if rows is None else int(rows[0]), event) from error
+
+    def _moments(self, people: Population, rows: Rows | None) -> Moments:
+        return Moments(self._frame, self._draws.many, people, rows)
 
     # --- what is written for one agent ---
 
@@ -211,7 +220,10 @@ class Crowd:
         lives = {row: life.string for row, (life, _) in sorted(self._lives.items())}
         said = [*self._said]
         said += [(row, moment.emitted) for row, (_, moment) in sorted(self._lives.items())]
-        scene = assembled(self._herd, lives)
+        try:
+            scene = assembled(self._herd, lives)
+        except Unsound as error:
+            raise self._failed("the state", error.row, event) from error
         if len(scene.pieces) == 1 and isinstance(scene.pieces[0], Columns):
             self._objects.keep(scene.pieces[0])
         return scene, emissions(self._herd.said, said)

@@ -18,6 +18,14 @@ from minerva_bus.world.population import Birth, Herd
 _FEW = 0.25
 
 
+class Unsound(MisuseError):
+    """An attribute of the agent in some row is not finite."""
+
+    def __init__(self, name: str, row: int) -> None:
+        super().__init__(f"{name} must be a finite number")
+        self.row = row
+
+
 def assembled(herd: Herd, lives: Mapping[int, Scene]) -> Scene:
     """The string: rows that stayed, newborns behind their parents, and what single ones became."""
     part = _changed(herd)
@@ -47,9 +55,9 @@ def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
     if not count:
         return old
     if array.dtype == np.float64 and not np.isfinite(array).all():
-        row = int(np.flatnonzero(~np.isfinite(array))[0])
-        who = part.ids[row] if part.ids is not None else ""
-        raise MisuseError(f"{part.symbol}#{who}: {name} must be a finite number")
+        wrong = ~np.isfinite(array) if herd.away is None else ~np.isfinite(array) & ~herd.away
+        if wrong.any():
+            raise Unsound(name, int(np.flatnonzero(wrong)[0]))
     if count < _FEW * len(array):
         rows = np.flatnonzero(differs)
         return old.put(rows, array[rows])

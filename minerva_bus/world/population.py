@@ -127,6 +127,8 @@ class Population:
         herd = self._herd
         if name not in herd.fields.names:
             known = list(herd.fields.names)
+            if name == "id":
+                raise MisuseError(f"{self._kind.kind.name}: an agent keeps its id")
             raise MisuseError(
                 f"a population of {self._kind.kind.name} has no {name}; declare it in the"
                 f" class{nearest(name, known)}"
@@ -149,7 +151,7 @@ class Population:
                 return repeated(one.type, value, count).array
             if len(value) != count:
                 raise Unfit(f"an array of shape ({count},), not ({len(value)},)")
-            return fit_array(one.type, value).array
+            return fit_array(one.type, value, finite=False).array
         except Unfit as unfit:
             raise MisuseError(f"{self._kind.kind.name}: {name} must be {unfit}") from None
 
@@ -264,6 +266,14 @@ class Moments:
             sent = replace(many, senders=senders)
         if len(rows):
             herd.said.append((rows, sent))
+
+
+def returns_nothing(result: object) -> None:
+    """What an activity of a population has to return. Raises TypeError."""
+    if result is not None:
+        raise TypeError(
+            "an activity of a population returns nothing: self.die(mask), self.bear(mask, ...)"
+        )
 
 
 class Received:

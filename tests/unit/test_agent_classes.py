@@ -20,7 +20,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.symbols import Field
-from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.kinds import ActivityError, kinds_of
 
 eHit = EventType("eHit")
 eStep = EventType("eStep")
@@ -264,3 +264,72 @@ def test_kinds_whose_defaults_are_matrices_can_be_compared():
     assert kind([[1, 2]]) == kind([[1, 2]])
     assert kind([[1, 2]]) != kind([[1, 3]])
     assert kind([[1, 2]]) != Field.of("grids", tuple[Cells, ...])
+
+
+class Herdsman(Agent, symbol="AHerdsman"):
+    """Does to its population what it is told to."""
+
+    x: Metres = 1.0
+    n: int = 0
+    deed: str = ""
+
+    @on("eDo", population=True)
+    def do(self, order, moment):
+        return DEEDS[order.deed](self, moment)
+
+
+eDo = EventType("eDo", deed=str)
+DEEDS = {
+    "length": lambda many, moment: setattr(many, "x", np.ones(9)),
+    "type": lambda many, moment: setattr(many, "n", many.n * 1.5),
+    "infinite": lambda many, moment: setattr(many, "x", np.where(many.x > 2, np.inf, many.x)),
+    "stranger": lambda many, moment: setattr(many, "y", 1),
+    "id": lambda many, moment: setattr(many, "id", "b"),
+    "mask": lambda many, moment: many.die(many.x),
+    "births": lambda many, moment: many.bear(),
+    "stream": lambda many, moment: moment.random,
+    "events": lambda many, moment: moment.emit(eDo(np.array(["a", "b"], object))),
+    "returned": lambda many, moment: EMPTY,
+}
+
+
+@pytest.mark.parametrize(("deed", "said"), [
+    ("length", r"#a0 .*x must be an array of shape \(3,\), not \(9,\)"),
+    ("type", "n must be an array of int, not of float64"),
+    ("infinite", "the state of AHerdsman#a2 .*x must be a finite number"),
+    ("stranger", "has no y; declare it"),
+    ("id", "an agent keeps its id"),
+    ("mask", r"a mask has 3 truths, one for each of these agents, not float64 \(3,\)"),
+    ("births", "declare `births: int = 0`"),
+    ("stream", "a population draws from moment.chance"),
+    ("events", "2 events from 3 agents"),
+    ("returned", r"returns nothing: self.die\(mask\)"),
+])  # fmt: skip
+def test_what_a_population_does_wrong_is_said_with_agent_event_and_frame(deed, said):
+    many = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
+    with pytest.raises(ActivityError, match=said) as found:
+        evolve(many, [eDo(deed)], [Herdsman])
+    assert f'eDo<deed="{deed}">' in str(found.value)
+    assert "in frame 0" in str(found.value)
+
+
+def test_the_dead_may_be_infinite():
+    DEEDS["dies"] = lambda many, moment: (
+        (
+            setattr(many, "x", np.where(many.x > 2, np.inf, many.x)),
+            many.die(many.x > 2),
+        )[2:]
+        or None
+    )
+    many = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
+    assert len(evolve(many, [eDo("dies")], [Herdsman]).scene) == 2
+
+
+def test_a_kind_with_a_matrix_cannot_be_written_for_populations():
+    with pytest.raises(MisuseError, match="grid is a cells"):
+
+        class Mapper(Agent, symbol="AMapper"):
+            grid: Cells = np.zeros((1, 1), np.int16)
+
+            @on("eDo", population=True)
+            def do(self, order, moment): ...
