@@ -1,12 +1,39 @@
 """Views: visual events, devices that are their own source, coupled ones, and observers that miss."""
 
-import pytest
-from pond import Counter, Mother, Screen, Water, counters, eShow, expect, host, service
+from dataclasses import replace
 
-from minerva_bus import Device, Generator
+import numpy as np
+import pytest
+from pond import (
+    Counter,
+    Mother,
+    PDot,
+    Screen,
+    Steps,
+    TAt,
+    Water,
+    counters,
+    eShow,
+    eStep,
+    expect,
+    host,
+    service,
+)
+
+from minerva_bus import (
+    Agent,
+    Device,
+    Generator,
+    Metres,
+    Vocabulary,
+    on,
+    view,
+    visualize,
+)
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.testing.memory_bus import BEGIN
+from minerva_bus.frame.description import World
+from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
 def shown(bus, name="screen"):
@@ -309,3 +336,50 @@ def test_a_view_arrives_in_the_order_of_frames_also_for_one_that_lags():
     bus.release()
     bus.settle()
     assert [int(line.split(":")[0]) for line in shown(bus)] == [0, 1, 2, 3, 4]
+
+
+class Drifter(Agent, symbol="ADrifter"):
+    """One of many, of whom now and then a few move, and seldom one is born."""
+
+    x: Metres = 0.0
+    births: int = 0
+
+    @on("eStep", population=True)
+    def drift(self, step, moment):
+        self.x = np.where(moment.chance.chance(0.05), self.x + step.count, self.x)
+        seldom = moment.number % 5 == 4
+        self.bear((np.array(self.id.texts()) == "d7") & seldom, x=9.0)
+
+    @view("eShow", population=True)
+    def show(self, event):
+        return TAt(self.x)(PDot(1))
+
+
+DRIFTING = Vocabulary.of(PDot, TAt, eStep, eShow, Drifter)
+
+
+@pytest.mark.parametrize("hosts", [1, 2])
+def test_key_views_and_what_differs_add_up_to_the_view_of_the_whole(hosts):
+    """Also for a screen that comes late, and through births."""
+    w = World("drift", Drifter.many("d", 200, x=np.arange(200.0)) + PDot(5), DRIFTING)
+    members = {f"h{n}": host(f"h{n}", Drifter) for n in range(hosts)}
+    members |= {"steps": service("steps", Steps), "screen": service("screen", Screen)}
+    members["late"] = service("late", Screen)
+    bus = MemoryBus(replace(w, expected=frozenset(members) - {"late"}), members)
+    bus.start()
+    bus.vanish("late")
+    bus.settle()
+    wanted, sent = [], []
+    receive = bus.algorithm.receive
+    bus.algorithm.receive = lambda stimulus: sent.append(stimulus) or receive(stimulus)
+    for frame in range(24):
+        if frame == 12:
+            bus.appear("late")
+            bus.settle()
+        wanted.append(f"{frame}: {visualize(bus.algorithm.scene, [eShow()], [Drifter])}")
+        bus.frame()
+    assert shown(bus) == wanted
+    assert shown(bus, "late") == wanted[-len(shown(bus, "late")) :]
+    assert len(shown(bus, "late")) >= 12
+    patches = [p for r in sent if isinstance(r, m.EvolveReply) for p in r.view_patches.values()]
+    assert any(c.rows is not None for some in patches for p in some.values() for c in p.changes)
