@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent, on, view
     from minerva_bus.world.evolution import Policy, evolve
     from minerva_bus.world.moment import Frame, Moment
+    from minerva_bus.world.population import Moments, Received
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -55,6 +56,7 @@ _HOMES = {
     "world.agent": "Agent on view",
     "world.evolution": "Policy evolve",
     "world.moment": "Frame Moment",
+    "world.population": "Moments Received",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }
@@ -98,11 +100,13 @@ __all__ = [
     "MetresPerSecond",
     "MinervaError",
     "Moment",
+    "Moments",
     "Motion",
     "Policy",
     "Primitive",
     "Raster",
     "Reals",
+    "Received",
     "Scene",
     "Seconds",
     "Tick",

@@ -22,6 +22,7 @@ from minerva_bus import (
     EventType,
     Metres,
     Moment,
+    Moments,
     Motion,
     Primitive,
     Raster,
@@ -31,7 +32,6 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.world.population import Moments
 
 WIDTH, HEIGHT, CELL = 60.0, 36.0, 2.0
 
