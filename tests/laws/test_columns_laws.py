@@ -438,3 +438,17 @@ def test_a_geometry_may_draw_many_at_once():
     assert len(one.dots) == 2 * count + 2
     with pytest.raises(MisuseError, match="not AFish#f0"):
         interpret(One.many("f", 3), many)
+
+
+@pytest.mark.parametrize("changed", [0, 1, 10, 39, 40])
+def test_a_patch_has_just_what_differs_or_a_whole_column(changed):
+    """Between columns of which one was not made of the other, as two views are."""
+    rows = np.arange(changed)
+    w = One.many("f", 40, x=np.arange(40.0))
+    other = np.arange(40.0)
+    other[rows] += 0.5
+    new = One.many(w.pieces[0].ids, x=other)
+    patch = difference(w.pieces[0], new.pieces[0])
+    assert Scene((patched(w.pieces[0], patch),)) == new
+    found = [change.rows if change.rows is None else len(change.rows) for change in patch.changes]
+    assert found == {0: [], 1: [1], 10: [10]}.get(changed, [None])
