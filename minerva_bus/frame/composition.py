@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from operator import is_
 from typing import Final, TypeAlias, cast
 
 import numpy as np
@@ -21,10 +20,14 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     agents,
+    of_pieces,
     shared,
     still,
     walk,
 )
+
+PART: Final = "~"
+"""What the names of parts of populations begin with, and no agent's id."""
 
 FIRST: Final = 64
 Fragment: TypeAlias = AgentNode | Columns
@@ -43,7 +46,8 @@ class Composition:
 
     def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
         """`named` are the fragments as they were: parts that still are there keep their names."""
-        self._names = {id(one.pieces[0]): name for name, one in named.items() if one.pieces}
+        kept = {name: fragment_in(one, name) for name, one in named.items()}
+        self._names = {id(part): name for name, part in kept.items() if isinstance(part, Columns)}
         self._scene: Scene | None = scene
         self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
@@ -83,7 +87,7 @@ class Composition:
         name = self._names.get(id(part), "")
         if not name:
             self._named += 1
-            name = f"~{part.symbol}.{self._named}"
+            name = f"{PART}{part.symbol}.{self._named}"
         self.fragments[name] = self.parts[name] = part
         if beside:
             self.populations[-1].append(name)
@@ -230,6 +234,14 @@ class Composition:
         return {name: Scene((one,)) for name, one in self.fragments.items()}
 
 
+def fragment_in(scene: Scene, name: str) -> Fragment | None:
+    """The fragment of this name, if a string is that alone: what its host keeps of an answer."""
+    piece = scene.pieces[0] if len(scene.pieces) == 1 else None
+    if isinstance(piece, Columns):
+        return piece if piece.ids is not None and name.startswith(PART) else None
+    return piece if isinstance(piece, AgentNode) and piece.id == name else None
+
+
 def shares(rows: int, weights: Sequence[float]) -> list[int]:
     """How many of some rows each host gets; whole chunks where there are enough of them."""
     unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
@@ -260,9 +272,7 @@ def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
             made += _fill(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
         else:
             made.append(piece)
-    if len(made) == len(skeleton.pieces) and all(map(is_, made, skeleton.pieces)):
-        return skeleton
-    return Scene(tuple(made)) if made else EMPTY
+    return of_pieces(skeleton, made)
 
 
 def _fill(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from minerva_bus.frame.composition import Composition, Fragment, shares
+from minerva_bus.frame.composition import Composition, Fragment, fragment_in, shares
 from minerva_bus.frame.load import Load
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.placement import place
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 Offers = Mapping[str, frozenset[str]]
@@ -167,11 +167,11 @@ class Distribution:
             self._stale[placed].add(fragment)
         if fragment not in held:  # And that has been told to let go of it.
             return
-        piece = result.pieces[0] if len(result.pieces) == 1 else None
-        if isinstance(piece, Columns) or (isinstance(piece, AgentNode) and piece.id == fragment):
-            held[fragment] = piece
+        piece = fragment_in(result, fragment)
+        if piece is None:
+            del held[fragment]
         else:
-            held.pop(fragment, None)
+            held[fragment] = piece
 
 
 def _kinds(node: Fragment) -> frozenset[str]:

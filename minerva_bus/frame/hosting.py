@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.composition import Fragment
+from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.patch import Patch, difference
-from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Evolved, Policy, evolve
@@ -52,10 +52,10 @@ class Host:
             self._drop(fragment)
         for fragment, scene in given.given.items():
             self._drop(fragment)
-            piece = scene.pieces[0] if len(scene.pieces) == 1 else None
-            if not _is_fragment(piece, fragment):
+            piece = fragment_in(scene, fragment)
+            if piece is None:
                 raise ProtocolError(f"the fragment #{fragment} is no agent of that name")
-            self.fragments[fragment] = piece  # pyright: ignore[reportArgumentType]
+            self.fragments[fragment] = piece
 
     def _drop(self, fragment: str) -> None:
         self.fragments.pop(fragment, None)
@@ -102,11 +102,11 @@ class Host:
             found.changed[fragment] = scene
         else:
             found.patched[fragment] = patch
-        now = scene.pieces[0] if len(scene.pieces) == 1 else None
-        if _is_fragment(now, fragment) and type(now) is type(old):
-            self.fragments[fragment] = now  # pyright: ignore[reportArgumentType]
-        else:
+        now = fragment_in(scene, fragment)
+        if now is None:
             self._drop(fragment)
+        else:
+            self.fragments[fragment] = now
 
     def _views(
         self, event_type: str, concerned: Sequence[str], visual: Sequence[AnyEvent], frame: Frame
@@ -130,13 +130,6 @@ class Host:
             elif patch is None and (shown is None or _other(shown.view, view)):
                 found.changed[fragment] = view
         return found
-
-
-def _is_fragment(piece: object, name: str) -> bool:
-    """Whether a string's only piece is the agent of this id, or agents in columns."""
-    if isinstance(piece, Columns):
-        return piece.ids is not None and name.startswith("~")
-    return isinstance(piece, AgentNode) and piece.id == name
 
 
 def _other(old: Scene, new: Scene) -> bool:

@@ -285,6 +285,13 @@ def shared(old: Scene, nodes: list[Node]) -> Scene:
     return Scene(tuple(nodes)) if nodes else EMPTY
 
 
+def of_pieces(old: Scene, pieces: list[Piece]) -> Scene:
+    """As `shared`, of pieces as they are held: columns are not taken apart to compare them."""
+    if len(pieces) == len(old.pieces) and all(map(is_, pieces, old.pieces)):
+        return old
+    return Scene(tuple(pieces)) if pieces else EMPTY
+
+
 def still(node: TransformationNode) -> bool:
     """Whether there is no agent in a transformation's scope."""
     known: bool | None = getattr(node, "_still", None)

@@ -24,6 +24,7 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
+    of_pieces,
     rebuild,
 )
 from minerva_bus.grammar.symbols import AgentKind, EventType, Fields, Primitive, Transformation
@@ -122,7 +123,7 @@ class Vocabulary:
                 made.append(self._with_known_ids(piece, taken, source))
             else:
                 made += packed(rebuild(Scene(piece.nodes()), leave)).pieces
-        return scene if all(map(is_, made, scene.pieces)) else Scene(tuple(made))
+        return of_pieces(scene, made)
 
     def _fits(self, many: Columns) -> bool:
         """Whether columns are as this vocabulary has them, except for their ids."""

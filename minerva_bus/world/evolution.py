@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import count
-from operator import is_
 
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.columns import Columns
@@ -18,6 +17,7 @@ from minerva_bus.grammar.scene import (
     Piece,
     Scene,
     agents,
+    of_pieces,
     rebuild,
     rescoped,
     scene_of,
@@ -110,8 +110,7 @@ class _Eta:
                 now, sent = evolve_many(piece, self.addressed, self.kinds, self.frame)
                 result += now.pieces
                 many += sent
-        same = len(result) == len(scene.pieces) and all(map(is_, result, scene.pieces))
-        return Evolved(scene if same else Scene(tuple(result)), self.emitted, tuple(many))
+        return Evolved(of_pieces(scene, result), self.emitted, tuple(many))
 
     def copies(self, node: Node, scope: Scene) -> Scene | Node:
         """One copy of an agent for each event of the frame: the letter of equation 3."""

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from hashlib import blake2b
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.ids import Ids
-
-LONGEST_ID: Final = 64
+from minerva_bus.grammar.ids import LONGEST, Ids
 
 
 def child_id(parent: str, births: int) -> str:
     """An id that only this birth gives; a lineage too long to be spelled out is hashed."""
     name = f"{parent}:{births}"
-    if len(name) <= LONGEST_ID:
+    if len(name) <= LONGEST:
         return name
     lineage = blake2b(name.encode(), digest_size=12).hexdigest()
     return f"{parent[:16].split(':')[0]}:-{lineage}"
@@ -26,7 +23,7 @@ def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
     """The ids of one birth of each parent; those of `child_id`."""
     names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
     longest = int(np.strings.str_len(names).max())
-    if longest <= LONGEST_ID:
+    if longest <= LONGEST:
         return Ids(None, names.astype(f"S{longest}"))
     texts = [child_id(*pair) for pair in zip(parents.texts(), births.tolist(), strict=True)]
     return Ids.of(texts)

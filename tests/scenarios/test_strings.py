@@ -13,14 +13,16 @@ from pond import (
     Steps,
     Tadpole,
     counters,
+    eAdd,
     expect,
     host,
     service,
     world,
 )
 
-from minerva_bus import Agent, on
+from minerva_bus import Agent, Vocabulary, on
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import World
 from minerva_bus.testing.memory_bus import MemoryBus
 
 
@@ -241,3 +243,29 @@ def test_without_events_nothing_is_asked_and_nothing_changes():
     bus.run()
     assert len(set(bus.digests)) == 1
     assert not any("evolve" in line for line in bus.trace)
+
+
+class Spawner(Agent, symbol="ASpawner"):
+    """Bursts into many at once and is no more."""
+
+    n: int = 0
+
+    @on("eAdd")
+    def burst(self, event, moment):
+        self.n += event.n
+        return Spawner.many("s", 40, n=self.n) if self.id == "a" else None
+
+
+@pytest.mark.parametrize("hosts", [1, 2])
+def test_an_agent_may_become_many_in_columns(hosts):
+    vocabulary = Vocabulary.of(eAdd, Spawner)
+    members = {f"h{n}": host(f"h{n}", Spawner) for n in range(hosts)}
+    members["add"] = service("add", Add)
+    w = World("spawn", vocabulary.read("ASpawner#a"), vocabulary, expected=frozenset(members))
+    bus = MemoryBus(w, members)
+    bus.start()
+    bus.run(4)
+    assert bus.stuck == []
+    assert len(bus.digests) == 4
+    assert len(bus.algorithm.scene) == 40
+    assert {node.values for node in bus.algorithm.scene} == {(4,)}
