@@ -21,18 +21,11 @@ class Frame:
     seed: int = 0
 
 
-@dataclass(slots=True)
-class Moment:
-    """A frame as one agent or generator lives it.
+class InFrame:
+    """When a piece of user code runs."""
 
-    `who` is the generator's name, or `#id` for an agent.
-    """
-
+    __slots__ = ()
     frame: Frame
-    who: str
-    emitted: list[Event] = field(default_factory=list[Event])
-    _random: np.random.Generator | None = None
-    _chance: Chance | None = None
 
     @property
     def number(self) -> int:
@@ -48,6 +41,20 @@ class Moment:
     def time(self) -> float:
         """Simulated seconds since the world began."""
         return self.frame.number * self.frame.dt
+
+
+@dataclass(slots=True)
+class Moment(InFrame):
+    """A frame as one agent or generator lives it.
+
+    `who` is the generator's name, or `#id` for an agent.
+    """
+
+    frame: Frame
+    who: str
+    emitted: list[Event] = field(default_factory=list[Event])
+    _random: np.random.Generator | None = None
+    _chance: Chance | None = None
 
     @property
     def random(self) -> np.random.Generator:

@@ -29,7 +29,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import Fields
 from minerva_bus.world.chance import Chances
 from minerva_bus.world.lineage import child_ids
-from minerva_bus.world.moment import Frame
+from minerva_bus.world.moment import Frame, InFrame
 
 if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
@@ -204,7 +204,7 @@ class Population:
         return np.flatnonzero(mask) if self._rows is None else self._rows[mask]
 
 
-class Moments:
+class Moments(InFrame):
     """A frame as many agents live it at once."""
 
     def __init__(
@@ -219,21 +219,6 @@ class Moments:
     def chance(self) -> Chances:
         """Draws, one number for each of the agents from its own stream."""
         return self._chances().of(self._rows)
-
-    @property
-    def number(self) -> int:
-        """The frame's number t, from 0."""
-        return self.frame.number
-
-    @property
-    def dt(self) -> float:
-        """Simulated seconds that a frame lasts."""
-        return self.frame.dt
-
-    @property
-    def time(self) -> float:
-        """Simulated seconds since the world began."""
-        return self.frame.number * self.frame.dt
 
     @property
     def random(self) -> Any:
