@@ -10,7 +10,9 @@ from typing import Any, Self
 
 import zenoh
 
+from minerva_bus.bus.asking import ask
 from minerva_bus.bus.inbox import Watch
+from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.session import open_client
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
@@ -18,7 +20,6 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.alphabet import read_vocabulary
 from minerva_bus.protocol.codec import Decoder
 from minerva_bus.protocol.keys import COORDINATOR, EVERY_CONTROL, Keys
-from minerva_bus.protocol.plain import mapped, pack, text, unpack
 
 ANSWER_WITHIN = 5.0
 
@@ -32,8 +33,9 @@ class Client:
     def __init__(self, endpoint: str, world: str = "") -> None:
         self._endpoint = endpoint
         self._session = open_client("client", endpoint)
+        self.operator = AskingOperator(self.ask)
         self._control = Keys(world).control if world else EVERY_CONTROL
-        self.world = world or text(self.ask("list").get("world"), "the world")
+        self.world = world or self.operator.status().world
 
     def __enter__(self) -> Self:
         return self
@@ -43,13 +45,9 @@ class Client:
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """The world's answer to a question. Raises BusError for none or a refusal."""
-        payload = pack({"ask": question, **details})
-        for reply in self._session.get(self._control, payload=payload, timeout=ANSWER_WITHIN):
-            if reply.ok is not None:
-                answer = mapped(unpack(reply.ok.payload.to_bytes()), "an answer")
-                if "error" in answer:
-                    raise BusError(text(answer["error"], "an error"))
-                return answer
+        answer = ask(self._session, self._control, question, ANSWER_WITHIN, details)
+        if answer is not None:
+            return answer
         name = f"no world {self.world!r}" if getattr(self, "world", "") else "no world"
         raise BusError(f"{name} answers at {self._endpoint} (minerva list shows who runs here)")
 

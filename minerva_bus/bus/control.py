@@ -1,89 +1,241 @@
 """What people's commands may ask a running world: one query, one answer, both msgpack maps.
 
-    {"ask": "list"}                       → {"world": ..., "frame": ..., "members": [...]}
+    {"ask": "status", "since": 0}         → {"status": {...}}
     {"ask": "vocabulary"}                 → {"vocabulary": ...}
     {"ask": "scene"}                      → {"scene": text of w, "frame": ...}
+    {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
     {"ask": "pub", "event": [...], ...}   → {"frame": ...}
-    {"ask": "stop"}                       → {}
+    {"ask": "order", "event": [...]}      → {"frame": ...}
+    {"ask": "pause"}                      → {"frame": ...}; also resume, stop
+    {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
+    {"ask": "rate", "rate": 30.0}         → {"rate": ...}
+    {"ask": "restart", "member": name}    → {}
+    {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
 
 A wrong question is answered by {"error": text}.
 """
 
-# Zenoh's own stubs leave some types open.
-# pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-
-import zenoh
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.composition import PART
+from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.membership import Member
+from minerva_bus.frame.pacing import Pace
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.protocol.alphabet import plain_vocabulary
-from minerva_bus.protocol.plain import listed, mapped, pack, text, unpack
+from minerva_bus.protocol.plain import listed, mapped, number, text, whole
+from minerva_bus.protocol.status import plain_lines, plain_status
+from minerva_bus.protocol.values import Reader
+from minerva_bus.world.operator import MemberStatus, WorldStatus
 
-if TYPE_CHECKING:
-    from minerva_bus.bus.coordinator import BusCoordinator
+MOST_STEPS = 1_000_000_000
+MOST_RATE = 1_000_000.0
+MOST_LINES = 1000
 
 
-def answer(query: zenoh.Query, coordinator: BusCoordinator) -> None:
-    """Answer one query; never raises because of what was asked."""
+class Running(Protocol):
+    """A running world, as those who operate it need it."""
+
+    algorithm: FrameAlgorithm
+    pace: Pace
+    diary: Diary
+
+    @property
+    def hz(self) -> float:
+        """Frames per second, as reached lately."""
+        ...
+
+    @property
+    def waited(self) -> float:
+        """For how many seconds the frame has waited."""
+        ...
+
+    def tell(self, stimulus: s.Stimulus) -> None:
+        """Give the algorithm a stimulus."""
+        ...
+
+    def repace(self) -> None:
+        """The pace has changed."""
+        ...
+
+    def measured(self) -> Mapping[str, float]:
+        """The parts of a frame, in microseconds, and its bytes; from now on they are wanted."""
+        ...
+
+    def restart(self, member: str) -> str:
+        """Start a process anew; why that cannot be, or the empty text."""
+        ...
+
+
+def answer(asked: Mapping[str, Any], running: Running) -> dict[str, Any]:
+    """Answer one question; never raises because of what was asked."""
     try:
-        asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
         name = text(asked.get("ask"), "ask")
         if name not in _ANSWERS:
             raise ProtocolError(f"nothing is known about {name[:40]!r}; ask {', '.join(_ANSWERS)}")
-        found = _ANSWERS[name](coordinator, asked)
+        return _ANSWERS[name](running, mapped(asked, "a question"))
     except MinervaError as error:
-        found = {"error": str(error)}
-    query.reply(coordinator.keys.control, pack(found))
+        return {"error": str(error)}
 
 
-def _list(coordinator: BusCoordinator, _: dict[str, Any]) -> dict[str, Any]:
-    algorithm = coordinator.algorithm
-    members = [
-        {
-            "member": member.name,
-            "state": member.state.value,
-            "roles": list(member.hello.roles) if member.hello else [],
-            "service": member.hello.service if member.hello else "",
-            "kinds": [kind.name for kind in member.hello.kinds] if member.hello else [],
-            "generates": list(member.hello.generates) if member.hello else [],
-            "draws": list(member.hello.draws) if member.hello else [],
-            "last_reply": member.last_reply,
-            "late": member.late,
-            "pid": member.hello.pid if member.hello else 0,
-            "host": member.hello.host if member.hello else "",
-        }
-        for member in algorithm.roster
-    ]
-    return {
-        "world": algorithm.world.name,
-        "frame": algorithm.frame,
-        "phase": algorithm.phase.value,
-        "waiting": algorithm.waiting_for(),
-        "agents": len(list(algorithm.composition.agents())),
-        "members": members,
+def _status(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    return {"status": plain_status(status_of(running, whole(asked.get("since", 0), "since")))}
+
+
+def status_of(running: Running, since: int = 0) -> WorldStatus:
+    """How a world is doing."""
+    algorithm, pace, hz = running.algorithm, running.pace, running.hz
+    measured = dict(running.measured())
+    waits = {
+        name.removeprefix("wait for "): measured.pop(name)
+        for name in sorted(measured)
+        if name.startswith("wait for ")
     }
+    return WorldStatus(
+        world=algorithm.world.name,
+        frame=algorithm.frame,
+        dt=algorithm.world.dt,
+        phase=algorithm.phase.value,
+        paused=pace.paused,
+        left=pace.left or 0,
+        rate=pace.rate,
+        hz=hz,
+        agents=algorithm.composition.count,
+        waiting=tuple(algorithm.waiting_for()),
+        waited=running.waited,
+        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.roster]),
+        events={name: count * hz for name, count in running.diary.per_frame().items()},
+        bytes_in=measured.pop("bytes in", 0.0),
+        bytes_out=measured.pop("bytes out", 0.0),
+        phases=measured,
+        happenings=running.diary.happenings(since),
+    )
 
 
-def _scene(coordinator: BusCoordinator, _: dict[str, Any]) -> dict[str, Any]:
-    algorithm = coordinator.algorithm
+def _member(member: Member, wait: float) -> MemberStatus:
+    hello = member.hello
+    if hello is None:
+        return MemberStatus(member.name, member.state.value, expected=member.expected)
+    return MemberStatus(
+        name=member.name,
+        state=member.state.value,
+        roles=hello.roles,
+        service=hello.service,
+        kinds=tuple([kind.name for kind in hello.kinds]),
+        generates=hello.generates,
+        orders=hello.orders,
+        draws=hello.draws,
+        last_reply=member.last_reply,
+        late=member.late,
+        pid=hello.pid,
+        host=hello.host,
+        expected=member.expected,
+        wait=wait,
+    )
+
+
+def _scene(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    algorithm = running.algorithm
     return {"frame": algorithm.frame, "scene": str(algorithm.scene)}
 
 
-def _vocabulary(coordinator: BusCoordinator, _: dict[str, Any]) -> dict[str, Any]:
-    return {"vocabulary": plain_vocabulary(coordinator.algorithm.world.vocabulary)}
+def _fragment(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """The outermost agent of an id, or one of a population."""
+    composition, agent = running.algorithm.composition, text(asked.get("agent"), "the agent")
+    node = composition.agent(agent) if not agent.startswith(PART) else None
+    if node is None:
+        raise ProtocolError(f"there is no agent #{agent[:64]}")
+    return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
 
 
-def _pub(coordinator: BusCoordinator, asked: dict[str, Any]) -> dict[str, Any]:
+def _order(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    reader = Reader(running.algorithm.world.vocabulary)
+    event = reader.event(asked.get("event"))
+    if not isinstance(event, Event):
+        raise ProtocolError("an order is one event")
+    return _send(running, event)
+
+
+def _send(running: Running, event: Event) -> dict[str, Any]:
+    algorithm = running.algorithm
+    for receiver in event.receivers:
+        if algorithm.composition.agent(receiver) is None:
+            raise ProtocolError(f"there is no agent #{receiver[:64]}")
+    takers = [member.name for member in algorithm.roster.takers(event.type)]
+    running.tell(s.Order(event))
+    return {"frame": algorithm.frame, "event": str(event), "through": takers}
+
+
+def _pause(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    running.pace.pause()
+    running.repace()
+    return {"frame": running.algorithm.frame}
+
+
+def _resume(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    running.pace.resume()
+    running.repace()
+    return {"frame": running.algorithm.frame}
+
+
+def _step(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    frames = whole(asked.get("frames", 1), "frames", 1)
+    if frames > MOST_STEPS:
+        raise ProtocolError(f"frames must be a whole number up to {MOST_STEPS}, not {frames}")
+    algorithm = running.algorithm
+    begun = 1 if algorithm.in_frame else 0
+    last = algorithm.frame + begun + (running.pace.left or 0) + frames
+    running.pace.step(frames)
+    running.repace()
+    return {"frame": last}
+
+
+def _rate(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    rate = number(asked.get("rate"), "rate")
+    if not 0 <= rate <= MOST_RATE:
+        raise ProtocolError(f"rate must be frames per second from 0 to {MOST_RATE:g}, not {rate:g}")
+    running.pace.change(rate)
+    running.repace()
+    return {"rate": rate}
+
+
+def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member = text(asked.get("member"), "the member")
+    roster = running.algorithm.roster
+    if not roster.knows(member):
+        names = ", ".join(one.name for one in roster)
+        raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
+    if not roster.get(member).expected:
+        raise ProtocolError(f"{member} is no process of the world file: restart it where it runs")
+    refused = running.restart(member)
+    if refused:
+        raise ProtocolError(refused)
+    return {}
+
+
+def _logs(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member = text(asked.get("member", ""), "the member")
+    lines = running.diary.lines(whole(asked.get("since", 0), "since"), member)
+    return {"lines": plain_lines(lines[-MOST_LINES:])}
+
+
+def _vocabulary(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
+
+
+def _pub(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event: data as texts of the language, for a type that the world must know."""
-    algorithm = coordinator.algorithm
+    algorithm = running.algorithm
     name = text(asked.get("type"), "the type")
     values = {
         one: _value(text(value, one), one)
@@ -96,10 +248,6 @@ def _pub(coordinator: BusCoordinator, asked: dict[str, Any]) -> dict[str, Any]:
         raise ProtocolError(
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
-    known = set(algorithm.composition.agents())
-    for receiver in receivers:
-        if receiver not in known:
-            raise ProtocolError(f"there is no agent #{receiver}")
     condition = text(asked.get("condition", ""), "if")
     parse_condition(condition)
     try:
@@ -107,10 +255,7 @@ def _pub(coordinator: BusCoordinator, asked: dict[str, Any]) -> dict[str, Any]:
     except Unfit as unfit:
         raise ProtocolError(str(unfit)) from None
     to = tuple(sorted(set(receivers)))
-    event = Event(name, declared.fields.names, fitted, condition, receivers=to)
-    takers = [member.name for member in algorithm.roster.takers(name)]
-    coordinator.tell(s.Order(event))
-    return {"frame": algorithm.frame, "event": str(event), "through": takers}
+    return _send(running, Event(name, declared.fields.names, fitted, condition, receivers=to))
 
 
 def _value(shown: str, name: str) -> Any:
@@ -123,15 +268,23 @@ def _value(shown: str, name: str) -> Any:
     return value
 
 
-def _stop(coordinator: BusCoordinator, _: dict[str, Any]) -> dict[str, Any]:
-    coordinator.inbox.put(s.End("stopped by a person"))
+def _stop(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    running.tell(s.End("stopped by a person"))
     return {}
 
 
-_ANSWERS: dict[str, Callable[[BusCoordinator, dict[str, Any]], dict[str, Any]]] = {
-    "list": _list,
+_ANSWERS: dict[str, Callable[[Running, dict[str, Any]], dict[str, Any]]] = {
+    "status": _status,
     "scene": _scene,
+    "fragment": _fragment,
     "vocabulary": _vocabulary,
     "pub": _pub,
+    "order": _order,
+    "pause": _pause,
+    "resume": _resume,
+    "step": _step,
+    "rate": _rate,
+    "restart": _restart,
+    "logs": _logs,
     "stop": _stop,
 }

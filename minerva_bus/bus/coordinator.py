@@ -16,17 +16,21 @@ from minerva_bus.bus.control import answer
 from minerva_bus.bus.inbox import HubInbox, Tick
 from minerva_bus.bus.session import LOOPBACK, open_hub
 from minerva_bus.bus.shortcut import nothing_to
-from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
-from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.keys import COORDINATOR, Keys, last_part
+from minerva_bus.protocol.plain import mapped, pack, unpack
 
 STATUS_EVERY = 0.1
 NAP = 0.01
+WATCHED_FOR = 5.0
+SMOOTHING = 0.3
 FEW = 3
 REPORTS_WITHIN = 3.0
 HURRIED_REPORTS_WITHIN = 0.5
@@ -58,8 +62,17 @@ class Status:
     rate: float
     members: int
     phase: str
+    paused: bool = False
     waiting: tuple[str, ...] = ()
     waited: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """A line that a member's process has printed."""
+
+    member: str
+    line: str
 
 
 @dataclass(slots=True)
@@ -72,6 +85,7 @@ class Watchers:
     stalled: Callable[[str, float], None]
     frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
     stopping: Callable[[], None] = field(default=lambda: None)
+    restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")
 
 
 class BusCoordinator:
@@ -91,11 +105,17 @@ class BusCoordinator:
         self.keys = Keys(world.name)
         self.inbox = HubInbox(STATUS_EVERY)
         self._watch = watchers
-        self._pace = Pace(rate)
+        self.pace = Pace(rate)
+        self.diary = Diary()
+        self.hz = 0.0
+        self.waited = 0.0
+        self._glances = Glances()
+        self._ready = False
+        self._watched_until = 0.0
         self._listen = listen
         self._shared = shared
         self._patience = patience
-        self._decoder = Decoder(world.vocabulary)
+        self._decoder: Decoder = Decoder(world.vocabulary)
         self._keys_to = {
             s.EVERYONE: self.keys.all,
             s.TICKED: self.keys.tick,
@@ -135,6 +155,25 @@ class BusCoordinator:
         """What was measured of the frames: nothing, here."""
         return {}
 
+    def measured(self) -> Mapping[str, float]:
+        """What was measured of the last frames: nothing, here."""
+        self._watched_until = time.monotonic() + WATCHED_FOR
+        return {}
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody has asked how the world is doing lately."""
+        return self.last_frame_at < self._watched_until
+
+    def repace(self) -> None:
+        """The pace has changed: the next frame may begin now, later, or not at all."""
+        if self._ready:
+            self._begin_at = self.pace.due(time.monotonic())
+
+    def restart(self, member: str) -> str:
+        """Ask for a process to be started anew; why that cannot be, or the empty text."""
+        return self._watch.restart(member)
+
     def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys = self.inbox.handler, self.keys
         liveliness = session.liveliness()
@@ -162,8 +201,15 @@ class BusCoordinator:
             return
         self._take_all_until(due)
         if self._begin_at is not None and time.monotonic() >= self._begin_at:
-            self._begin_at = None
-            self.tell(_BEGIN)
+            self._begin_at, self._ready = None, False
+            self.pace.began()
+            self.tell(self._begin())
+
+    def _begin(self) -> s.Begin:
+        rates = self.algorithm.roster.attending.rates
+        if not rates:
+            return _BEGIN
+        return s.Begin(self._glances.due(time.monotonic(), rates))
 
     def _take_all_until(self, due: float) -> None:
         """Take what there is; what is still to come may take a nap's time to be heard."""
@@ -178,11 +224,28 @@ class BusCoordinator:
             self._heard(*cast("tuple[str, bytes]", item))
         elif isinstance(item, Tick):
             self._look_at_the_clock()
+        elif isinstance(item, Printed):
+            self._log(item.member, item.line)
         elif isinstance(item, zenoh.Query):
             with item:
-                answer(item, self)
+                self._answer(item)
         elif item is not None:
             self.tell(item)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        try:
+            asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
+        except MinervaError as error:
+            query.reply(self.keys.control, pack({"error": str(error)}))
+            return
+        query.reply(self.keys.control, pack(answer(asked, self)))
+
+    def _log(self, member: str, text: str) -> None:
+        self.diary.said(time.time(), member, text)
+
+    def _say(self, member: str, text: str) -> None:
+        self._log(member, text)
+        self._watch.said(member, text)
 
     def _heard(self, member: str, data: bytes) -> None:
         if data == self._nothing:  # Most answers to a tick: no need to read each.
@@ -202,9 +265,12 @@ class BusCoordinator:
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
         if isinstance(stimulus, s.End):
-            self._reports_within = HURRIED_REPORTS_WITHIN
+            self._hurry()
         for instruction in self.algorithm.receive(stimulus):
             self._do(instruction)
+
+    def _hurry(self) -> None:
+        self._reports_within = HURRIED_REPORTS_WITHIN
 
     def _do(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
@@ -212,11 +278,14 @@ class BusCoordinator:
         elif isinstance(instruction, s.FrameDone):
             self._waiting_since = None
             self.last_frame_at = time.monotonic()
+            if self.watched:
+                self.diary.frame(instruction.frame, instruction.events)
             self._watch.frame_done(instruction)
             if self._recorded:
                 self._put(self.keys.record, self._encode(instruction.record), drop=True)
         elif isinstance(instruction, s.Ready):
-            self._begin_at = self._pace.due(time.monotonic())
+            self._ready = True
+            self._begin_at = self.pace.due(time.monotonic())
             if instruction.frame == 0:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
@@ -225,7 +294,7 @@ class BusCoordinator:
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
-            self._watch.said(instruction.member, instruction.text)
+            self._say(instruction.member, instruction.text)
         else:
             self.ended = instruction
 
@@ -268,6 +337,7 @@ class BusCoordinator:
         elif self._waiting_since is None:
             self._waiting_since, self._told_at = now, 0.0
         waited = now - self._waiting_since if self._waiting_since is not None else 0.0
+        self.waited = waited
         self._watch.status(self._status(now, tuple(waiting), waited))
         if waited:
             self._wait_aloud(waiting, waited)
@@ -275,20 +345,23 @@ class BusCoordinator:
     def _status(self, now: float, waiting: tuple[str, ...], waited: float) -> Status:
         frame = self.algorithm.frame
         rate = (frame - self._status_frame) / max(now - self._status_at, 1e-9)
+        self.hz = rate if self.pace.paused else self.hz + SMOOTHING * (rate - self.hz)
         self._status_at, self._status_frame = now, frame
         here = len(self.algorithm.roster.here())
         self.most_members = max(self.most_members, here)
-        return Status(frame, rate, here, self.algorithm.phase.value, waiting, waited)
+        return Status(
+            frame, rate, here, self.algorithm.phase.value, self.pace.paused, waiting, waited
+        )
 
     def _say_for_whom(self, waiting: list[str], waited: float) -> None:
         frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
         left = f"given up in {max(0.0, self._patience.hard - waited):.0f} s"
         if len(waiting) <= FEW:
             for name in waiting:
-                self._watch.said(name, f"{frame} for it for {waited:.1f} s; it is {left}")
+                self._say(name, f"{frame} for it for {waited:.1f} s; it is {left}")
         else:
             names = f"{', '.join(waiting[:FEW])} and {len(waiting) - FEW} more"
-            self._watch.said(COORDINATOR, f"{frame} for {names} for {waited:.1f} s; {left}")
+            self._say(COORDINATOR, f"{frame} for {names} for {waited:.1f} s; {left}")
 
     def _wait_aloud(self, waiting: list[str], waited: float) -> None:
         """Say for whom the world waits, ever more seldom; then give them up."""

@@ -7,13 +7,15 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import zenoh
 
+from minerva_bus.bus.asking import ask
 from minerva_bus.bus.inbox import Inbox
+from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.session import open_client
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
@@ -29,6 +31,7 @@ GREETING = 10.0
 NAME_FREE = 2.0
 WORLD_SEEN = 1.0
 SHOWN_WITHIN = 0.25
+ANSWERED_WITHIN = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,11 @@ class Ungreeted:
 @dataclass(frozen=True, slots=True)
 class Leave:
     """The member shall leave its world."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """It is time for a pulse of the service."""
 
 
 class BusMember:
@@ -66,6 +74,7 @@ class BusMember:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._stop = threading.Event()
         self._shown_at = 0.0
+        self._pulsed = threading.Event()
 
     def leave(self) -> None:
         """Leave the world; may be called from a signal handler or another thread."""
@@ -79,6 +88,8 @@ class BusMember:
         name = self.participant.name
         with open_client(name, self._endpoint, shared=self._shared) as session:
             self._find_world(session)
+            self._session = session
+            self.participant.operator = AskingOperator(self._ask)
             self._wait_for_name(session)
             declared = self._declare(session)
             try:
@@ -90,6 +101,12 @@ class BusMember:
                     self.participant.service.close()
                 for one in declared:
                     one.undeclare()
+
+    def _ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        answer = ask(self._session, self.keys.control, question, ANSWERED_WITHIN, details)
+        if answer is None:
+            raise BusError(f"the world {self.keys.world!r} has not answered for a second")
+        return answer
 
     def _find_world(self, session: zenoh.Session) -> None:
         """A coordinator that is there can be seen at once; others would be waited for in vain."""
@@ -192,6 +209,8 @@ class BusMember:
             return self._heard_aside(item)
         elif isinstance(item, Event | Events):
             self._send(self.participant.emitted(item))
+        elif isinstance(item, Pulse):
+            return self._pulse()
         elif isinstance(item, Exception):
             raise item
         elif isinstance(item, Leave):
@@ -203,6 +222,25 @@ class BusMember:
                 " is that its name (minerva list)?"
             )
         return True
+
+    def _pulse(self) -> bool:
+        """Let the service look about; False when it wants to leave."""
+        service = self.participant.service
+        self._pulsed.clear()
+        if service is None:
+            return True
+        service.pulse()
+        if service.leaves():
+            self._send(m.Leaving(self.participant.name))
+            return False
+        return True
+
+    def _give_pulses(self, every: float) -> None:
+        """Knock every so many seconds, but not while a pulse still waits to be felt."""
+        while not self._stop.wait(every):
+            if not self._pulsed.is_set():
+                self._pulsed.set()
+                self.inbox.put(Pulse())
 
     def _heard_first(self, data: bytes) -> None:
         message = tick(data) if self.participant.world is not None else None
@@ -267,6 +305,9 @@ class BusMember:
         service = self.participant.service
         if isinstance(service, Generator) and not service.lockstep:
             threading.Thread(target=self._emit_all, args=(service,), daemon=True).start()
+        if service is not None and service.pulse_every > 0:
+            every = service.pulse_every
+            threading.Thread(target=self._give_pulses, args=(every,), daemon=True).start()
 
     def _emit_all(self, service: Generator) -> None:
         try:

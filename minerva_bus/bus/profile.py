@@ -1,13 +1,14 @@
-"""Where the time of a frame goes, at the coordinator: `minerva run --profile`.
+"""Where the time of a frame goes, at the coordinator: `minerva run --profile`, `minerva top`.
 
-A coordinator that looks at the clock wherever something begins and ends. The plain one looks
-nowhere: what is measured here is overridden there, so that nobody pays who does not ask.
+A coordinator that looks at the clock wherever something begins and ends, for as long as somebody
+wants to know.
 """
 
 from __future__ import annotations
 
 import statistics
 from array import array
+from collections import deque
 from collections.abc import Mapping
 from time import perf_counter
 from typing import Any
@@ -20,15 +21,18 @@ from minerva_bus.frame.description import World
 from minerva_bus.protocol.codec import Decoder
 
 MICRO = 1e6
+RECENT = 64
 Figures = dict[str, float]
 
 
 class Tally:
     """What was measured of each frame, by name: sums within a frame, then one figure a frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, keep: bool) -> None:
+        self.keep = keep
         self._sums: dict[str, float] = {}
         self._frames: dict[str, array[float]] = {}
+        self._recent: deque[dict[str, float]] = deque(maxlen=RECENT)
 
     def add(self, name: str, amount: float) -> None:
         """Count an amount towards this frame."""
@@ -37,8 +41,22 @@ class Tally:
     def close(self) -> None:
         """The frame is over."""
         sums, self._sums = self._sums, {}
-        for name, amount in sums.items():
+        self._recent.append(sums)
+        for name, amount in sums.items() if self.keep else ():
             self._frames.setdefault(name, array("d")).append(amount)
+
+    def recent(self) -> dict[str, float]:
+        """The mean of each over the last frames, also over those in which it did not occur."""
+        total: dict[str, float] = {}
+        for sums in self._recent:
+            for name, amount in sums.items():
+                total[name] = total.get(name, 0.0) + amount
+        return {name: total[name] / len(self._recent) for name in sorted(total)}
+
+    def clear(self) -> None:
+        """Forget the last frames: those that follow may be much later."""
+        self._sums.clear()
+        self._recent.clear()
 
     def plain(self) -> dict[str, Figures]:
         """Mean, median and 99th percentile over the frames in which it occurred, greatest first."""
@@ -72,7 +90,7 @@ class TimedDecoder(Decoder):
             self._tally.add("decode", MICRO * (perf_counter() - began))
 
 
-class ProfiledCoordinator(BusCoordinator):
+class MeasuringCoordinator(BusCoordinator):
     """Runs a world as its base does, and keeps a tally of it, in microseconds and bytes.
 
     tick, evolve   from the request until the last answer is there
@@ -83,21 +101,48 @@ class ProfiledCoordinator(BusCoordinator):
     encode, view   messages to bytes; of these, views with their sending
     decode         answers from bytes, but for those that say nothing, which are not read
     frame          from one end to the next, so with what was waited for between them
+
+    With `keep` it measures from the first frame to the last; else only while a status is asked for.
     """
 
-    def __init__(self, world: World, *others: Any, **options: Any) -> None:
+    def __init__(self, world: World, *others: Any, keep: bool = False, **options: Any) -> None:
         super().__init__(world, *others, **options)
-        self.tally = Tally()
-        self._decoder = TimedDecoder(world, self.tally)
-        self._asked_at = perf_counter()
-        self._ended_at = self._asked_at
+        self.tally = Tally(keep)
+        self._measuring = False
+        self._asked_at = self._ended_at = perf_counter()
+        self._plain_decoder = Decoder(world.vocabulary)
+        self._timed_decoder: Decoder = TimedDecoder(world, self.tally)
+        self._measure(keep)
 
     def profile(self) -> Mapping[str, Figures]:
         """What was measured."""
         return self.tally.plain()
 
+    def measured(self) -> Mapping[str, float]:
+        """The means of the last frames; whoever asks has the next ones measured, too."""
+        super().measured()
+        self._measure(True)
+        return self.tally.recent()
+
+    def _measure(self, measuring: bool) -> None:
+        self._decoder = self._timed_decoder if measuring else self._plain_decoder
+        if measuring and not self._measuring:
+            self._asked_at = self._ended_at = perf_counter()
+        self._measuring = measuring
+
+    def _look_at_the_clock(self) -> None:
+        if self._measuring and not self.tally.keep and not self.watched:
+            self._measure(False)
+            self.tally.clear()
+        super()._look_at_the_clock()
+
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
+        if not self._measuring:
+            super().tell(stimulus)
+            return
+        if isinstance(stimulus, s.End):
+            self._hurry()
         phase, began = self.algorithm.phase, perf_counter()
         answers = isinstance(stimulus, m.TickReply | m.EvolveReply)
         if answers and stimulus.frame == self.algorithm.frame:
@@ -128,6 +173,9 @@ class ProfiledCoordinator(BusCoordinator):
         self.tally.close()
 
     def _do(self, instruction: s.Instruction) -> None:
+        if not self._measuring:
+            super()._do(instruction)
+            return
         began = perf_counter()
         super()._do(instruction)
         shows = isinstance(instruction, s.Send | s.Show)
@@ -135,6 +183,8 @@ class ProfiledCoordinator(BusCoordinator):
             self.tally.add("view", MICRO * (perf_counter() - began))
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
+        if not self._measuring:
+            return super()._encode(message)
         began = perf_counter()
         data = super()._encode(message)
         self.tally.add("encode", MICRO * (perf_counter() - began))
@@ -142,5 +192,6 @@ class ProfiledCoordinator(BusCoordinator):
         return data
 
     def _heard(self, member: str, data: bytes) -> None:
-        self.tally.add("bytes in", len(data))
+        if self._measuring:
+            self.tally.add("bytes in", len(data))
         super()._heard(member, data)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 from minerva_bus.cli.places import client, place
@@ -14,6 +15,7 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
+from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
 def _print(line: str) -> None:
@@ -35,32 +37,39 @@ def list_members(connect: str, world: str, json_too: bool) -> None:
             print("no world runs on this machine", file=sys.stderr)  # noqa: T201
         return
     with client(connect, world) as asked:
-        found = asked.ask("list")
+        status = asked.operator.status()
     if json_too:
-        _print(json.dumps(found))
+        _print(json.dumps(_listing(status)))
         return
-    waiting = f", waiting for {', '.join(found['waiting'])}" if found["waiting"] else ""
-    _print(
-        f"{found['world']}: frame {found['frame']} ({found['phase']}{waiting}),"
-        f" {found['agents']} agents"
-    )
+    _print(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
     _table(
         ["member", "state", "roles", "types", "last reply", "late", "pid", "host"],
-        [_row(member) for member in found["members"]],
+        [_row(member) for member in status.members],
     )
 
 
-def _row(member: Mapping[str, Any]) -> list[str]:
-    types = [*member["kinds"], *member["generates"], *member["draws"]]
+def _doing(status: WorldStatus) -> str:
+    waiting = f", waiting for {', '.join(status.waiting)}" if status.waiting else ""
+    return f"{'paused' if status.paused and not waiting else status.phase}{waiting}"
+
+
+def _listing(status: WorldStatus) -> dict[str, Any]:
+    members = [{"member": one.name, **asdict(one)} for one in status.members]
+    for member in members:
+        del member["name"]
+    return {**asdict(status), "members": members, "happenings": []}
+
+
+def _row(member: MemberStatus) -> list[str]:
     return [
-        member["member"],
-        member["state"],
-        " ".join(member["roles"]),
-        " ".join(types),
-        str(member["last_reply"]),
-        str(member["late"]),
-        str(member["pid"]),
-        member["host"],
+        member.name,
+        member.state,
+        " ".join(member.roles),
+        " ".join([*member.kinds, *member.generates, *member.draws]),
+        str(member.last_reply),
+        str(member.late),
+        str(member.pid),
+        member.host,
     ]
 
 

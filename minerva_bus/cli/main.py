@@ -63,6 +63,12 @@ def run(
         list[str] | None, typer.Option("--set", help="PROCESS.KEY=VALUE of a process.")
     ] = None,
     name: Annotated[str, typer.Option(help="Run under another name.")] = "",
+    until: Annotated[
+        str | None, typer.Option(help="End when every agent has sent this event; '': never.")
+    ] = None,
+    record_video: Annotated[
+        str, typer.Option(help="Make a film of it, .mp4 or .gif, frame by frame.")
+    ] = "",
     listen: Annotated[str, typer.Option(help="Where to listen, such as tcp/0.0.0.0:7447.")] = "",
     in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
     json: Json = False,
@@ -87,7 +93,8 @@ def run(
         overrides = Overrides(
             options=_options(context.args),
             settings=tuple(set_ or ()),
-            views=tuple(view or ()),
+            views=_with_video(view or [], record_video),
+            until=until,
             name=name,
             seed=seed,
             rate=rate,
@@ -103,6 +110,20 @@ def run(
         quiet=quiet,
         profiling=Profiling(profile, profile_member),
     )
+
+
+def _with_video(views: list[str], video: str) -> tuple[str, ...]:
+    """The views that are wanted, one of which makes the film: sprites, if none is named."""
+    if not video:
+        return tuple(views)
+    if "," in video:
+        raise MinervaError(f"--record-video {video}: a name without commas, please")
+    films = [i for i, one in enumerate(views) if one.partition(":")[0] in ("sprites", "opengl")]
+    if not films:
+        return (*views, f"sprites:video={video}")
+    filmed = views[films[0]]
+    views[films[0]] = f"{filmed}{',' if ':' in filmed else ':'}video={video}"
+    return tuple(views)
 
 
 @contextmanager
@@ -211,6 +232,90 @@ def stop(
     from minerva_bus.cli.asking import stop_world
 
     stop_world(connect, world)
+
+
+@app.command()
+def pause(
+    world: Annotated[str, typer.Argument(help="Name of the world; default: the only one.")] = "",
+    connect: Connect = "",
+) -> None:
+    """Let a running world rest between two frames."""
+    from minerva_bus.cli.operating import pause_world
+
+    pause_world(connect, world)
+
+
+@app.command()
+def resume(
+    world: Annotated[str, typer.Argument(help="Name of the world; default: the only one.")] = "",
+    connect: Connect = "",
+) -> None:
+    """Let a paused world go on."""
+    from minerva_bus.cli.operating import resume_world
+
+    resume_world(connect, world)
+
+
+@app.command()
+def step(
+    frames: Annotated[int, typer.Argument(help="How many frames.", min=1)] = 1,
+    world: World = "",
+    connect: Connect = "",
+) -> None:
+    """Run some frames of a world, and pause it."""
+    from minerva_bus.cli.operating import step_world
+
+    step_world(frames, connect, world)
+
+
+@app.command()
+def rate(
+    hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as it goes.")],
+    world: World = "",
+    connect: Connect = "",
+) -> None:
+    """Change how fast a running world goes."""
+    from minerva_bus.cli.operating import set_rate
+
+    set_rate(hz, connect, world)
+
+
+@app.command()
+def restart(
+    member: Annotated[str, typer.Argument(help="A process of the world file.")],
+    world: World = "",
+    connect: Connect = "",
+) -> None:
+    """Start one process of a running world anew."""
+    from minerva_bus.cli.operating import restart_member
+
+    restart_member(member, connect, world)
+
+
+@app.command()
+def logs(
+    member: Annotated[str, typer.Argument(help="Only of this member.")] = "",
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with what comes.")] = False,
+    connect: Connect = "",
+    world: World = "",
+    json: Json = False,
+) -> None:
+    """Show what the members of a running world have printed, and what was said of them."""
+    from minerva_bus.cli.operating import show_logs
+
+    show_logs(member, follow, connect, world, json)
+
+
+@app.command()
+def top(
+    connect: Connect = "",
+    world: World = "",
+    json: Annotated[bool, typer.Option("--json", help="Print one status as JSON.")] = False,
+) -> None:
+    """Watch a running world in the terminal; pause it, step, restart a member."""
+    from minerva_bus.cli.topping import watch_world
+
+    watch_world(connect, world, json)
 
 
 @app.command()

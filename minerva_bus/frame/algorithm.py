@@ -81,15 +81,21 @@ class FrameAlgorithm(Attendance):
         return sorted(names)
 
     @property
+    def in_frame(self) -> bool:
+        """Whether a frame is under way."""
+        return self.phase in (Phase.TICK, Phase.EVOLVE)
+
+    @property
     def scene(self) -> Scene:
         """The string w of the frame that runs or comes next."""
         return self.composition.scene
 
     # --- steps 1 and 2: the frame begins, and generators answer ---
 
-    def _on_begin(self, _: s.Begin) -> None:
+    def _on_begin(self, told: s.Begin) -> None:
         if self.phase is not Phase.READY:
             return
+        self._glances = told.due
         for member in self.roster.attending.joining:
             if member.hello is not None:
                 self._admit(member, member.hello)

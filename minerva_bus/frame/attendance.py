@@ -87,7 +87,7 @@ class Attendance(Steps):
         if self.phase is Phase.STOPPING:
             self._departed.setdefault(member.name, False)
         elif self.phase is not Phase.ENDED:
-            gone = "is gone; the world waits for it" if member.expected else "is gone"
+            gone = "is gone; the world waits for it" if member.needed else "is gone"
             self._say(member.name, gone)
         self._lose(member)
 

@@ -15,16 +15,13 @@ from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     FigureNode,
-    Node,
     Piece,
     Scene,
     TransformationNode,
     agents,
-    of_pieces,
-    shared,
     still,
-    walk,
 )
+from minerva_bus.grammar.slots import fill, fill_slots
 
 PART: Final = "~"
 """What the names of parts of populations begin with, and no agent's id."""
@@ -71,7 +68,7 @@ class Composition:
             ):
                 made.append(piece)
             else:
-                made += _fill(Scene((piece,)), self._slot).pieces
+                made += fill_slots(Scene((piece,)), self._slot).pieces
         return Scene(tuple(made)) if made else EMPTY
 
     def _slot(self, node: AgentNode) -> Scene:
@@ -171,6 +168,21 @@ class Composition:
         for part in self.parts.values():
             yield from _ids(part)
 
+    @property
+    def count(self) -> int:
+        """How many agents there are."""
+        return len(self._home) + sum(part.count for part in self.parts.values())
+
+    def agent(self, agent: str) -> AgentNode | None:
+        """The agent of an id with its scope, or that in whose scope it is; None: there is none."""
+        home = self.home(agent)
+        if home is None:
+            return None
+        fragment = self.fragments[home]
+        if isinstance(fragment, Columns):
+            return cast("AgentNode", fragment.node(_ids(fragment).row_of(agent)))
+        return fragment
+
     def replace(self, changes: Mapping[str, Scene]) -> bool:
         """Put what λ returned in the agents' places; whether the skeleton is another now.
 
@@ -260,40 +272,3 @@ def _any_in(part: Columns, agents: Ids) -> bool:
 
 def _has(part: Columns, agent: str) -> bool:
     return _ids(part).row_of(agent) >= 0
-
-
-def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
-    """The skeleton with a string in each fragment's slot; ε where there is none."""
-    made: list[Piece] = []
-    for piece in skeleton.pieces:
-        if isinstance(piece, AgentNode):
-            made += parts.get(piece.id, EMPTY).pieces
-        elif isinstance(piece, TransformationNode) and not still(piece):
-            made += _fill(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
-        else:
-            made.append(piece)
-    return of_pieces(skeleton, made)
-
-
-def _fill(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
-    """Replace the outermost agents, sharing whatever does not change."""
-    results: list[list[Node]] = [[]]
-    inside = 0
-    for opens, node in walk(scene):
-        if isinstance(node, AgentNode):
-            inside += 1 if opens else -1
-            if opens and inside == 1:
-                results[-1].extend(part(node).nodes)
-        elif inside:
-            continue
-        elif isinstance(node, FigureNode):
-            results[-1].append(node)
-        elif opens:
-            results.append([])
-        else:
-            scope = shared(node.scope, results.pop())
-            same = scope is node.scope
-            results[-1].append(
-                node if same else TransformationNode(node.symbol, node.names, node.values, scope)
-            )
-    return shared(scene, results[0])

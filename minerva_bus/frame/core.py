@@ -49,6 +49,7 @@ class Core:
         self._early: dict[str, m.TickReply] = {}
         self._reached: set[str] = set()
         self._reaching: set[str] = set()
+        self._glances: tuple[str, ...] = ()
         self._departed: dict[str, bool] = {}
         self._figures: dict[str, m.Figures] = {}
         self._reason = ""

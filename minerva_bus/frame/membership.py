@@ -87,6 +87,11 @@ class Member:
         return self.state in (State.PRESENT, State.LATE)
 
     @property
+    def needed(self) -> bool:
+        """Whether there is no frame without it: of those who watch only, the first one is."""
+        return self.expected and not (self.hello is not None and self.hello.watches_only)
+
+    @property
     def awaited(self) -> bool:
         """Whether the world waits for it to come (back)."""
-        return self.expected and self.state in (State.JOINING, State.LOST)
+        return self.needed and self.state in (State.JOINING, State.LOST)

@@ -36,6 +36,7 @@ class Hello:
     draws: tuple[str, ...] = ()
     coupled: bool = False
     every: int = 0
+    rate: float = 0.0
     topics: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     pid: int = 0
@@ -45,6 +46,11 @@ class Hello:
     def ticks(self) -> bool:
         """Whether this member is asked in the tick of every frame."""
         return self.lockstep or self.coupled
+
+    @property
+    def watches_only(self) -> bool:
+        """Whether the world loses nothing but a view when this member is away."""
+        return bool(self.draws) and not (self.kinds or self.generates or self.coupled)
 
     @property
     def roles(self) -> tuple[str, ...]:

@@ -9,11 +9,10 @@ import os
 import platform
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.composition import fill
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.frame.showing import patch_all
@@ -23,6 +22,7 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.moment import Frame
+from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, Generator, Service, Tick, View, WorldInfo
 
@@ -31,6 +31,10 @@ Outgoing: TypeAlias = m.FromMember | m.Readings
 
 class Refusal(MinervaError):
     """The world does not take this member."""
+
+
+class Unready(Refusal):
+    """The member cannot take part in this world, as its service says."""
 
 
 @dataclass(slots=True)
@@ -49,6 +53,7 @@ class Participant:
         self, name: str, service: Service | None = None, agents: Iterable[type[Agent]] = ()
     ) -> None:
         self.name = name
+        self.operator = cast("Operator", Nobody())
         self.service = service
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
@@ -114,6 +119,7 @@ class Participant:
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,
             every=device.every if device is not None else 0,
+            rate=device.rate if device is not None else 0.0,
             topics=self.topics,
             publishes=service.publishes if service is not None else (),
             pid=os.getpid(),
@@ -125,12 +131,15 @@ class Participant:
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
         self.world = welcome
-        if self.service is not None:
-            self.service.joined(
-                WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt)
-            )
-            if welcome.saved is not None:
-                self.service.restore(welcome.saved)
+        if self.service is None:
+            return
+        info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
+        try:
+            self.service.joined(info)
+        except MinervaError as error:
+            raise Unready(f"{self.name} cannot take part: {error}") from error
+        if welcome.saved is not None:
+            self.service.restore(welcome.saved)
 
     def _on_refused(self, refused: m.Refused) -> None:
         raise Refusal(f"the world does not take {self.name}: {refused.reason}")
@@ -147,12 +156,18 @@ class Participant:
         self._orders.extend(orders.events)
 
     def _on_sources(self, sources: m.Sources) -> None:
+        if not isinstance(self.service, Generator):
+            return  # Nobody else answers for the readings of a frame, so nobody waits for them.
         self._sources = {
             topic: sources.publishers[topic] for topic in self.topics if topic in sources.publishers
         }
         self._tick_if_complete()
 
     def _on_readings(self, readings: m.Readings) -> None:
+        if isinstance(self.service, Device) and not isinstance(self.service, Generator):
+            for reading in readings.readings:
+                self.service.heard(reading)
+            return
         self._readings[readings.topic, readings.member] = readings
         self._tick_if_complete()
 
@@ -255,8 +270,7 @@ class Participant:
             self.frame = frame
             if isinstance(self.service, Device):
                 picture = self._pictures[event_type]
-                scene = fill(picture.skeleton, picture.parts)
-                self.service.show(View(frame, event_type, scene))
+                self.service.show(View(frame, event_type, picture.skeleton, dict(picture.parts)))
 
     # --- agents ---
 

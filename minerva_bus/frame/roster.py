@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from minerva_bus.errors import nearest
@@ -21,7 +21,8 @@ class Attending:
 
     `tickers` are those asked in a tick and `sources` the devices that are the source of their own
     visual events, both also while they are away for a moment; `ahead` are those asked before the
-    frame begins; `joining` those to be admitted.
+    frame begins; `joining` those to be admitted. `rates` has the visual event types of devices
+    that want views by the clock, and how many a second.
     """
 
     here: tuple[Member, ...]
@@ -31,6 +32,7 @@ class Attending:
     anyone_ticks: bool
     ahead: tuple[str, ...]
     sources: tuple[Hello, ...]
+    rates: Mapping[str, float]
 
 
 class Roster:
@@ -94,6 +96,7 @@ class Roster:
             anyone_ticks=any(member.here and not _ahead(member) for member in tickers),
             ahead=tuple(member.name for member in tickers if member.here and _ahead(member)),
             sources=tuple(hello for hello in hellos if hello.every > 0),
+            rates=_rates(hellos),
         )
 
     def here(self) -> tuple[Member, ...]:
@@ -135,6 +138,14 @@ class Roster:
         return [m for m in here if m.hello is not None and event_type in m.hello.orders]
 
 
+def _rates(hellos: Iterable[Hello]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for hello in hellos:
+        for event_type in hello.draws if hello.rate > 0 else ():
+            found[event_type] = max(found.get(event_type, 0.0), hello.rate)
+    return found
+
+
 def _ahead(member: Member) -> bool:
     return member.hello is not None and member.hello.ahead
 
@@ -151,14 +162,14 @@ def objection(hello: Hello, vocabulary: Vocabulary) -> str:
         if event_type not in vocabulary.events:
             known = nearest(event_type, list(vocabulary.events))
             return f"the world's vocabulary has no event type {event_type}{known}"
-    for event_type in hello.draws if hello.every else ():
+    for event_type in hello.draws if hello.every or hello.rate else ():
         wanting = [
             one.name for one in vocabulary.events[event_type].fields.all if one.default is None
         ]
         if wanting:
             return (
                 f"it cannot be the source of {event_type} itself, which needs {wanting[0]}; let a"
-                " generator make the event (every = 0)"
+                " generator make the event (every = 0, rate = 0)"
             )
     if hello.publishes and hello.coupled and not hello.lockstep:
         return "it publishes readings but generates nothing: a publisher is a Generator too"

@@ -66,6 +66,8 @@ class Steps(Core):
             if closing or self.frame % hello.every == 0
             for event_type in hello.draws
         }
+        rates = self.roster.attending.rates
+        due.update(rates if closing else [one for one in self._glances if one in rates])
         types = self.world.vocabulary.events
         return tuple([types[event_type]() for event_type in sorted(due)])
 
@@ -145,7 +147,7 @@ class Steps(Core):
             return
         for fragment, host in self._changed_by.items():
             self._distribution.changed(host, fragment, self._changed[fragment])
-        self._out.append(s.FrameDone(self.frame, self._record(self.frame)))
+        self._out.append(s.FrameDone(self.frame, self._record(self.frame), self._events))
         self.frame += 1
         self._end_or_go_on()
 

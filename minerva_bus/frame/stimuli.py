@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Final, TypeAlias
 
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 
 EVERYONE: Final = "~all"
@@ -61,7 +62,12 @@ class Silent:
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """The next frame may begin."""
+    """The next frame may begin.
+
+    `due` are the visual event types whose devices want a view by the clock, and now is the time.
+    """
+
+    due: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +125,7 @@ class FrameDone:
 
     frame: int
     make: Callable[[], FrameRecord]
+    events: tuple[AnyEvent, ...] = ()
 
     @cached_property
     def record(self) -> FrameRecord:

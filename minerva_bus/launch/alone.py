@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import traceback
+from collections.abc import Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswer
+from queue import Empty, SimpleQueue
+from typing import Any
 
-from minerva_bus.errors import MinervaError, WorldStopped
+from minerva_bus.bus.control import answer
+from minerva_bus.bus.operating import AskingOperator
+from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.pacing import Glances, Pace
+from minerva_bus.frame.participant import Participant, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
+
+NAP = 0.01
+ANSWERED_WITHIN = 1.0
 
 
 class Alone:
@@ -27,6 +40,15 @@ class Alone:
         self._first_frame = 0.0
         self._last_frame = 0.0
         self.algorithm = FrameAlgorithm(file.world)
+        self.pace = Pace(file.rate)
+        self.diary = Diary()
+        self.hz = 0.0
+        self.waited = 0.0
+        self._due: float | None = began
+        self._glances = Glances()
+        self._asked: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
+        self._thread = threading.get_ident()
+        self._pulsed: dict[str, float] = {}
 
     def run(self) -> Summary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
@@ -34,17 +56,19 @@ class Alone:
         if outside:
             raise MinervaError(f"{outside[0]} is a command of its own: run without --in-process")
         participants = [process.participant() for process in self._file.processes]
-        runner = InProcess(self.algorithm, participants, self._watch)
-        pace = Pace(self._file.rate)
+        for participant in participants:
+            participant.operator = AskingOperator(self._ask)
+        runner = self._runner = InProcess(self.algorithm, participants, self._watch)
         reason = ""
         try:
             runner.start()
             while runner.ended is None:
-                self._sleep_until(pace.due(time.monotonic()))
-                runner.tell(s.Begin())
+                self._turn(participants)
         except KeyboardInterrupt:
             reason = "interrupted"
             runner.tell(s.End(reason))
+        except Unready as error:
+            raise WorldStopped(str(error)) from None
         except MinervaError as error:
             self._console.log("in-process", traceback.format_exc())
             raise WorldStopped(f"frame {self.algorithm.frame}: {error}") from error
@@ -55,16 +79,78 @@ class Alone:
                     participant.service.close()
         return self._summary(runner, reason)
 
-    def _sleep_until(self, due: float) -> None:
-        wait = due - time.monotonic()
-        if wait > 0:
-            time.sleep(wait)
+    # --- one turn: a frame, or a nap until it is due ---
+
+    def _turn(self, participants: list[Participant]) -> None:
+        self._serve()
+        self._pulse(participants)
+        now = time.monotonic()
+        if self._due is None or self._due > now:
+            time.sleep(NAP if self._due is None else min(self._due - now, NAP))
+            return
+        self.pace.began()
+        rates = self.algorithm.roster.attending.rates
+        self.tell(s.Begin(self._glances.due(now, rates) if rates else ()))
+        self.repace()
+
+    def _pulse(self, participants: list[Participant]) -> None:
+        now = time.monotonic()
+        for name, service in [(one.name, one.service) for one in participants if one.service]:
+            if service.pulse_every and now >= self._pulsed.get(name, 0.0) + service.pulse_every:
+                self._pulsed[name] = now
+                service.pulse()
+                if service.leaves():
+                    self.tell(s.End(f"{name} was closed"))
+
+    # --- what those who operate it need ---
+
+    def tell(self, stimulus: s.Stimulus) -> None:
+        """Give the algorithm a stimulus, and carry out all that follows from it."""
+        self._runner.tell(stimulus)
+
+    def repace(self) -> None:
+        """The pace has changed: the next frame may begin now, later, or not at all."""
+        self._due = self.pace.due(time.monotonic())
+
+    def measured(self) -> Mapping[str, float]:
+        """The parts of a frame: in one process, nothing is waited for."""
+        return {}
+
+    def restart(self, member: str) -> str:
+        """Why a member cannot be started anew."""
+        return "all members are in one process: none can be started anew alone"
+
+    def _ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """Answer a question, asked in any thread, between two frames."""
+        asked = {"ask": question, **details}
+        if threading.get_ident() == self._thread:
+            found = answer(asked, self)
+        else:
+            later: Future[dict[str, Any]] = Future()
+            self._asked.put((asked, later))
+            try:
+                found = later.result(ANSWERED_WITHIN)
+            except NoAnswer:
+                raise BusError(f"{self._file.world.name} has not answered for a second") from None
+        if "error" in found:
+            raise BusError(str(found["error"]))
+        return found
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                asked, later = self._asked.get_nowait()
+            except Empty:
+                return
+            later.set_result(answer(asked, self))
 
     def _watch(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Say):
             self._console.log(instruction.member, instruction.text)
+            self.diary.said(time.time(), instruction.member, instruction.text)
         elif isinstance(instruction, s.FrameDone):
             now = self._last_frame = time.monotonic()
+            self.diary.frame(instruction.frame, instruction.events)
             if not self._first_frame:
                 self._first_frame = now
             if now - self._status_at >= 0.1:
@@ -74,6 +160,7 @@ class Alone:
         frame = self.algorithm.frame
         rate = (frame - self._status_frame) / (now - self._status_at)
         self._status_at, self._status_frame = now, frame
+        self.hz = rate
         status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
         self._console.live(
             live_line(self._file.world.name, status, self._file.world.frames, self._began)

@@ -78,10 +78,14 @@ def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> 
         done = min(12, 12 * frame // frames)
         bar = f" {'█' * done}{'░' * (12 - done)}"
     shown = (
-        f"{world}{bar}  frame {frame}{total}  {status['rate']:.0f} Hz  "
+        f"{world}{bar}  frame {frame}{total}  {_speed(status)}  "
         f"{status['members']} members  {seconds:.0f} s"
     )
     if status["waiting"] and status["waited"] >= 0.3:
         names = ", ".join(status["waiting"])
         shown += f"  waiting for {names} since {status['waited']:.1f} s"
     return shown
+
+
+def _speed(status: dict[str, Any]) -> str:
+    return "paused" if status.get("paused") else f"{status['rate']:.0f} Hz"

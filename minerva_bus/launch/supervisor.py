@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator, Patience, Status, Watchers
+from minerva_bus.bus.coordinator import BusCoordinator, Patience, Printed, Status, Watchers
 from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.profile import ProfiledCoordinator
+from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
@@ -31,6 +31,7 @@ GRACE = 1.0
 LAST_WORDS = 0.4
 LAST_PAGE = 5.0
 CALM = 30.0
+LONGEST_LINE = 2000
 
 
 @dataclass(slots=True)
@@ -44,6 +45,7 @@ class Watched:
     restart_at: float | None = None
     left_at: float | None = None
     cause: str = ""
+    wanted: bool = False
     lines: Lines = field(default_factory=Lines)
 
 
@@ -132,6 +134,7 @@ class Supervisor:
         os.close(down_read)
         os.close(up_write)
         os.set_blocking(up_read, False)
+        os.set_blocking(down_write, False)
         self._commands = down_write
         self._listen(up_read, self._on_reports)
         self._listen(self._coordinator.output, self._on_coordinator_output)
@@ -217,6 +220,8 @@ class Supervisor:
         self._console.note(
             f"{self._file.world.name}: {len(self._watched)} processes, bus at {endpoint}"
         )
+        for note in self._file.notes:
+            self._console.note(f"{self._file.world.name}: {note}")
         if self._deadline is None:
             for watched in self._watched.values():
                 self._start(watched)
@@ -243,8 +248,20 @@ class Supervisor:
         watched = self._watched.get(member)
         if watched is None or watched.child is None:
             return
-        self._console.log(member, f"has not answered for {waited:.0f} s: it is killed")
+        self._log(member, f"has not answered for {waited:.0f} s: it is killed")
         _kill(watched.child.pid)
+
+    def _on_restart(self, member: str) -> None:
+        """A person wants a process started anew; that is no failure of it."""
+        watched = self._watched.get(member)
+        if watched is None or self._stopping:
+            return
+        self._log(member, "is started anew, as a person wants it")
+        watched.wanted = True
+        if watched.child is not None:
+            _kill(watched.child.pid)
+        else:
+            watched.restart_at = time.monotonic()
 
     def _on_stopping(self) -> None:
         self._stopping = True
@@ -280,7 +297,9 @@ class Supervisor:
                 watched.child = None
                 if self._stopping or self._deadline is not None:
                     continue
-                if code == 0:
+                if watched.wanted:
+                    watched.wanted, watched.restart_at = False, time.monotonic()
+                elif code == 0:
                     watched.left_at = time.monotonic() + LAST_WORDS  # Word of the end may follow.
                 else:
                     self._on_failure(watched, code)
@@ -299,11 +318,11 @@ class Supervisor:
         if process.on_failure == "restart" and watched.failures <= process.restarts:
             wait = min(5.0, 0.05 * 2 ** (watched.failures - 1))
             watched.restart_at = now + wait
-            self._console.log(
+            self._log(
                 name, f"{how}; restart {watched.failures} of {process.restarts} in {wait:.2f} s"
             )
         elif process.on_failure == "ignore":
-            self._console.log(name, f"{how}; the world goes on without it")
+            self._log(name, f"{how}; the world goes on without it")
             self._command(f"gave_up {name}")
         else:
             times = f", {watched.failures} times in a row" if watched.failures > 1 else ""
@@ -318,10 +337,16 @@ class Supervisor:
         self._deadline = time.monotonic() + GRACE
 
     def _command(self, line: str) -> None:
+        """Tell the coordinator something; one that does not listen must not stop us, too."""
         try:
             os.write(self._commands, line.encode() + b"\n")
         except OSError:
-            return  # The coordinator has just died; its exit says so.
+            return  # It has just died, which its exit says, or is stuck, which will be seen.
+
+    def _log(self, name: str, line: str) -> None:
+        """Show a process's line here, and let the coordinator keep it for others."""
+        self._console.log(name, line)
+        self._command(f"log {name} {line[:LONGEST_LINE]}")
 
     def _on_wake(self) -> None:
         self._read(self._wake[0])
@@ -369,7 +394,7 @@ class Supervisor:
             watched.child.output = -1
             return
         for line in watched.lines.feed(data):
-            self._console.log(watched.process.name, line)
+            self._log(watched.process.name, line)
 
     def _drain(self, watched: Watched) -> None:
         child = watched.child
@@ -378,12 +403,12 @@ class Supervisor:
             if not data:
                 break
             for line in watched.lines.feed(data):
-                self._console.log(watched.process.name, line)
+                self._log(watched.process.name, line)
         if child is not None and child.output >= 0:
             self._forget(child.output)
         rest = watched.lines.end()
         if rest:
-            self._console.log(watched.process.name, rest)
+            self._log(watched.process.name, rest)
 
     def _forget(self, descriptor: int) -> None:
         if descriptor in self._selector.get_map():
@@ -483,7 +508,7 @@ def _coordinate(
     def status(now: Status) -> None:
         reports.tell(
             "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
-            waiting=now.waiting, waited=now.waited,
+            paused=now.paused, waiting=now.waiting, waited=now.waited,
         )  # fmt: skip
 
     watchers = Watchers(
@@ -493,14 +518,16 @@ def _coordinate(
         stalled=lambda member, waited: reports.tell("stalled", member=member, waited=waited),
         frame_done=frame_done,
         stopping=lambda: reports.tell("stopping"),
+        restart=lambda member: reports.tell("restart", member=member) or "",
     )
-    coordinator = (ProfiledCoordinator if profile else BusCoordinator)(
+    coordinator = MeasuringCoordinator(
         file.world,
         watchers,
         rate=file.rate,
         listen=file.bus.listen,
         patience=Patience(file.bus.soft, file.bus.hard),
         shared=shared,
+        keep=profile,
     )
     threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
     ended = coordinator.run()
@@ -526,7 +553,10 @@ def _obey(commands: int, coordinator: BusCoordinator) -> None:
     while data := os.read(commands, 4096):
         for line in lines.feed(data):
             word, _, rest = line.partition(" ")
-            if word == "gave_up":
+            if word == "log":
+                member, _, text = rest.partition(" ")
+                coordinator.inbox.put(Printed(member, text))
+            elif word == "gave_up":
                 coordinator.inbox.put(s.GaveUp(rest))
             elif word == "stop":
                 coordinator.inbox.put(s.End("interrupted"))

@@ -19,7 +19,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -74,7 +74,7 @@ class BusSettings:
 
 @dataclass(frozen=True, slots=True)
 class WorldFile:
-    """All that a world file says, checked."""
+    """All that a world file says, checked; `notes` are what people should know of it."""
 
     path: Path
     world: World
@@ -82,6 +82,7 @@ class WorldFile:
     processes: tuple[Process, ...]
     bus: BusSettings
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,7 @@ class Overrides:
     seed: int | None = None
     rate: float | None = None
     frames: int | None = None
+    until: str | None = None
     listen: str = ""
 
 
@@ -140,8 +142,21 @@ class _Loader:
         bus = self._bus(self.top.table("bus"))
         world, rate = self._world(self.top.table("world"), processes)
         self.top.done()
-        self._check_members(processes, world.vocabulary)
-        return WorldFile(self.path, world, rate, processes, bus, self.options)
+        members = self._check_members(processes, world.vocabulary)
+        file = WorldFile(self.path, world, rate, processes, bus, self.options)
+        interactive = any(one.service is not None and one.service.interactive for one in members)
+        return self._interactive(file) if interactive else file
+
+    def _interactive(self, file: WorldFile) -> WorldFile:
+        """People sit before it: in real time and without end, unless somebody says otherwise."""
+        world, rate, notes = file.world, file.rate, list[str]()
+        if self.overrides.rate is None and not rate:
+            rate = 1.0 / world.dt
+            notes.append(f"{rate:g} frames a second, real time (--rate changes it)")
+        if self.overrides.until is None and world.until:
+            notes.append(f"no end at {world.until} (--until {world.until} sets it)")
+            world = replace(world, until="")
+        return replace(file, world=world, rate=rate, notes=tuple(notes))
 
     def _check_overrides(self) -> None:
         given = self.overrides
@@ -218,10 +233,9 @@ class _Loader:
         for name in list(table.data):
             found += self._process(name, table.table(name), settings.pop(name, {}))
         for view in self.overrides.views:
-            kind, _, rest = view.partition(":")
-            own = _pairs(rest) if rest else {}
-            options = {**own, **settings.pop(kind, {})}
-            found.append(self._service(kind, kind, options, "ignore", 5))
+            spec, name, options = _view(view)
+            options |= settings.pop(name, {})
+            found.append(self._service(name, spec, options, "ignore", 5))
         if settings:
             name = next(iter(settings))
             known = [process.name for process in found]
@@ -312,7 +326,7 @@ class _Loader:
             order=Order(self._event_types(table, "order", vocabulary)),
             policy=Policy(table.choice("policy", ("sequential", "literal"))),
             frames=own_frames if given.frames is None else given.frames,
-            until=self._until(table, vocabulary),
+            until=self._until(table, vocabulary, given.until),
             expected=frozenset(process.name for process in processes),
         )
         table.done()
@@ -349,8 +363,13 @@ class _Loader:
                 table.wrong(key, f"has the unknown event type {one}{nearest(one, known)}")
         return types
 
-    def _until(self, table: Table, vocabulary: Vocabulary) -> str:
+    def _until(self, table: Table, vocabulary: Vocabulary, given: str | None) -> str:
         types = self._event_types(table, "until", vocabulary)
+        if given is not None:
+            if given and given not in vocabulary.events:
+                known = nearest(given, list(vocabulary.events))
+                raise WorldFileError(f"--until: there is no event type {given}{known}")
+            types = (given,) if given else ()
         if len(types) > 1:
             table.wrong("until", "must be one event type")
         for one in types:
@@ -358,9 +377,12 @@ class _Loader:
                 table.wrong("until", f"must be an event that agents send; {one} is visual")
         return "".join(types)
 
-    def _check_members(self, processes: tuple[Process, ...], vocabulary: Vocabulary) -> None:
+    def _check_members(
+        self, processes: tuple[Process, ...], vocabulary: Vocabulary
+    ) -> list[Participant]:
         """Let each member say hello to the world once, before anything is started."""
         seen: set[str] = set()
+        members: list[Participant] = []
         for process in processes:
             if process.name in seen:
                 raise WorldFileError(f"{self.path}: two processes are called {process.name}")
@@ -368,9 +390,11 @@ class _Loader:
             if process.name == COORDINATOR:
                 raise WorldFileError(f"{self.path}: the name {COORDINATOR} is taken")
             if not process.command:
-                reason = objection(process.participant().hello(), vocabulary)
+                members.append(process.participant())
+                reason = objection(members[-1].hello(), vocabulary)
                 if reason:
                     raise WorldFileError(f"{self.path}: [process.{process.name}]: {reason}")
+        return members
 
     def _scene(self, table: Table, vocabulary: Vocabulary) -> Scene:
         text, maker = table.text("string"), table.text("scene")
@@ -409,6 +433,18 @@ def toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except (tomllib.TOMLDecodeError, KeyError):
         return text
+
+
+def _view(text: str) -> tuple[str, str, dict[str, Any]]:
+    """What `svg`, `svg:every=5`, `module:Class` or `module:Class:every=5` name.
+
+    Returns what is to be loaded, the name of the process and its options.
+    """
+    kind, _, rest = text.partition(":")
+    first, _, others = rest.partition(":")
+    if first and "=" not in first:
+        return f"{kind}:{first}", first.lower(), _pairs(others) if others else {}
+    return kind, kind, _pairs(rest) if rest else {}
 
 
 def _pairs(text: str) -> dict[str, Any]:

@@ -66,6 +66,7 @@ def _write_hello(h: m.Hello) -> list[Any]:
             "draws": list(h.draws),
             "coupled": h.coupled,
             "every": h.every,
+            "rate": h.rate,
             "topics": list(h.topics),
             "publishes": list(h.publishes),
             "pid": h.pid,
@@ -252,6 +253,7 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
             _texts(h["draws"], "draws"),
             truth(h["coupled"], "coupled"),
             whole(h["every"], "every"),
+            _rate(h.get("rate", 0.0)),
             _texts(h["topics"], "topics"),
             _texts(h["publishes"], "publishes"),
             whole(h["pid"], "the pid"),
@@ -261,6 +263,13 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
         raise ProtocolError(f"a hello needs {missing}") from None
     except ValueError as error:
         raise ProtocolError(f"a hello's kinds: {error}") from None
+
+
+def _rate(plain: Any) -> float:
+    rate = number(plain, "rate")
+    if rate < 0:
+        raise ProtocolError(f"rate must be a number from 0, not {rate}")
+    return rate
 
 
 def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveReply:

@@ -18,24 +18,31 @@ import threading
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import Any, ClassVar, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
 
 
 @dataclass(frozen=True, slots=True)
 class WorldInfo:
-    """What a member learns of the world that it has joined."""
+    """What a member learns of the world that it has joined.
+
+    `operator` is for those that people give orders through.
+    """
 
     world: str
     vocabulary: Vocabulary
     seed: int
     dt: float
+    operator: Operator = field(default_factory=lambda: cast("Operator", Nobody()), compare=False)
 
 
 @dataclass(slots=True)
@@ -55,13 +62,24 @@ class Tick(Moment):
         self.published.append((topic, reading))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class View:
-    """What π made of a frame's string for one visual event type: a string of L(E)."""
+    """What π made of a frame's string for one visual event type: a string of L(E).
+
+    `skeleton` is that string with a slot `A#name()` for each outermost agent, or part of a
+    population, and `parts` has by these names what the agents look like. A part that is the same
+    object as in the view before has not changed. Who needs neither asks for the `scene`.
+    """
 
     frame: int
     event_type: str
-    scene: Scene
+    skeleton: Scene
+    parts: Mapping[str, Scene] = field(default_factory=dict[str, Scene])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The whole string v."""
+        return fill(self.skeleton, self.parts)
 
 
 Emit = Callable[[AnyEvent], None]
@@ -72,6 +90,11 @@ class Service:
 
     topics: ClassVar[tuple[str, ...]] = ()
     publishes: ClassVar[tuple[str, ...]] = ()
+    interactive: bool = False
+    """People sit before it: a world that is given it as a view runs in real time, without end."""
+
+    pulse_every: float = 0.0
+    """Seconds from one `pulse` to the next; 0: none."""
 
     def joined(self, world: WorldInfo) -> None:
         """Called once, when the member has joined a world and before anything else."""
@@ -82,6 +105,13 @@ class Service:
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on from what a predecessor saved."""
+
+    def pulse(self) -> None:
+        """Called every `pulse_every` seconds between messages: look at the keyboard, redraw."""
+
+    def leaves(self) -> bool:
+        """Whether it wants to leave the world, as a window that was closed; asked after a pulse."""
+        return False
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         """Figures for the summary of the run."""
@@ -145,14 +175,16 @@ class Device(Service):
     """An output device g with its own geometric system G.
 
     `draws` are the visual event types whose views it shows. With `every` > 0 it is itself the
-    source of those events, one every so many frames; with 0 they come from a generator. A
-    *coupled* device has shown frame t's view before frame t+1's events are taken; another one is
-    an observer and never holds a frame up.
+    source of those events, one every so many frames; with `rate` > 0 too, but so many a second by
+    the clock at most, however fast the frames are; else they come from a generator. A *coupled*
+    device has shown frame t's view before frame t+1's events are taken; another one is an observer
+    and never holds a frame up.
     """
 
     draws: tuple[str, ...] = ()
-    coupled: ClassVar[bool] = False
+    coupled: bool = False
     every: int = 0
+    rate: float = 0.0
 
     def __init_subclass__(
         cls, draws: tuple[str, ...] = (), coupled: bool = False, **kwargs: Any
@@ -162,6 +194,9 @@ class Device(Service):
             cls.draws = _several(cls, "draws", draws)
         if coupled:
             cls.coupled = True
+
+    def heard(self, reading: Reading) -> None:
+        """A reading of one of the `topics`, as it comes; for a device that is no generator."""
 
     @abstractmethod
     def show(self, view: View) -> None:

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import asdict
 from io import StringIO
 from pathlib import Path
 from unittest.mock import patch
@@ -228,15 +229,13 @@ class World(Run):
             return {}
         try:
             with self.client() as asked:
-                found = asked.ask("list")
+                found = asked.operator.status()
         except (BusError, AssertionError):
             return {}
-        self.frame = found["frame"]
+        self.frame = found.frame
         strange = (0, os.getpid())
-        self.pids |= {
-            one["member"]: one["pid"] for one in found["members"] if one["pid"] not in strange
-        }
-        return {one["member"]: one for one in found["members"]}
+        self.pids |= {one.name: one.pid for one in found.members if one.pid not in strange}
+        return {one.name: asdict(one) for one in found.members}
 
     def look(self):
         """Learn of all processes below the launcher."""

@@ -42,7 +42,7 @@ def test_one_joins_a_running_world_and_leaves_by_ctrl_c(world, spec, role):
     name = f"guest-{role}"
     with attach(world, spec, name) as member:
         takes_part(world, name)
-        assert world.members()[name]["roles"] == [role]
+        assert world.members()[name]["roles"] == (role,)
         member.kill(signal.SIGINT)
         assert member.ends() == 0
         assert "Traceback" not in member.text

@@ -79,7 +79,9 @@ def test_whatever_can_be_written_is_in_the_document() -> None:
 
 
 def test_the_keys_of_a_hello() -> None:
-    told = re.findall(r"^\| `(\w+)`\s*\| (?:whole|text|boolean|\[\w+\])\s*\|", DOCUMENT, re.M)
+    told = re.findall(
+        r"^\| `(\w+)`\s*\| (?:whole|number|text|boolean|\[\w+\])\s*\|", DOCUMENT, re.M
+    )
     hello = codec.m.Hello("someone", 1)
     assert told == list(msgpack.unpackb(codec.encode(hello))[1])
 

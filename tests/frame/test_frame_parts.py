@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from minerva_bus import EMPTY, Scene
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import membership
-from minerva_bus.frame.composition import Composition, fill
+from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.membership import TRANSITIONS, Change, Member, State
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pacing import Pace
@@ -19,6 +19,7 @@ from minerva_bus.frame.placement import place
 from minerva_bus.frame.roster import PROTOCOL_VERSION, Roster, objection
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
+from minerva_bus.grammar.slots import fill
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, ids
 

@@ -1,0 +1,56 @@
+"""A string with slots: agents by name only, in whose places other strings are put."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    Piece,
+    Scene,
+    TransformationNode,
+    of_pieces,
+    shared,
+    still,
+    walk,
+)
+
+
+def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
+    """The skeleton with a string in each fragment's slot; ε where there is none."""
+    made: list[Piece] = []
+    for piece in skeleton.pieces:
+        if isinstance(piece, AgentNode):
+            made += parts.get(piece.id, EMPTY).pieces
+        elif isinstance(piece, TransformationNode) and not still(piece):
+            made += fill_slots(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
+        else:
+            made.append(piece)
+    return of_pieces(skeleton, made)
+
+
+def fill_slots(scene: Scene, part: Callable[[AgentNode], Scene]) -> Scene:
+    """Replace the outermost agents, sharing whatever does not change."""
+    results: list[list[Node]] = [[]]
+    inside = 0
+    for opens, node in walk(scene):
+        if isinstance(node, AgentNode):
+            inside += 1 if opens else -1
+            if opens and inside == 1:
+                results[-1].extend(part(node).nodes)
+        elif inside:
+            continue
+        elif isinstance(node, FigureNode):
+            results[-1].append(node)
+        elif opens:
+            results.append([])
+        else:
+            scope = shared(node.scope, results.pop())
+            same = scope is node.scope
+            results[-1].append(
+                node if same else TransformationNode(node.symbol, node.names, node.values, scope)
+            )
+    return shared(scene, results[0])
