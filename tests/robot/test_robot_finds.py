@@ -19,7 +19,8 @@ RADIUS = 0.18
 
 
 def simulator(options, objective="", seed=0, start=(0.0, 0.0, 0.0)):
-    """A robot, off its start by that many rows, columns and degrees."""
+    """A robot alone, off its start by that many rows, columns and degrees."""
+    options = {"parcels": "", **options}
     chosen = Options.read(options)
     string = moved(scene(options), *start)
     return Simulator(chosen.floor, chosen.places, string, objective or chosen.goal, seed=seed)

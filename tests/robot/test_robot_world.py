@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from minerva_agents.robot.maps import MapError
+from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import defaults, scene, vocabulary
 from minerva_bus import EMPTY, MinervaError
@@ -26,7 +27,11 @@ def hall(tmp_path):
 
 
 def robots(string):
-    return [ARobot.thaw(node) for node in agents(string)]
+    return [ARobot.thaw(node) for node in agents(string) if node.symbol == "ARobot"]
+
+
+def parcels(string):
+    return [AParcel.thaw(node) for node in agents(string) if node.symbol == "AParcel"]
 
 
 def places(string):
@@ -35,7 +40,9 @@ def places(string):
 
 def test_the_initial_string_is_that_of_the_paper():
     string = scene({})
-    assert [node.symbol for node in string] == ["PMap", *["TPlace"] * 8, "ARobot"]
+    assert [node.symbol for node in string] == [
+        "PMap", *["TPlace"] * 8, "ARobot", *["AParcel"] * 8,
+    ]  # fmt: skip
     (robot,) = robots(string)
     assert not robot.grid.any()
     assert (robot.speed, robot.objective, robot.action) == (0.0, "", EMPTY)
@@ -51,7 +58,7 @@ def test_it_is_a_string_of_the_vocabulary():
 
 def test_the_kind_responds_to_the_papers_events():
     papers = {"eLaser", "eCamera", "eDecide", "eObjective", "eSpeed"}
-    assert ARobot.kind.subscribes == papers | {"eCollision"}
+    assert ARobot.kind.subscribes == papers | {"eCollision", "eErrand", "eTake", "eTaken"}
     assert ARobot.kind.views == {"eRepresent", "ePicture"}
     names = ARobot.kind.fields.names
     assert names[:7] == ("grid", "row", "column", "angle", "speed", "objective", "action")
@@ -95,6 +102,24 @@ def test_the_start_may_be_given():
     assert robots(string)[0].angle == -45.0
 
 
+def test_there_is_a_parcel_at_every_marker():
+    string = scene({})
+    found = parcels(string)
+    assert [parcel.id for parcel in found] == [f"p{number}" for number in range(1, 9)]
+    assert [parcel.marker for parcel in found] == list(robots(string)[0].markers)
+    assert len({parcel.side for parcel in found}) == 8
+    kitchen = next(parcel for parcel in found if parcel.marker == "kitchen")
+    assert math.dist((kitchen.x, kitchen.y), (15.6, 10.2)) < 0.3
+    assert (kitchen.y, kitchen.carrier) == (min(kitchen.y, 10.2), "")
+
+
+def test_where_parcels_stand_may_be_given():
+    found = parcels(scene({"parcels": "office, store,office"}))
+    assert [parcel.marker for parcel in found] == ["office", "store", "office"]
+    assert math.dist((found[0].x, found[0].y), (found[2].x, found[2].y)) > 0.05
+    assert parcels(scene({"parcels": ""})) == []
+
+
 def test_options_reach_the_robot():
     given = {"cell": 0.2, "radius": 0.25, "planner": "random", "fov": 90, "sight": 3}
     (robot,) = robots(scene(given))
@@ -119,6 +144,8 @@ def test_without_a_kitchen_the_objective_is_the_farthest(hall):
         ({"planner": "A*"}, "planner: expected 'astar' or 'random'"),
         ({"planner": "astra"}, "did you mean 'astar'"),
         ({"objective": "kichen"}, "no marker 'kichen'; did you mean 'kitchen'"),
+        ({"parcels": "ofice"}, "parcels: there is no marker 'ofice'; did you mean 'office'"),
+        ({"parcels": 3}, "parcels: expected a text, not 3"),
         ({"robots": 0}, "robots: expected a whole number from 1 up, not 0"),
         ({"robots": 2.5}, "robots: expected a whole number"),
         ({"robots": 2000}, r"room for \d+ robots .* of the 2000 asked for"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
-from minerva_agents.robot import astar, wandering
+from minerva_agents.robot import astar, errand, wandering
 from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way
 from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.ground import cell_of
@@ -36,7 +36,10 @@ def notice(robot: ARobot) -> None:
 
 
 def decide(robot: ARobot, moment: Moment) -> Move:
-    """The robot's next move; at its objective it says so, once, and has none any more."""
+    """The robot's next move; at its objective it says so, once, and has none any more.
+
+    On an errand it does there what the errand asks for.
+    """
     if not holds(robot.grid, cell_of(robot.position)):
         robot.forget_plan()  # it has lost its way, and its map with it
         return STAY
@@ -45,9 +48,11 @@ def decide(robot: ARobot, moment: Moment) -> Move:
         return _stand_or_make_way(robot, moment.dt)
     place = robot.objective_cell()
     if place is not None and has_arrived(robot, place):
-        moment.emit(eReached(robot.objective))
-        robot.objective = ""
-        make_way(robot, place)
+        if not errand.attend(robot, place, moment):
+            moment.emit(eReached(robot.objective))
+            robot.objective = ""
+        if not robot.objective:
+            make_way(robot, place)
         return STAY
     return PLANNERS[robot.planner](robot, moment) if robot.speed > 0 else STAY
 

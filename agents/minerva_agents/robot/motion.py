@@ -40,6 +40,11 @@ class Pose:
     column: float
     angle: float
 
+    @property
+    def position(self) -> tuple[float, float]:
+        """Row and column, in cells."""
+        return self.row, self.column
+
     def after(self, move: Move, cell: float) -> Pose:
         """Where the move leads; `cell` is the side of a cell in metres."""
         angle = _wrapped(self.angle + move.turn)

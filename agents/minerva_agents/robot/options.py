@@ -30,6 +30,7 @@ class Options:
     start: str = ""
     robots: int = 1
     planner: str = "astar"
+    parcels: str = "*"
     objective: str = ""
     cell: float = 0.1
     radius: float = 0.18
@@ -46,6 +47,7 @@ class Options:
             given.text("start", ""),
             given.count("robots", 1),
             given.one_of("planner", list(PLANNERS)),
+            given.text("parcels", "*"),
             given.text("objective", ""),
             given.length("cell", 0.1),
             given.length("radius", 0.18),
@@ -95,16 +97,27 @@ class Options:
     @cached_property
     def goal(self) -> str:
         """The objective's name. Raises WorldFileError where there is no such marker."""
+        if self.objective:
+            return self._named("objective", self.objective).name
         names = [marker.name for marker in self.places]
-        if not self.objective:
-            return _FAVOURITE if _FAVOURITE in names else self._farthest()
-        if self.objective not in names:
-            listed = ", ".join(names)
+        return _FAVOURITE if _FAVOURITE in names else self._farthest()
+
+    @cached_property
+    def parcel_places(self) -> tuple[Marker, ...]:
+        """The marker of each parcel. Raises WorldFileError where there is no such marker."""
+        if self.parcels.strip() == "*":
+            return self.places
+        names = [name.strip() for name in self.parcels.split(",")]
+        return tuple([self._named("parcels", name) for name in names if name])
+
+    def _named(self, option: str, name: str) -> Marker:
+        found = {marker.name: marker for marker in self.places}
+        if name not in found:
             raise WorldFileError(
-                f"option objective: there is no marker {self.objective!r}"
-                f"{nearest(self.objective, names)}; there are {listed}"
+                f"option {option}: there is no marker {name!r}"
+                f"{nearest(name, list(found))}; there are {', '.join(found)}"
             )
-        return self.objective
+        return found[name]
 
     def _farthest(self) -> str:
         start = self.start_pose[:2]

@@ -6,7 +6,7 @@ remembers is in its state, so another process can go on with it from any frame.
 
 from __future__ import annotations
 
-from minerva_agents.robot import deciding
+from minerva_agents.robot import deciding, errand
 from minerva_agents.robot.ground import Position, room_of
 from minerva_agents.robot.knowledge import (
     at_distance,
@@ -34,14 +34,14 @@ from minerva_bus import (
 
 
 class ARobot(Agent, symbol="ARobot"):
-    """A robot that looks for a marker.
+    """A robot that looks for a marker, and brings what stands at one to another.
 
     The paper's attributes:
         grid: what is known of the floor, cell by cell; see `knowledge` for the codes.
         row, column: where the robot is in the grid, in cells; it stands in the cell of the floor.
         angle: where it heads, counter-clockwise from the direction in which rows grow.
         speed: how far it goes in a second.
-        objective: the marker it is to find, or empty for none.
+        objective: the marker it is to find, or empty for none; on an errand, where it goes next.
         action: what it carries out in this frame; ε at first.
 
     What an implementation needs besides:
@@ -55,6 +55,12 @@ class ARobot(Agent, symbol="ARobot"):
         purpose: what the way is for.
         pause: frames for which it still waits.
         failures: how often in a row it has found no way.
+
+    What an errand needs, see `errand`:
+        target: where it is to bring what it fetches; empty if it is on no errand.
+        later: the objective that the errand has interrupted.
+        load: the parcels that it carries.
+        waits: frames until all have answered that stand where it asks.
     """
 
     grid: Cells
@@ -78,6 +84,11 @@ class ARobot(Agent, symbol="ARobot"):
     purpose: str = ""
     pause: int = 0
     failures: int = 0
+
+    target: str = ""
+    later: str = ""
+    load: tuple[str, ...] = ()
+    waits: int = 0
 
     @on("eLaser")
     def sense_obstacle(self, laser: Event, moment: Moment) -> None:
@@ -104,14 +115,18 @@ class ARobot(Agent, symbol="ARobot"):
             self.action = action_of(STAY, self.id, self.radius)
             return
         deciding.notice(self)
-        self._stand(self.pose.after(move_of(self.action), self.cell))
+        moved = move_of(self.action)
+        self._stand(self.pose.after(moved, self.cell))
         move = deciding.decide(self, moment)
         self._act(move)
+        if moved.dist or move.dist:
+            errand.carry(self, self.pose.after(move, self.cell).position, moment)
 
     @on("eObjective")
     def set_objective(self, order: Event, moment: Moment) -> None:
-        """o': the marker to find from now on."""
-        self.objective = order.marker
+        """o': the marker to find from now on; an errand ends."""
+        self.later = ""
+        self.seek(order.marker)
 
     @on("eSpeed")
     def set_speed(self, order: Event, moment: Moment) -> None:
@@ -126,9 +141,28 @@ class ARobot(Agent, symbol="ARobot"):
         """
         back = Move(0.0, -collision.shortfall)
         self._stand(self.pose.after(back, self.cell))
+        errand.carry(self, self.position, moment)
         touch = self.radius / self.cell + 0.5
         mark_obstacle(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
         self.forget_plan()
+
+    @on("eErrand")
+    def set_errand(self, order: Event, moment: Moment) -> None:
+        """Bring what stands at the source to the target; the objective waits."""
+        errand.begin(self, order.source, order.target, moment)
+
+    @on("eTake")
+    def hear_of_another(self, take: Event, moment: Moment) -> None:
+        """Another robot takes what stands at a marker."""
+        if take.sender != self.id:
+            errand.hear_of_another(self, take.marker, moment)
+
+    @on("eTaken")
+    def load_parcel(self, taken: Event, moment: Moment) -> None:
+        """Have one parcel more, and lift it."""
+        if taken.sender and taken.sender not in self.load:
+            self.load = (*self.load, taken.sender)
+            errand.carry(self, self.position, moment)
 
     @view("eRepresent")
     def represent(self, event: Event) -> Scene:
@@ -161,6 +195,11 @@ class ARobot(Agent, symbol="ARobot"):
     def way(self) -> list[Position]:
         """The corners that are still ahead."""
         return list(zip(self.plan_rows, self.plan_columns, strict=True))
+
+    def seek(self, objective: str, target: str = "") -> None:
+        """Go to another marker, on an errand if there is a target; plan anew."""
+        self.objective, self.target, self.waits = objective, target, 0
+        self.forget_plan()
 
     def set_way(self, way: list[Position], purpose: str) -> None:
         """Have another way."""

@@ -4,6 +4,8 @@ Tables 3 and 4 have PMap, PRobot, TMove, TRotate and the six events eLaser to eS
 TPlace, which says where a robot or a marker stands; PMarker, for a floor shows the rooms' markers;
 PGrid, PPath and PGoal, which show what a robot knows and means to do; eCollision, by which physics
 reaches an agent (section 5); eReached, by which the robot reports; ePicture, a second view.
+For the transport of objects (4.1) there are PParcel, eErrand, which a person orders, and the six
+events from eTake to eGivenUp, by which robots and parcels carry it out; see `errand`.
 
 Rows of a grid grow along the world's x, columns along its y. Lengths are metres, angles degrees,
 counter-clockwise.
@@ -80,6 +82,9 @@ PPath = Primitive(
 PGoal = Primitive("PGoal", Disc("radius", "#c2185b"), radius=Default(Metres, 0.12))
 """Where a robot believes its objective to be."""
 
+PParcel = Primitive("PParcel", Disc("radius", "#7a4a21", height=0.5), radius=Default(Metres, 0.11))
+"""A thing that robots transport; higher than a robot, so that it is seen on top of one."""
+
 TMove = Transformation("TMove", Motion(forward="dist"), dist=Metres)
 """Move a distance, along the heading."""
 
@@ -120,6 +125,34 @@ eCollision = EventType("eCollision", shortfall=Metres)
 
 eReached = EventType("eReached", marker=str)
 """A robot has reached its objective; sent by the robot itself."""
+
+eErrand = EventType("eErrand", source=str, target=str)
+"""The user orders a robot to bring what stands at one marker to another.
+
+Without receivers it is for all robots: all set out, the first at the source gets what stands there,
+and the others give up as soon as they hear of it.
+"""
+
+eTake = EventType("eTake", marker=str)
+"""A robot at a marker asks all that stands there to come along."""
+
+eTaken = EventType("eTaken")
+"""A parcel is a robot's now; sent by the parcel to its robot."""
+
+eCarry = EventType("eCarry", x=Metres, y=Metres)
+"""A robot tells what it carries where it will be in the next frame."""
+
+ePut = EventType("ePut", marker=str, x=Metres, y=Metres)
+"""A robot puts down what it carries, at a marker that it takes to be at this place."""
+
+eDelivered = EventType("eDelivered", marker=str)
+"""An errand is done: what was to be brought stands at this marker; sent by the robot.
+
+A robot on an errand sends no eReached: that is for objectives.
+"""
+
+eGivenUp = EventType("eGivenUp", source=str, target=str, why=str)
+"""An errand cannot be done; sent by the robot, which goes on with what it did before."""
 
 eRepresent = EventType("eRepresent", visual=True)
 """The robot's action is carried out in the representation space."""

@@ -7,6 +7,7 @@
 | start     | ""        | "x, y, degrees"; "": the map's own, or where there is most room        |
 | robots    | 1         | how many; they start side by side                                     |
 | planner   | "astar"   | how they decide, "astar" or "random"                                  |
+| parcels   | "*"       | one at each of these markers, "office, store"; "*": at every one       |
 | objective | ""        | a marker; "": the kitchen, or else the one farthest from the start     |
 | cell      | 0.1       | metres, the side of a cell of the robots' grid                        |
 | radius    | 0.18      | metres, a robot's                                                     |
@@ -26,8 +27,9 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_agents.robot import vocabulary as words
-from minerva_agents.robot.maps import OccupancyMap, Pose
+from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
 from minerva_agents.robot.options import Options
+from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
 from minerva_bus import Cells, Scene, Vocabulary
@@ -39,6 +41,7 @@ vocabulary: Final = Vocabulary.of(
     words.PGrid,
     words.PPath,
     words.PGoal,
+    words.PParcel,
     words.TMove,
     words.TRotate,
     words.TPlace,
@@ -49,18 +52,32 @@ vocabulary: Final = Vocabulary.of(
     words.eSpeed,
     words.eCollision,
     words.eReached,
+    words.eErrand,
+    words.eTake,
+    words.eTaken,
+    words.eCarry,
+    words.ePut,
+    words.eDelivered,
+    words.eGivenUp,
     words.eRepresent,
     words.ePicture,
     ARobot,
+    AParcel,
 )
 """All symbols and event types of the robot's world."""
 
-_NAMES: Final = ("map", "start", "robots", "planner", "cell", "radius", "fov", "sight")
+_NAMES: Final = ("map", "start", "robots", "planner", "parcels", "cell", "radius", "fov", "sight")
+_BELOW: Final = -90.0
+"""The direction in which parcels stand at a marker, in degrees: the world's y is up."""
+_BREADTH: Final = 140.0
+"""Degrees between the outermost of them."""
+_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
-    """The initial string: PMap, the markers, and the robots r1, r2, ... with nothing in mind.
+    """The initial string: PMap, the markers, the robots r1, r2, ... and the parcels p1, p2, ...
 
+    The robots have nothing in mind. The parcels come last, so pictures show them on top.
     Raises MinervaError for options and maps that cannot be used.
     """
     chosen = Options.read(options)
@@ -71,6 +88,8 @@ def scene(options: Mapping[str, Any]) -> Scene:
     grid = _empty_grid(floor, chosen.cell)
     for number, start in enumerate(chosen.starts, start=1):
         made += _robot(f"r{number}", start, grid, chosen).string
+    for number, marker in enumerate(chosen.parcel_places, start=1):
+        made += _parcel(number, marker).string
     return made
 
 
@@ -102,6 +121,18 @@ def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
         fov=chosen.fov,
         sight=chosen.sight,
     )
+
+
+def _parcel(number: int, marker: Marker) -> AParcel:
+    """A parcel at a marker, on a side of its own: steps of the golden ratio never meet again.
+
+    All sides are below the marker, for pictures have its pin and its name above.
+    """
+    part = (0.5 + _GOLDEN * (number - 1)) % 1.0
+    side = round(_BELOW + _BREADTH * (part - 0.5), 3)
+    parcel = AParcel(f"p{number}", x=marker.x, y=marker.y, side=side)
+    parcel.stand(marker.name, marker.x, marker.y)
+    return parcel
 
 
 @dataclass(frozen=True, slots=True)

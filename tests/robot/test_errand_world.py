@@ -1,0 +1,101 @@
+"""The robot's world as its file says, in one process: an errand from order to delivery."""
+
+import json
+
+import numpy as np
+import pytest
+from errands import FILE
+
+from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.vocabulary import eErrand
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.scene import agents
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.worldfile import Overrides, read_world_file
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A hall of 6 m x 4 m with three markers, as options of the robot's world."""
+    image = np.zeros((40, 60), np.uint8)
+    image[1:-1, 1:-1] = 254
+    (tmp_path / "hall.pgm").write_bytes(b"P5\n60 40\n255\n" + image.tobytes())
+    keys = {"image": "hall.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
+    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": [3.0, 2.0, 0.0]}
+    keys["markers"] = {"desk": [5.3, 3.2], "door": [0.7, 0.8], "window": [0.7, 3.2]}
+    (tmp_path / "hall.yaml").write_text(json.dumps(keys))
+    return {"map": str(tmp_path / "hall.yaml"), "objective": "window"}
+
+
+class Run:
+    """A world in one process, and all events of its frames."""
+
+    def __init__(self, options):
+        file = read_world_file(FILE, Overrides(options=options))
+        self.algorithm = FrameAlgorithm(file.world)
+        self.events = []
+        self.digests = []
+        members = [process.participant() for process in file.processes]
+        self.runner = InProcess(self.algorithm, members, self._watch)
+        self.runner.start()
+
+    def _watch(self, instruction):
+        if isinstance(instruction, s.FrameDone):
+            self.events += single(instruction.record.events)
+            self.digests.append(instruction.record.digest)
+
+    def order(self, event):
+        self.runner.tell(s.Order(event))
+        return self
+
+    def to_the_end(self, frames):
+        while self.runner.ended is None:
+            assert self.algorithm.frame < frames
+            self.runner.tell(s.Begin())
+        return self
+
+    def of(self, *types):
+        return [(event.sender, event.type) for event in self.events if event.type in types]
+
+    def parcels(self):
+        found = [node for node in agents(self.algorithm.scene) if node.symbol == "AParcel"]
+        return {node.id: AParcel.thaw(node) for node in found}
+
+
+def test_an_errand_is_done_and_then_the_objective_which_ends_the_world(hall):
+    run = Run(hall).order(eErrand("desk", "door")).to_the_end(600)
+    assert run.runner.ended.reason == "every agent has sent eReached"
+    assert run.of("eTake", "eTaken", "ePut", "eDelivered", "eGivenUp") == [
+        ("r1", "eTake"), ("p1", "eTaken"), ("r1", "ePut"), ("r1", "eDelivered"),
+    ]  # fmt: skip
+    assert {name: one.marker for name, one in run.parcels().items()} == {
+        "p1": "door", "p2": "door", "p3": "window",
+    }  # fmt: skip
+    assert [one.carrier for one in run.parcels().values()] == ["", "", ""]
+    assert run.runner.ended.figures["collisions"] == 0
+
+
+def test_an_errand_for_all_is_done_by_one_and_all_go_on(hall):
+    run = Run({**hall, "robots": "2", "parcels": "desk"}).order(eErrand("desk", "door"))
+    run.to_the_end(900)
+    assert len(run.of("eTaken")) == len(run.of("eDelivered")) == len(run.of("eGivenUp")) == 1
+    assert run.parcels()["p1"].marker == "door"
+
+
+def test_parcels_are_nothing_to_a_robot_without_an_errand(hall):
+    with_parcels, without = Run(hall), Run({**hall, "parcels": ""})
+    for run in (with_parcels, without):
+        run.to_the_end(400)
+    assert with_parcels.algorithm.frame == without.algorithm.frame
+    robots = [
+        next(node for node in agents(run.algorithm.scene) if node.id == "r1")
+        for run in (with_parcels, without)
+    ]
+    assert robots[0] == robots[1]
+
+
+def test_the_same_errand_comes_out_every_time(hall):
+    one, other = (Run(hall).order(eErrand("desk", "door")).to_the_end(600) for _ in range(2))
+    assert one.digests == other.digests
