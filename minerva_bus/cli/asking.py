@@ -39,7 +39,7 @@ def list_members(connect: str, world: str, json_too: bool) -> None:
     with client(connect, world) as asked:
         status = asked.operator.status()
     if json_too:
-        _print(json.dumps(_listing(status)))
+        _print(json.dumps(listing(status)))
         return
     _print(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
     _table(
@@ -53,7 +53,8 @@ def _doing(status: WorldStatus) -> str:
     return f"{'paused' if status.paused and not waiting else status.phase}{waiting}"
 
 
-def _listing(status: WorldStatus) -> dict[str, Any]:
+def listing(status: WorldStatus) -> dict[str, Any]:
+    """A status as JSON has it."""
     members = [{"member": one.name, **asdict(one)} for one in status.members]
     for member in members:
         del member["name"]

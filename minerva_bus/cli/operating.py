@@ -60,7 +60,8 @@ def _resting(asked: Client) -> int:
     told: tuple[str, ...] = ()
     while True:
         status = asked.operator.status()
-        if not status.paused or status.phase == "between frames":
+        resumed = not status.paused and not status.left
+        if resumed or (status.paused and status.phase == "between frames"):
             return status.frame
         if status.waited > 1 and status.waiting != told:
             told = status.waiting

@@ -1,0 +1,1 @@
+"""`minerva top`: a running world in the terminal."""

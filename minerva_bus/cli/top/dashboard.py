@@ -1,0 +1,203 @@
+"""The live dashboard of a world, on textual."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, ClassVar, cast
+
+from rich.text import Text
+from textual import work
+from textual.app import App, ComposeResult
+from textual.binding import BindingType
+from textual.containers import Horizontal, Vertical
+from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
+
+from minerva_bus.cli.top import texts
+from minerva_bus.errors import MinervaError
+from minerva_bus.world.operator import Happening, LogLine, Operator, WorldStatus
+
+EVERY = 0.25
+HISTORY = 120
+COLUMNS = ("member", "state", "what", "types", "waited for, µs a frame", "late", "last", "process")
+RATES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0)
+
+
+class Dashboard(App[None]):
+    """Members, phases, events and the log of one world; keys to operate it."""
+
+    CSS = """
+    #heading { height: 1; }
+    #trouble { height: auto; color: $error; text-style: bold; }
+    .panel { border: round $surface-lighten-2; border-title-color: $accent; padding: 0 1; }
+    #members { height: 2fr; min-height: 6; }
+    #middle { height: auto; max-height: 50%; }
+    #phases { width: 1fr; height: 100%; min-height: 13; }
+    #events { width: 1fr; height: 100%; min-height: 13; }
+    #speed { width: 1fr; height: 100%; min-height: 13; }
+    #speed Sparkline { height: 1fr; margin-top: 1; }
+    #log { height: 1fr; min-height: 5; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("space", "pause", "Pause or go on"),
+        ("s", "step", "Step"),
+        ("plus,equals_sign", "faster", "Faster"),
+        ("minus", "slower", "Slower"),
+        ("r", "restart", "Restart the member"),
+        ("e", "turn", "Log or events"),
+        ("q", "quit", "Quit"),
+    ]
+    ENABLE_COMMAND_PALETTE = False
+
+    def __init__(self, operator: Operator) -> None:
+        super().__init__()
+        self._operator = operator
+        self._status: WorldStatus | None = None
+        self._happened: int = 0
+        self._logged: int = 0
+        self._events_too = False
+        self._speeds: list[float] = []
+        self._answered = time.monotonic()
+
+    def compose(self) -> ComposeResult:
+        """Lay the screen out."""
+        yield Static(id="heading")
+        yield Static(id="trouble")
+        yield DataTable[Text](id="members", classes="panel", cursor_type="row", zebra_stripes=True)
+        with Horizontal(id="middle"):
+            yield Static(id="phases", classes="panel")
+            yield Static(id="events", classes="panel")
+            with Vertical(id="speed", classes="panel"):
+                yield Static(id="rate")
+                yield Sparkline([], summary_function=max)
+        yield RichLog(id="log", classes="panel", max_lines=2000)
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Begin to look."""
+        members = self._members()
+        for title in COLUMNS:
+            members.add_column(title, key=title)
+        titles = {
+            "members": "members",
+            "phases": "where a frame's time goes",
+            "events": "events",
+            "speed": "frames per second",
+            "log": "log",
+        }
+        for name, title in titles.items():
+            self.query_one(f"#{name}").border_title = title
+        self.set_interval(EVERY, self._look)
+        self._look()
+
+    # --- looking ---
+
+    @work(thread=True, exclusive=True, group="look")
+    def _look(self) -> None:
+        """Ask the world, outside the screen's own thread."""
+        try:
+            status = self._operator.status(self._happened)
+            lines = self._operator.logs(self._logged)
+        except MinervaError as error:
+            self.call_from_thread(self._show_trouble, str(error))
+            return
+        self.call_from_thread(self._show, status, lines)
+
+    def _show(self, status: WorldStatus, lines: tuple[LogLine, ...]) -> None:
+        self._status, self._answered = status, time.monotonic()
+        self._static("trouble").update("")
+        self._static("heading").update(texts.heading(status))
+        self._static("phases").update(texts.phases(status))
+        self._static("events").update(texts.events(status.events))
+        self._show_members(status)
+        self._show_speed(status)
+        self._show_log(status.happenings, lines)
+
+    def _show_trouble(self, problem: str) -> None:
+        silent = time.monotonic() - self._answered
+        self._static("trouble").update(f"no answer for {silent:.0f} s: {problem}")
+
+    def _show_members(self, status: WorldStatus) -> None:
+        table = self._members()
+        longest = max((one.wait for one in status.members), default=0.0)
+        there = {row.value for row in table.rows}
+        for member in status.members:
+            cells = texts.row(member, longest)
+            if member.name not in there:
+                table.add_row(*cells, key=member.name)
+                continue
+            for title, cell in zip(COLUMNS, cells, strict=True):
+                table.update_cell(member.name, title, cell)
+        for gone in there - {member.name for member in status.members}:
+            table.remove_row(str(gone))
+
+    def _show_speed(self, status: WorldStatus) -> None:
+        self._speeds = [*self._speeds, status.hz][-HISTORY:]
+        self.query_one(Sparkline).data = self._speeds
+        wanted = f"{status.rate:g} wanted" if status.rate else "as many as go"
+        shown = Text.assemble((f"{status.hz:,.1f}", "bold"), f"   {wanted}")
+        self._static("rate").update(shown)
+
+    def _show_log(self, happenings: tuple[Happening, ...], lines: tuple[LogLine, ...]) -> None:
+        log = self.query_one(RichLog)
+        for line in lines:
+            clock = time.strftime("%H:%M:%S", time.localtime(line.time))
+            log.write(Text.assemble((clock, "dim"), "  ", (line.member, "bold"), f"  {line.text}"))
+            self._logged = line.number
+        for one in happenings:
+            self._happened = one.number
+            if self._events_too:
+                log.write(Text.assemble((f"{one.frame:>8}", "dim"), "  ", (one.text, "magenta")))
+
+    def _static(self, name: str) -> Static:
+        return self.query_one(f"#{name}", Static)
+
+    def _members(self) -> DataTable[Text]:
+        return cast("DataTable[Text]", self.query_one("#members", DataTable))
+
+    # --- keys ---
+
+    def action_pause(self) -> None:
+        """Pause the world, or let it go on."""
+        operator = self._operator
+        resting = self._status is not None and self._status.paused
+        self._tell(operator.resume if resting else operator.pause)
+
+    def action_step(self) -> None:
+        """Run one frame."""
+        self._tell(self._operator.step)
+
+    def action_faster(self) -> None:
+        """Begin more frames a second."""
+        wanted = self._status.rate if self._status is not None else 0.0
+        faster = [rate for rate in RATES if rate > wanted > 0]
+        self._tell(self._operator.set_rate, faster[0] if faster else 0.0)
+
+    def action_slower(self) -> None:
+        """Begin fewer frames a second."""
+        if self._status is None:
+            return
+        wanted = self._status.rate or self._status.hz
+        slower = [rate for rate in RATES if 0 < rate < wanted]
+        self._tell(self._operator.set_rate, slower[-1] if slower else RATES[1])
+
+    def action_restart(self) -> None:
+        """Start the member under the cursor anew."""
+        table = self._members()
+        if table.row_count:
+            member = str(table.coordinate_to_cell_key(table.cursor_coordinate).row_key.value)
+            self._tell(self._operator.restart, member)
+
+    def action_turn(self) -> None:
+        """Have the world's events in the log, or no more."""
+        self._events_too = not self._events_too
+        self.query_one("#log").border_title = "log and events" if self._events_too else "log"
+
+    @work(thread=True, group="tell")
+    def _tell(self, order: Callable[..., Any], *what: Any) -> None:
+        try:
+            order(*what)
+        except MinervaError as error:
+            self.call_from_thread(self.notify, str(error), severity="error")
+            return
+        self.call_from_thread(self._look)

@@ -1,0 +1,113 @@
+"""What the dashboard says of a status, as lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from rich.table import Table
+from rich.text import Text
+
+from minerva_bus.world.operator import MemberStatus, WorldStatus
+
+BAR: Final = 16
+PHASES: Final = ("tick", "collect", "evolve", "commit", "view", "encode", "decode")
+"""The parts of a frame in the order in which they happen; the last three are within others."""
+
+_STATES: Final = {
+    "present": "green",
+    "late": "yellow",
+    "joining": "cyan",
+    "lost": "red",
+    "left": "bright_black",
+}
+
+
+def heading(status: WorldStatus) -> Text:
+    """World, frame, time, speed, and what it does now."""
+    text = Text.assemble(
+        (f" {status.world} ", "bold reverse"),
+        f"  frame {status.frame:,}   {status.time:,.1f} s simulated   ",
+        (f"{status.hz:,.0f} Hz", "bold"),
+        f" of {status.rate:g}   " if status.rate else "   ",
+        f"{status.agents:,} agents   {len(status.members)} members   ",
+    )
+    return text.append_text(doing(status))
+
+
+def doing(status: WorldStatus) -> Text:
+    """Whether it runs, rests, or waits: for whom and since when."""
+    if status.waiting and status.waited >= 0.3:
+        names = ", ".join(status.waiting[:4]) + (" …" if len(status.waiting) > 4 else "")
+        return Text(f"● waits for {names} for {status.waited:.1f} s", "bold red")
+    if status.paused and not status.left:
+        return Text("● paused", "bold yellow")
+    return Text("● runs", "bold green")
+
+
+def row(member: MemberStatus, longest: float) -> list[Text]:
+    """One member; `longest` is the longest wait for any, µs."""
+    types = " ".join([*member.kinds, *member.generates, *member.draws])
+    return [
+        Text(member.name, "bold"),
+        Text(member.state, _STATES.get(member.state, "")),
+        Text(member.service or " ".join(member.roles)),
+        Text(types if len(types) <= 30 else types[:29] + "…", "bright_black"),
+        Text(f"{member.wait:9,.0f} ").append_text(bar(member.wait, longest, 8)),
+        Text(f"{member.late:,}", "yellow" if member.late else "bright_black", justify="right"),
+        Text(f"{member.last_reply:,}", justify="right"),
+        Text(f"{member.pid}@{member.host}", "bright_black"),
+    ]
+
+
+def bar(amount: float, greatest: float, width: int = BAR, style: str = "cyan") -> Text:
+    """A bar of so many characters for the greatest amount."""
+    eighths = round(8 * width * amount / greatest) if greatest > 0 else 0
+    whole, rest = divmod(min(eighths, 8 * width), 8)
+    shown = "█" * whole + (" ▏▎▍▌▋▊▉"[rest] if rest else "")
+    return Text(shown.ljust(width), style)
+
+
+def phases(status: WorldStatus) -> Table:
+    """Where the time of a frame goes."""
+    table = _table()
+    frame = status.phases.get("frame", 0.0)
+    for name in (one for one in PHASES if one in status.phases):
+        amount = status.phases[name]
+        table.add_row(name, f"{amount:,.0f} µs", bar(amount, frame))
+    busy = sum(status.phases.get(name, 0.0) for name in ("tick", "collect", "evolve", "commit"))
+    if frame:
+        idle = max(0.0, frame - busy)
+        table.add_row("idle", f"{idle:,.0f} µs", bar(idle, frame, style="dim"))
+        table.add_row(Text("frame", "bold"), Text(f"{frame:,.0f} µs", "bold"), "")
+    for name, amount in (("bytes in", status.bytes_in), ("bytes out", status.bytes_out)):
+        table.add_row(name, _bytes(amount), f"{_bytes(amount * status.hz)}/s")
+    return table
+
+
+def events(rates: Mapping[str, float], most: int = 12) -> Table:
+    """Events a second by type, the most frequent first."""
+    table = _table()
+    shown = sorted(rates.items(), key=lambda pair: (-pair[1], pair[0]))
+    greatest = shown[0][1] if shown else 0.0
+    for name, rate in shown[:most]:
+        table.add_row(name, f"{rate:,.0f}/s", bar(rate, greatest, BAR, "magenta"))
+    if len(shown) > most:
+        table.add_row(f"and {len(shown) - most} more types", "", "")
+    return table
+
+
+def _table() -> Table:
+    table = Table.grid(padding=(0, 1))
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column(no_wrap=True)
+    return table
+
+
+def _bytes(amount: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if amount < 1000:
+            return f"{amount:.0f} {unit}" if unit == "B" else f"{amount:.1f} {unit}"
+        amount /= 1000
+    return f"{amount:.1f} GB"

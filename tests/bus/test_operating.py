@@ -1,0 +1,132 @@
+"""Pausing, stepping, pacing, restarting and reading the logs of worlds that run."""
+
+import json
+
+import pytest
+from running import World, eventually, here, write_world
+
+MEMBERS = """
+[process.steps]
+service = "yard:Steps"
+
+[process.walkers]
+agents = "yard:Walker"
+
+[process.screen]
+service = "yard:Screen"
+on_failure = "ignore"
+"""
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("operated")
+    with World(write_world(folder, MEMBERS, frames=0, rate=50)) as world:
+        world.runs("steps", "walkers", "screen")
+        yield world
+
+
+@pytest.fixture
+def operator(world):
+    with world.client() as asked:
+        yield asked.operator
+        asked.operator.set_rate(50.0)
+        asked.operator.resume()
+
+
+def told(world, *words):
+    done = here(world.folder, *words)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_paused_world_stands_still_and_steps(world, operator):
+    frame = int(told(world, "pause").split()[-1])
+    status = operator.status()
+    assert (status.frame, status.paused, status.phase) == (frame, True, "between frames")
+    assert told(world, "step", "3") == f"{world.name}: paused before frame {frame + 3}\n"
+    assert told(world, "step") == f"{world.name}: paused before frame {frame + 4}\n"
+    assert operator.status().frame == frame + 4
+    told(world, "resume")
+    eventually(lambda: operator.status().frame > frame + 10, "it goes on")
+
+
+def test_steps_add_up(operator):
+    operator.pause()
+    eventually(lambda: operator.status().phase == "between frames", "it rests")
+    before = operator.status().frame
+    for _ in range(5):
+        operator.step()
+    eventually(lambda: operator.status().frame == before + 5, "five frames")
+
+
+def test_the_rate_changes(world, operator):
+    told(world, "rate", "200")
+    eventually(lambda: operator.status().hz > 100, "faster")
+    assert operator.status().rate == 200.0
+
+
+def test_a_status_has_phases_and_events(operator):
+    def measured():
+        status = operator.status()
+        return (
+            status
+            if {"tick", "evolve", "frame"} <= status.phases.keys() and status.events
+            else None
+        )
+
+    status = eventually(measured, "measured")
+    assert status.events["eStep"] > 0
+    assert status.happenings[-1].number >= len(status.happenings)
+    later = operator.status(status.happenings[-1].number).happenings
+    assert all(one.number > status.happenings[-1].number for one in later)
+
+
+def test_a_member_is_started_anew(world, operator):
+    before = {one.name: one.pid for one in operator.status().members}
+    assert told(world, "restart", "walkers") == f"{world.name}: walkers is started anew\n"
+
+    def successor():
+        now = {one.name: one for one in operator.status().members}["walkers"]
+        return now.state == "present" and now.pid != before["walkers"]
+
+    eventually(successor, "another process")
+    lines = [json.loads(one) for one in told(world, "logs", "walkers", "--json").splitlines()]
+    assert "is started anew, as a person wants it" in [one["text"] for one in lines]
+    assert {one["member"] for one in lines} == {"walkers"}
+    assert "walkers │ is started anew" in told(world, "logs")
+
+
+def test_a_world_goes_on_while_a_view_is_started_anew(world, operator):
+    frame = operator.status().frame
+    told(world, "restart", "screen")
+    eventually(lambda: operator.status().frame > frame + 20, "it goes on")
+    assert "the world waits for it" not in told(world, "logs", "screen")
+
+
+def test_a_fragment(operator):
+    assert operator.fragment("a").startswith("AWalker#a<")
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("restart", "nobody"), "there is no member 'nobody'"),
+        (("logs", "walker"), "did you mean 'walkers'"),
+        (("rate", "2e9"), "rate must be frames per second"),
+        (("step", "0"), "greater than or equal to 1"),
+        (("pause", "nowhere"), "no world 'nowhere' runs on this machine"),
+        (("top",), "top needs a terminal"),
+    ],
+)
+def test_what_cannot_be_is_said(world, words, problem):
+    done = here(world.folder, *words)
+    assert done.returncode == 2
+    assert problem in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_top_as_json(world):
+    found = json.loads(told(world, "top", "--json"))
+    assert found["world"] == world.name
+    assert found["phases"]["frame"] > 0

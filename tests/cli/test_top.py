@@ -1,0 +1,154 @@
+"""The dashboard: driven as a person would, over a world that is told what to say."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from minerva_bus.errors import BusError
+from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
+
+pytest.importorskip("textual", reason="pip install 'minerva-bus[top]'")
+
+from textual.widgets import DataTable, RichLog
+
+from minerva_bus.cli.top.dashboard import Dashboard
+from minerva_bus.cli.top.texts import bar, doing
+
+MEMBERS = (
+    MemberStatus("steps", "present", ("generator",), "Steps", generates=("eStep",), wait=100.0),
+    MemberStatus("walkers", "late", ("agents",), kinds=("AWalker",), late=3, wait=400.0),
+)
+STATUS = WorldStatus(
+    "yard", 42, 0.1, "between frames", rate=20.0, hz=19.5, agents=7, members=MEMBERS,
+    events={"eStep": 20.0, "eNoise": 3.0}, phases={"tick": 100.0, "evolve": 300.0, "frame": 1000.0},
+    happenings=(Happening(1, 41, "eStep", "eStep<by=1>"),),
+)  # fmt: skip
+
+
+class Told:
+    """An operator that notes what it is told."""
+
+    def __init__(self):
+        self.now = STATUS
+        self.told = []
+        self.silent = False
+
+    def status(self, since=0):
+        if self.silent:
+            raise BusError("the world has not answered")
+        return replace(
+            self.now, happenings=tuple(h for h in self.now.happenings if h.number > since)
+        )
+
+    def logs(self, since=0, member=""):
+        return tuple(one for one in (LogLine(1, 0.0, "steps", "hello"),) if one.number > since)
+
+    def __getattr__(self, name):
+        return lambda *what: self.told.append((name, *what))
+
+
+def run(play, operator=None):
+    operator = operator or Told()
+
+    async def screen():
+        dashboard = Dashboard(operator)
+        async with dashboard.run_test(size=(130, 40)) as pilot:
+            await play(dashboard, pilot, operator)
+
+    asyncio.run(screen())
+
+
+async def until(pilot, holds):
+    for _ in range(100):
+        if holds():
+            return
+        await pilot.pause(0.05)
+    pytest.fail("it never came")
+
+
+def shown(dashboard, name):
+    return str(dashboard.query_one(f"#{name}").render())
+
+
+def rows(dashboard):
+    table = dashboard.query_one(DataTable)
+    return {key.value: [str(cell) for cell in table.get_row(key)] for key in table.rows}
+
+
+def test_it_shows_members_phases_events_and_the_log():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == 2)
+        assert rows(dashboard)["walkers"][:4] == ["walkers", "late", "agents", "AWalker"]
+        heading = shown(dashboard, "heading")
+        assert "yard" in heading
+        assert "frame 42" in heading
+        log = dashboard.query_one(RichLog)
+        await until(pilot, lambda: "steps  hello" in "".join(line.text for line in log.lines))
+
+    run(play)
+
+
+def test_who_goes_and_comes_is_seen():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == 2)
+        operator.now = replace(STATUS, members=(MEMBERS[1], MemberStatus("new", "joining")))
+        await until(pilot, lambda: set(rows(dashboard)) == {"walkers", "new"})
+
+    run(play)
+
+
+def test_its_keys_operate_the_world():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == 2)
+        await pilot.press("space", "s", "plus", "minus", "down", "r")
+        wanted = [
+            ("pause",),
+            ("step",),
+            ("set_rate", 30.0),
+            ("set_rate", 10.0),
+            ("restart", "walkers"),
+        ]
+        await until(pilot, lambda: len(operator.told) == len(wanted))
+        assert sorted(operator.told, key=str) == sorted(wanted, key=str)
+        operator.now = replace(STATUS, paused=True)
+        await until(pilot, lambda: "paused" in shown(dashboard, "heading"))
+        await pilot.press("space")
+        await until(pilot, lambda: ("resume",) in operator.told)
+
+    run(play)
+
+
+def test_a_world_that_does_not_answer_is_said_and_forgotten_when_it_does():
+    async def play(dashboard, pilot, operator):
+        operator.silent = True
+        await until(pilot, lambda: "the world has not answered" in shown(dashboard, "trouble"))
+        operator.silent = False
+        await until(pilot, lambda: not shown(dashboard, "trouble"))
+
+    run(play)
+
+
+def test_events_are_in_the_log_when_they_are_wanted():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == 2)
+        await pilot.press("e")
+        operator.now = replace(STATUS, happenings=(Happening(2, 43, "eNoise", "eNoise<loud=9>"),))
+        log = dashboard.query_one(RichLog)
+        await until(pilot, lambda: "eNoise<loud=9>" in "".join(line.text for line in log.lines))
+
+    run(play)
+
+
+def test_for_whom_the_world_waits():
+    waiting = replace(STATUS, waiting=("walkers",), waited=2.34)
+    assert doing(waiting).plain == "● waits for walkers for 2.3 s"
+    assert doing(STATUS).plain == "● runs"
+    assert doing(replace(STATUS, paused=True)).plain == "● paused"
+
+
+@pytest.mark.parametrize(
+    ("amount", "shown"), [(0, "    "), (1, "██  "), (2, "████"), (9, "████"), (0.25, "▌   ")]
+)
+def test_bars(amount, shown):
+    assert bar(amount, 2.0, 4).plain == shown
