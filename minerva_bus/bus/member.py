@@ -32,11 +32,17 @@ NAME_FREE = 2.0
 WORLD_SEEN = 1.0
 SHOWN_WITHIN = 0.25
 ANSWERED_WITHIN = 1.0
+BACK_WITHIN = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Ungreeted:
     """So long nobody has greeted the member that nobody will."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gone:
+    """The world has not come back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,7 @@ class BusMember:
         self._stop = threading.Event()
         self._shown_at = 0.0
         self._pulsed = threading.Event()
+        self._parting: threading.Timer | None = None
 
     def leave(self) -> None:
         """Leave the world; may be called from a signal handler or another thread."""
@@ -216,6 +223,10 @@ class BusMember:
         elif isinstance(item, Leave):
             self._send(m.Leaving(self.participant.name))
             return False
+        elif isinstance(item, Gone):
+            if self._parting is not None:
+                self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
+                return False
         elif isinstance(item, Ungreeted) and self.participant.world is None:
             raise BusError(
                 f"the world {self.keys.world!r} does not greet {self.participant.name};"
@@ -258,9 +269,27 @@ class BusMember:
         if key != self._alive:
             self._heard(key, sample.payload.to_bytes())
         elif sample.kind == zenoh.SampleKind.DELETE:
-            self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
-            return False
+            self._lose()
+        else:
+            self._find_again()
         return True
+
+    def _lose(self) -> None:
+        """The world cannot be seen: it has ended, or the link to it has, for now."""
+        if self._parting is None:
+            self._tell(
+                f"{self.participant.name}: the world {self.keys.world!r} cannot be seen;"
+                f" it may come back within {BACK_WITHIN:.0f} s"
+            )
+            self._parting = threading.Timer(BACK_WITHIN, self.inbox.put, (Gone(),))
+            self._parting.daemon = True
+            self._parting.start()
+
+    def _find_again(self) -> None:
+        if self._parting is not None:
+            self._parting.cancel()
+            self._parting = None
+            self._tell(f"{self.participant.name}: the world {self.keys.world!r} is back")
 
     def _heard(self, key: str, data: bytes) -> None:
         message = self._decode(key, data)

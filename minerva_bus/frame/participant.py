@@ -130,8 +130,14 @@ class Participant:
         self._out.append(self.hello())
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
-        self.world = welcome
+        """The first time, or once more where it has been out of the world's sight."""
+        again, self.world = self.world is not None, welcome
+        self._asked, self._readings = None, {}
         if self.service is None:
+            return
+        if again:
+            if welcome.saved is not None:
+                self.service.restore(welcome.saved)
             return
         info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
         try:
