@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ORDER = ["grammar", "semantics", "world", "frame", "protocol", "bus", "launch", "cli"]
-ONLY = {"zenoh": "bus", "typer": "cli", "msgpack": "protocol"}
+ORDER = ["grammar", "semantics", "world", "frame", "protocol", "bus", "record", "launch", "cli"]
+ONLY = {"zenoh": "bus", "typer": "cli", "msgpack": "protocol", "mcap": "record"}
 
 
 def imports(path):
