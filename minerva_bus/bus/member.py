@@ -8,20 +8,20 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import zenoh
 
 from minerva_bus.bus.asking import ask
 from minerva_bus.bus.inbox import Inbox
+from minerva_bus.bus.notices import Count, Gone, Leave, Outlet, Published, Pulse, Ungreeted
 from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.session import open_client
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant, Refusal
-from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.keys import COORDINATOR, Keys, checked_name
@@ -33,26 +33,7 @@ WORLD_SEEN = 1.0
 SHOWN_WITHIN = 0.25
 ANSWERED_WITHIN = 1.0
 BACK_WITHIN = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class Ungreeted:
-    """So long nobody has greeted the member that nobody will."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gone:
-    """The world has not come back."""
-
-
-@dataclass(frozen=True, slots=True)
-class Leave:
-    """The member shall leave its world."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pulse:
-    """It is time for a pulse of the service."""
+COUNTED_EVERY = 1.0
 
 
 class BusMember:
@@ -82,6 +63,19 @@ class BusMember:
         self._shown_at = 0.0
         self._pulsed = threading.Event()
         self._parting: threading.Timer | None = None
+        self._figures: m.Figures = {}
+        self._deeds: dict[type, Callable[[Any], bool | None]] = {
+            bytes: self._heard_first,
+            zenoh.Sample: self._heard_aside,
+            Event: self._emit,
+            Events: self._emit,
+            Published: self._publish,
+            Pulse: self._pulse,
+            Count: self._tell_figures,
+            Leave: self._leave,
+            Gone: self._go,
+            Ungreeted: self._miss_greeting,
+        }
 
     def leave(self) -> None:
         """Leave the world; may be called from a signal handler or another thread."""
@@ -210,41 +204,54 @@ class BusMember:
 
     def _handle(self, item: Any) -> bool:
         """Deal with one item; False when it is time to go."""
-        if isinstance(item, bytes):
-            self._heard_first(item)
-        elif isinstance(item, zenoh.Sample):
-            return self._heard_aside(item)
-        elif isinstance(item, Event | Events):
-            self._send(self.participant.emitted(item))
-        elif isinstance(item, Pulse):
-            return self._pulse()
-        elif isinstance(item, Exception):
+        if isinstance(item, Exception):
             raise item
-        elif isinstance(item, Leave):
-            self._send(m.Leaving(self.participant.name))
-            return False
-        elif isinstance(item, Gone):
-            if self._parting is not None:
-                self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
-                return False
-        elif isinstance(item, Ungreeted) and self.participant.world is None:
+        deed = self._deeds.get(type(item))  # pyright: ignore[reportUnknownArgumentType]
+        return deed is None or deed(item) is not False
+
+    def _emit(self, event: AnyEvent) -> None:
+        self._send(self.participant.emitted(event))
+
+    def _publish(self, told: Published) -> None:
+        self._send(self.participant.published(told.topic, told.reading))
+
+    def _leave(self, _: Leave) -> bool:
+        self._send(m.Leaving(self.participant.name))
+        return False
+
+    def _go(self, _: Gone) -> bool:
+        """The world was lost from sight; False unless it has come back."""
+        if self._parting is None:
+            return True
+        self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
+        return False
+
+    def _miss_greeting(self, _: Ungreeted) -> None:
+        if self.participant.world is None:
             raise BusError(
                 f"the world {self.keys.world!r} does not greet {self.participant.name};"
                 " is that its name (minerva list)?"
             )
-        return True
 
-    def _pulse(self) -> bool:
+    def _pulse(self, _: Pulse) -> bool:
         """Let the service look about; False when it wants to leave."""
         service = self.participant.service
         self._pulsed.clear()
         if service is None:
             return True
         service.pulse()
-        if service.leaves():
-            self._send(m.Leaving(self.participant.name))
-            return False
-        return True
+        return self._leave(Leave()) if service.leaves() else True
+
+    def _tell_figures(self, _: Count) -> None:
+        """Tell how the member does, where that has changed."""
+        figures = self.participant.figures()
+        if figures != self._figures:
+            self._figures = figures
+            self._send(m.Doing(self.participant.name, figures))
+
+    def _count(self) -> None:
+        while not self._stop.wait(COUNTED_EVERY):
+            self.inbox.put(Count())
 
     def _give_pulses(self, every: float) -> None:
         """Knock every so many seconds, but not while a pulse still waits to be felt."""
@@ -334,12 +341,14 @@ class BusMember:
         service = self.participant.service
         if isinstance(service, Generator) and not service.lockstep:
             threading.Thread(target=self._emit_all, args=(service,), daemon=True).start()
+        if service is not None:
+            threading.Thread(target=self._count, daemon=True).start()
         if service is not None and service.pulse_every > 0:
             every = service.pulse_every
             threading.Thread(target=self._give_pulses, args=(every,), daemon=True).start()
 
     def _emit_all(self, service: Generator) -> None:
         try:
-            service.run(self.inbox.put, self._stop)
+            service.run(Outlet(self.inbox.put), self._stop)
         except Exception as error:
             self.inbox.put(error)

@@ -48,6 +48,7 @@ class FrameAlgorithm(Attendance):
             m.Failed: self._on_failed,
             m.Resync: self._on_resync,
             m.Leaving: self._on_leaving,
+            m.Doing: self._on_doing,
             m.Report: self._on_report,
             s.End: self._on_end,
         }
@@ -232,6 +233,9 @@ class FrameAlgorithm(Attendance):
 
     def _on_failed(self, told: m.Failed) -> None:
         self._say(told.member, f"failed in frame {told.frame}: {told.problem}\n{told.traceback}")
+
+    def _on_doing(self, told: m.Doing) -> None:
+        self.roster.get(told.member).figures = told.figures
 
     def _on_report(self, report: m.Report) -> None:
         self._count_report(report.member, report.figures)

@@ -9,10 +9,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
-from minerva_bus.frame.messages import Hello
+from minerva_bus.frame.messages import Figures, Hello
 
 
 class State(Enum):
@@ -58,6 +58,7 @@ class Member:
     """One member as the coordinator knows it.
 
     `expected`: the world file names it, so the world waits for it until it is given up.
+    `figures`: how it does, as it says itself.
     `greeted`: the hello is of the process that is there now, not of one before it.
     """
 
@@ -68,6 +69,7 @@ class Member:
     greeted: bool = False
     last_reply: int = -1
     late: int = 0
+    figures: Figures = field(default_factory=dict[str, bool | int | float | str])
 
     def change(self, change: Change) -> bool:
         """Move by the table; False where the table has no such move."""

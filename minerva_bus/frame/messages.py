@@ -130,6 +130,14 @@ class Leaving:
 
 
 @dataclass(frozen=True, slots=True)
+class Doing:
+    """How a member does meanwhile, in figures, for people who look."""
+
+    member: str
+    figures: Figures
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """A member's figures for the summary; the answer to `Stop`."""
 
@@ -268,7 +276,7 @@ class FrameRecord:
 
 
 FromMember: TypeAlias = (
-    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | Report
+    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | Doing | Report
 )
 ToMember: TypeAlias = (
     Greet

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.hosting import Host
+from minerva_bus.frame.intake import Intake
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.frame.showing import patch_all
 from minerva_bus.grammar.batch import AnyEvent
@@ -61,7 +62,7 @@ class Participant:
         self.frame = -1
         self._asked: int | None = None
         self._sources: dict[str, tuple[str, ...]] = {}
-        self._readings: dict[tuple[str, str], m.Readings] = {}
+        self._intake = Intake() if service is None else Intake(service.takes, service.nth)
         self._published: dict[str, m.Readings] = {}
         self._orders: list[AnyEvent] = []
         self._pictures: dict[str, _Picture] = {}
@@ -132,7 +133,8 @@ class Participant:
     def _on_welcome(self, welcome: m.Welcome) -> None:
         """The first time, or once more where it has been out of the world's sight."""
         again, self.world = self.world is not None, welcome
-        self._asked, self._readings = None, {}
+        self._asked = None
+        self._intake.clear()
         if self.service is None:
             return
         if again:
@@ -153,8 +155,14 @@ class Participant:
     def _on_stop(self, stop: m.Stop) -> None:
         self.stopped = stop.reason or "the world has ended"
         self.show()
-        figures: m.Figures = self.service.report() if self.service is not None else {}
-        self._out.append(m.Report(self.name, figures))
+        self._out.append(m.Report(self.name, self.figures()))
+
+    def figures(self) -> m.Figures:
+        """How it does."""
+        figures = dict(self.service.report()) if self.service is not None else {}
+        if self._intake.dropped:
+            figures["dropped"] = self._intake.dropped
+        return figures
 
     # --- generators ---
 
@@ -174,7 +182,7 @@ class Participant:
             for reading in readings.readings:
                 self.service.heard(reading)
             return
-        self._readings[readings.topic, readings.member] = readings
+        self._intake.put(readings)
         self._tick_if_complete()
 
     def _on_tick(self, request: m.TickRequest) -> None:
@@ -183,7 +191,7 @@ class Participant:
 
     def _tick_if_complete(self) -> None:
         """Answer a tick once this frame's readings of all lockstep publishers are there."""
-        if self._asked is None or (self._sources and next(iter(self.missing()), None)):
+        if self._asked is None or (self._sources and next(self.missing(), None)):
             return
         frame, self._asked = self._asked, None
         self.frame = frame
@@ -193,7 +201,7 @@ class Participant:
                 self._out.append(m.TickReply(self.name, frame))
             return
         tick = Tick(
-            self._frame(frame), self.name, readings=self._taken(), orders=tuple(self._orders)
+            self._frame(frame), self.name, readings=self._intake.taken(), orders=tuple(self._orders)
         )
         self._orders.clear()
         events = self._checked(service.generate(tick))
@@ -201,21 +209,9 @@ class Participant:
             self._publish(service, tick)
         self._out.append(m.TickReply(self.name, frame, events, service.save()))
 
-    def missing(self) -> Iterable[str]:
+    def missing(self) -> Iterator[str]:
         """The publishers whose readings of the frame that is asked for are not there yet."""
-        for topic, publishers in sorted(self._sources.items()):
-            for publisher in publishers:
-                readings = self._readings.get((topic, publisher))
-                if readings is None or readings.frame != self._asked:
-                    yield publisher
-
-    def _taken(self) -> tuple[Reading, ...]:
-        """Readings by topic and publisher; those of free-running publishers count once."""
-        if not self._readings:
-            return ()
-        taken = [readings for _, readings in sorted(self._readings.items())]
-        self._readings = {key: one for key, one in self._readings.items() if one.frame >= 0}
-        return tuple(reading for readings in taken for reading in readings.readings)
+        return self._intake.missing(-1 if self._asked is None else self._asked, self._sources)
 
     def _checked(self, events: Iterable[AnyEvent]) -> tuple[AnyEvent, ...]:
         assert self.world is not None
@@ -240,6 +236,13 @@ class Participant:
     def emitted(self, event: AnyEvent) -> m.Emitted:
         """The message for an event of a free-running generator."""
         return m.Emitted(self.name, self._checked((event,)))
+
+    def published(self, topic: str, reading: Reading) -> m.Readings:
+        """The message for a reading of a free-running publisher. Raises MisuseError."""
+        assert self.service is not None
+        if topic not in self.service.publishes:
+            raise MisuseError(f"{self.name} publishes on {topic!r}; declare it in `publishes`")
+        return m.Readings(self.name, topic, -1, (reading,))
 
     # --- devices ---
 

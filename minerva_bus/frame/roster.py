@@ -12,7 +12,7 @@ from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Vocabulary
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True)

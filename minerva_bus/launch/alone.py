@@ -12,6 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from minerva_bus.bus.control import answer
+from minerva_bus.bus.notices import Outlet, Published
 from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
@@ -23,6 +24,7 @@ from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.world.services import Generator
 
 NAP = 0.01
 ANSWERED_WITHIN = 1.0
@@ -49,6 +51,8 @@ class Alone:
         self._asked: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
         self._thread = threading.get_ident()
         self._pulsed: dict[str, float] = {}
+        self._said: SimpleQueue[tuple[Participant, Any]] = SimpleQueue()
+        self._stop = threading.Event()
 
     def run(self) -> Summary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
@@ -62,6 +66,7 @@ class Alone:
         reason = ""
         try:
             runner.start()
+            self._run_freely(participants)
             while runner.ended is None:
                 self._turn(participants)
         except KeyboardInterrupt:
@@ -73,6 +78,7 @@ class Alone:
             self._console.log("in-process", traceback.format_exc())
             raise WorldStopped(f"frame {self.algorithm.frame}: {error}") from error
         finally:
+            self._stop.set()
             self._console.end()
             for participant in participants:
                 if participant.service is not None:
@@ -83,6 +89,7 @@ class Alone:
 
     def _turn(self, participants: list[Participant]) -> None:
         self._serve()
+        self._hear()
         self._pulse(participants)
         now = time.monotonic()
         if self._due is None or self._due > now:
@@ -101,6 +108,34 @@ class Alone:
                 service.pulse()
                 if service.leaves():
                     self.tell(s.End(f"{name} was closed"))
+
+    # --- free-running generators, each in a thread of its own ---
+
+    def _run_freely(self, participants: list[Participant]) -> None:
+        for one in participants:
+            if isinstance(one.service, Generator) and not one.service.lockstep:
+                threading.Thread(
+                    target=self._emit_all, args=(one, one.service), daemon=True
+                ).start()
+
+    def _emit_all(self, participant: Participant, service: Generator) -> None:
+        try:
+            service.run(Outlet(lambda said: self._said.put((participant, said))), self._stop)
+        except Exception as error:
+            self._said.put((participant, error))
+
+    def _hear(self) -> None:
+        while True:
+            try:
+                participant, said = self._said.get_nowait()
+            except Empty:
+                return
+            if isinstance(said, Published):
+                self._runner.pass_on(participant.published(said.topic, said.reading))
+            elif isinstance(said, Exception):
+                raise MinervaError(f"{participant.name}: {said}") from said
+            else:
+                self.tell(participant.emitted(said))
 
     # --- what those who operate it need ---
 

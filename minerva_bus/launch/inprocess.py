@@ -37,6 +37,10 @@ class InProcess:
             for instruction in self.algorithm.receive(self._queue.popleft()):
                 self._carry_out(instruction)
 
+    def pass_on(self, readings: m.Readings) -> None:
+        """Give a free-running publisher's readings to all who listen to their topic."""
+        self._deliver(self._listeners(readings.topic), readings)
+
     def _carry_out(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
             self._deliver(self._addressed(instruction.to), instruction.message)

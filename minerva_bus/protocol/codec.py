@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgpack
-import numpy as np
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
@@ -27,8 +26,8 @@ from minerva_bus.protocol.alphabet import (
 from minerva_bus.protocol.columns import is_patch, plain_patch
 from minerva_bus.protocol.limits import DEFAULT, Limits
 from minerva_bus.protocol.plain import listed, mapped, number, text, truth, unpack, whole
+from minerva_bus.protocol.readings import plain_reading, read_reading
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene
-from minerva_bus.world.readings import Reading, Scan, Sighting, Sightings
 
 _EMPTY = Vocabulary()
 _NONE: Mapping[str, Patch] = {}
@@ -108,22 +107,6 @@ def _write_view(v: m.ViewShown) -> list[Any]:
     return [v.frame, v.sequence, _plain_parts(v.parts, v.patches), skeleton]
 
 
-def _plain_reading(reading: Reading) -> list[Any]:
-    if isinstance(reading, Scan):
-        return [
-            "scan",
-            reading.robot,
-            reading.time,
-            np.ascontiguousarray(reading.ranges, "<f4").tobytes(),
-            reading.first,
-            reading.step,
-            reading.range_max,
-            [reading.mount_x, reading.mount_y, reading.mount_angle],
-        ]
-    seen = [[one.marker, one.distance, one.angle] for one in reading.seen]
-    return ["sightings", reading.robot, reading.time, seen]
-
-
 _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
     m.Hello: ("hello", _write_hello),
     m.TickReply: ("ticked", lambda r: [r.frame, _plain_events(r.events), r.saved]),
@@ -132,6 +115,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
     m.Failed: ("failed", lambda f: [f.frame, f.problem, f.traceback]),
     m.Resync: ("resync", lambda r: [r.event_type]),
     m.Leaving: ("leaving", lambda _: []),
+    m.Doing: ("doing", lambda d: [dict(d.figures)]),
     m.Report: ("report", lambda r: [dict(r.figures)]),
     m.Greet: ("greet", lambda _: []),
     m.Welcome: ("welcome", _write_welcome),
@@ -148,7 +132,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
         "frame",
         lambda r: [r.frame, _plain_events(r.events), _plain_parts(r.changed), r.digest],
     ),
-    m.Readings: ("readings", lambda r: [r.frame, [_plain_reading(one) for one in r.readings]]),
+    m.Readings: ("readings", lambda r: [r.frame, [plain_reading(one) for one in r.readings]]),
 }
 
 
@@ -180,7 +164,7 @@ class Decoder:
             raise ProtocolError('readings are ["readings", frame, [reading, ...]]')
         frame = whole(items[1], "the frame", -1)
         return m.Readings(
-            member, topic, frame, tuple(_reading(one) for one in listed(items[2], "readings"))
+            member, topic, frame, tuple(read_reading(one) for one in listed(items[2], "readings"))
         )
 
     def record(self, data: bytes) -> m.FrameRecord:
@@ -326,44 +310,6 @@ def _read_sources(reader: Reader, member: str, items: list[Any]) -> m.Sources:
     return m.Sources({topic: _texts(names, "publishers") for topic, names in publishers.items()})
 
 
-def _reading(plain: Any) -> Reading:
-    items = listed(plain, "a reading")
-    kind = items[0] if items else None
-    if kind == "scan" and len(items) == 8:
-        return _scan(items)
-    if kind == "sightings" and len(items) == 4:
-        seen = [listed(one, "a sighting") for one in listed(items[3], "sightings")]
-        return Sightings(
-            text(items[1], "the robot"), tuple(map(_sighting, seen)), number(items[2], "the time")
-        )
-    raise ProtocolError(f"no reading {str(kind)[:40]!r}; expected scan or sightings")
-
-
-def _scan(items: list[Any]) -> Scan:
-    data, mount = items[3], [number(one, "the mount") for one in listed(items[7], "the mount")]
-    if not isinstance(data, bytes) or len(data) % 4:
-        raise ProtocolError("the ranges of a scan are float32 as bytes")
-    if len(mount) != 3:
-        raise ProtocolError("the mount of a scan is [x, y, angle]")
-    return Scan(
-        text(items[1], "the robot"),
-        np.frombuffer(data, "<f4"),
-        number(items[4], "first"),
-        number(items[5], "step"),
-        number(items[6], "range_max"),
-        number(items[2], "the time"),
-        *mount,
-    )
-
-
-def _sighting(items: list[Any]) -> Sighting:
-    if len(items) != 3:
-        raise ProtocolError("a sighting is [marker, distance, angle]")
-    return Sighting(
-        text(items[0], "the marker"), number(items[1], "a distance"), number(items[2], "an angle")
-    )
-
-
 _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMember]]] = {
     "hello": (1, _read_hello),
     "ticked": (
@@ -383,6 +329,7 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
     ),
     "resync": (1, lambda r, who, i: m.Resync(who, text(i[1], "the event type"))),
     "leaving": (0, lambda r, who, i: m.Leaving(who)),
+    "doing": (1, lambda r, who, i: m.Doing(who, _figures(i[1]))),
     "report": (1, lambda r, who, i: m.Report(who, _figures(i[1]))),
 }
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.protocol.plain import listed, mapped, number, text, truth, whole
+from minerva_bus.protocol.plain import listed, mapped, name_of, number, text, truth, whole
 from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
 
 
@@ -63,4 +64,12 @@ def _value(hint: Any, plain: Any, name: str) -> Any:
         return scalar(plain, name)
     if hint == tuple[str, ...]:
         return tuple([text(one, name) for one in listed(plain, name)])
-    return {key: number(one, name) for key, one in mapped(plain, name).items()}
+    if hint == Mapping[str, float]:
+        return {key: number(one, name) for key, one in mapped(plain, name).items()}
+    return {key: _figure(one, name) for key, one in mapped(plain, name).items()}
+
+
+def _figure(plain: Any, name: str) -> bool | int | float | str:
+    if not isinstance(plain, bool | int | float | str):
+        raise ProtocolError(f"{name} are numbers and texts, not {name_of(plain)}")
+    return plain

@@ -87,6 +87,8 @@ def _heard(message: object) -> str:
             return f"{member}: failed in frame {frame}: {problem}"
         case m.Resync(member, event_type):
             return f"{member}: resync {event_type}"
+        case m.Doing(member, figures):
+            return f"{member} does {dict(figures)}"
         case m.Report(member, figures):
             return f"{member}: report {dict(figures) or ''}".rstrip()
         case m.Leaving(member):

@@ -14,7 +14,8 @@ from minerva_bus.grammar.batch import AnyEvent
 class MemberStatus:
     """One member and how it is doing.
 
-    `wait` is for how long its answers are waited for, in microseconds a frame.
+    `wait` is for how long its answers are waited for, in microseconds a frame; `figures` are what
+    it says itself of how it does, such as how much was `dropped`.
     """
 
     name: str
@@ -31,6 +32,9 @@ class MemberStatus:
     host: str = ""
     expected: bool = False
     wait: float = 0.0
+    figures: Mapping[str, bool | int | float | str] = field(
+        default_factory=dict[str, bool | int | float | str]
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,25 +2,37 @@
 
 One layout for each kind of sensor: a simulated one and a real one publish the same, so swapping
 them changes nothing behind the topic (4.3). Angles are degrees counter-clockwise from the
-robot's heading, lengths metres.
+robot's heading, lengths metres. `time` is in seconds: simulated seconds where the sensor is
+simulated, else those of the sensor's own clock. `robot` is the id of the agent that carries it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where a sensor sits on its robot: metres ahead (x) and to the left (y), degrees turned."""
+
+    x: float = 0.0
+    y: float = 0.0
+    angle: float = 0.0
+
+
+CENTRE: Final = Mount()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """One turn of a laser range finder.
 
-    `ranges[i]` is the distance from the sensor at `first + i·step` degrees; `range_max` or more
-    means that nothing was hit. The sensor sits at (`mount_x`, `mount_y`) on the robot, turned by
-    `mount_angle`. `time` is in seconds; simulated seconds where the sensor is.
+    `ranges[i]` is the distance from the sensor at `first + i·step` degrees from where it points;
+    `range_max` or more, and 0 or less, mean that nothing was hit. Shape (n,), metres.
     """
 
     robot: str
@@ -52,4 +64,61 @@ class Sightings:
     time: float
 
 
-Reading: TypeAlias = Scan | Sightings
+ENCODINGS: Final = ("jpeg", "png", "rgb8", "mono8")
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """One image of a camera: a JPEG or PNG file's bytes, or rows of pixels from the top.
+
+    `encoding` is "jpeg", "png", "rgb8" (3 bytes a pixel) or "mono8" (1 byte a pixel).
+    """
+
+    robot: str
+    data: bytes
+    encoding: str
+    width: int
+    height: int
+    time: float
+    mount: Mount = CENTRE
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Where a robot's wheels believe it to be since they were started, and how fast it goes.
+
+    Metres and degrees in the odometry's own frame; metres and degrees per second.
+    """
+
+    robot: str
+    x: float
+    y: float
+    angle: float
+    speed: float
+    turn: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """A robot's battery: its charge from 0 to 1, and its voltage in volts (0: not measured)."""
+
+    robot: str
+    charge: float
+    volts: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A place on the Earth: degrees north and east (WGS 84), metres up, metres of accuracy."""
+
+    robot: str
+    latitude: float
+    longitude: float
+    altitude: float
+    accuracy: float
+    time: float
+
+
+Reading: TypeAlias = Scan | Sightings | Image | Odometry | Battery | Position

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Protocol, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
@@ -82,7 +82,15 @@ class View:
         return fill(self.skeleton, self.parts)
 
 
-Emit = Callable[[AnyEvent], None]
+class Emit(Protocol):
+    """How a free-running generator speaks; from its own thread."""
+
+    def __call__(self, event: AnyEvent) -> None:
+        """Emit an event: it counts in the next frame."""
+
+    def publish(self, topic: str, reading: Reading) -> None:
+        """Put a reading on a sensor topic, which must be among the class's `publishes`."""
+        ...
 
 
 class Service:
@@ -90,6 +98,12 @@ class Service:
 
     topics: ClassVar[tuple[str, ...]] = ()
     publishes: ClassVar[tuple[str, ...]] = ()
+    takes: str = "newest"
+    """Of readings that come faster than frames, "newest" counts, or "all" that have come."""
+
+    nth: int = 1
+    """Of readings that come freely, only every n-th counts."""
+
     interactive: bool = False
     """People sit before it: a world that is given it as a view runs in real time, without end."""
 
@@ -114,7 +128,7 @@ class Service:
         return False
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """Figures for the summary of the run."""
+        """Figures, for the summary of the run, and for people who look in the meantime."""
         return {}
 
     def close(self) -> None:

@@ -20,12 +20,21 @@ class Camera(Generator, events=("eCamera",)):
     Args:
         topic: the sensor topic of the sightings.
         event: the event type; several cameras may make the same, or each its own.
+        takes: of images that come faster than frames, "newest" counts, or "all" of them.
+        nth: of images that come freely, only every n-th counts.
 
     """
 
     topics = ("sightings",)
 
-    def __init__(self, topic: str = "sightings", event: str = "eCamera") -> None:
+    def __init__(
+        self,
+        topic: str = "sightings",
+        event: str = "eCamera",
+        takes: str = "newest",
+        nth: int = 1,
+    ) -> None:
+        self.takes, self.nth = takes, nth
         # Which topic is up to each world, so this one hides its class's.
         self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
         self._event = event

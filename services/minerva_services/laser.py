@@ -25,14 +25,24 @@ class Laser(Generator, events=("eLaser",)):
         topic: the sensor topic of the scans.
         event: the event type; several range sensors may make the same, or each its own.
         every: only every so many-th beam, beginning with the first.
+        takes: of scans that come faster than frames, "newest" counts, or "all" of them.
+        nth: of scans that come freely, only every n-th counts.
 
     """
 
     topics = ("scan",)
 
-    def __init__(self, topic: str = "scan", event: str = "eLaser", every: int = 1) -> None:
+    def __init__(
+        self,
+        topic: str = "scan",
+        event: str = "eLaser",
+        every: int = 1,
+        takes: str = "newest",
+        nth: int = 1,
+    ) -> None:
         if every < 1:
             raise MisuseError(f"laser: every is {every}; expected a number of beams from 1")
+        self.takes, self.nth = takes, nth
         # Which topic is up to each world, so this one hides its class's.
         self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
         self._event = event

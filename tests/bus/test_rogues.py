@@ -86,7 +86,7 @@ def test_what_is_said_in_a_member_s_name_is_refused_and_the_member_comes_back(wo
     b"\xc1",
     encode(m.Hello("x", 99)),
     encode(m.Hello("x", 1, generates=("eRain",))),
-    msgpack.packb(["hello", {"version": 2}]),
+    msgpack.packb(["hello", {"version": 3}]),
     encode(m.Hello("x", 1, generates=("eStep",), lockstep=True)).replace(b"\xa5kinds\x90",
         b"\xa5kinds\x91\x94\xa2AX\x91\x93\xa1a\xa4reel\xc0\x90\x90"),
 ])  # fmt: skip

@@ -17,7 +17,7 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.world.readings import Sighting, Sightings
+from minerva_bus.world.readings import Battery, Sighting, Sightings
 
 PDot = Primitive("PDot", x=Metres)
 TAt = Transformation("TAt", x=Metres)
@@ -202,3 +202,34 @@ class Fragile(Agent, symbol="AFragile"):
 
 
 vocabulary = Vocabulary.of(*(PDot, TAt, eStep, eCall, eSeen, eNoise, eWish, eShow, Walker, Fragile))
+
+
+class Gauge(Generator, lockstep=False):
+    """A sensor that runs freely, ten times as fast as the frames."""
+
+    publishes = ("battery",)
+
+    def run(self, emit, stop):
+        count = 0
+        while not stop.wait(0.01):
+            count += 1
+            emit.publish("battery", Battery("r", 1.0, 12.0, float(count)))
+
+
+class Reader(Generator, events=("eSeen",)):
+    """Counts the readings that it is given, and whether one was left out or came twice."""
+
+    topics = ("battery",)
+
+    def __init__(self, takes: str = "newest"):
+        self.takes = takes
+        self.read, self.last, self.ordered = 0, None, True
+
+    def generate(self, tick):
+        for reading in tick.readings:
+            self.ordered &= self.last is None or reading.time == self.last + 1
+            self.read, self.last = self.read + 1, reading.time
+        return ()
+
+    def report(self):
+        return {"read": self.read, "in order": self.ordered}
