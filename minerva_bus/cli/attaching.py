@@ -34,6 +34,20 @@ def attach_member(spec: str, connect: str, world: str, name: str, options: dict[
     return code
 
 
+def bridge_source(
+    kind: str, source: str, connect: str, world: str, name: str, options: dict[str, str]
+) -> int:
+    """Bring what a source says into a running world until it ends or Ctrl-C; the exit code."""
+    option = getattr(find_service(kind, Path.cwd()), "source_option", "")
+    if source and not option:
+        raise WorldFileError(f"{kind} is no bridge that a source can be named for; see its options")
+    if source:
+        path = Path(source)
+        given = str(path.resolve()) if path.exists() else source
+        options = {**options, option: given}
+    return attach_member(kind, connect, world, name, options)
+
+
 def leave_on_signals(member: BusMember) -> None:
     """Let Ctrl-C and SIGTERM mean that the member leaves its world; a second one ends it."""
 

@@ -185,6 +185,27 @@ def attach(
     raise typer.Exit(attach_member(spec, connect, world, name, _options(context.args)))
 
 
+@app.command(context_settings=_UNKNOWN_TOO)
+def bridge(
+    context: typer.Context,
+    kind: Annotated[str, typer.Argument(help="A bridge's name: carmen, rosbag, rplidar, mqtt ...")],
+    source: Annotated[str, typer.Argument(help="Its file, device, address or topic.")] = "",
+    connect: Connect = "",
+    world: World = "",
+    name: Annotated[str, typer.Option(help="The new member's name; default: made up.")] = "",
+) -> None:
+    """Bring real or recorded sensors into a running world, from here, until Ctrl-C.
+
+    Options that are unknown here go to the bridge: `bridge carmen LOG --speed 4`.
+    """
+    from minerva_bus.cli.attaching import bridge_source
+
+    words = context.args
+    if source.startswith("--"):
+        words, source = [source, *words], ""
+    raise typer.Exit(bridge_source(kind, source, connect, world, name, _options(words)))
+
+
 @app.command("list")
 def list_(connect: Connect = "", world: World = "", json: Json = False) -> None:
     """Show who takes part in a running world; several worlds: show the worlds."""

@@ -11,7 +11,21 @@ import os
 import shutil
 from pathlib import Path
 
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene
+
 FOLDER = Path("/dev/shm")  # noqa: S108
+
+
+def column_bytes(scene: Scene) -> int:
+    """How many bytes the numbers in a string's columns have: what its populations will send."""
+    return sum(
+        column.array.nbytes
+        for piece in scene.pieces
+        if isinstance(piece, Columns)
+        for column in piece.all_columns()
+        if column.array.dtype != object
+    )
 
 
 def has_room(needed: int, folder: Path = FOLDER) -> bool:

@@ -18,7 +18,7 @@ from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.launch.console import Console, live_line
-from minerva_bus.launch.memory import has_room, sweep
+from minerva_bus.launch.memory import column_bytes, has_room, sweep
 from minerva_bus.launch.profiling import NOTHING, Profiling, profile_of, sampled
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.reports import Lines, Reports, parsed
@@ -32,6 +32,8 @@ LAST_WORDS = 0.4
 LAST_PAGE = 5.0
 CALM = 30.0
 LONGEST_LINE = 2000
+LARGE = 4 * 1024 * 1024
+"""Bytes of columns from which on a world's own processes share memory."""
 
 
 @dataclass(slots=True)
@@ -87,8 +89,7 @@ class Supervisor:
     def run(self) -> Summary:
         """Run the world to its end. Raises BusError, and WorldStopped where it had to stop."""
         self._claim = Claim(self._file.world.name)
-        if self._file.bus.shared_memory:
-            self._prepare_memory()
+        self._prepare_memory()
         self._lap("imports and checks")
         handlers = self._catch_signals()
         try:
@@ -110,10 +111,13 @@ class Supervisor:
 
     def _prepare_memory(self) -> None:
         """Use shared memory where every process can have its pool: more would end by a signal."""
+        wanted = self._file.bus.shared_memory
+        if wanted is False or (wanted is None and column_bytes(self._file.world.scene) < LARGE):
+            return
         sweep()
         needed = POOL_BYTES * (1 + len(self._watched))
         self._shared = has_room(needed)
-        if not self._shared:
+        if wanted and not self._shared:
             self._console.note(
                 f"{self._file.world.name}: no room for {needed >> 20} MB of shared memory; large"
                 " messages go through sockets"

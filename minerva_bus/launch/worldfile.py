@@ -63,13 +63,14 @@ class Process:
 class BusSettings:
     """Where the coordinator listens and how long a frame waits for a member, seconds.
 
-    `shared_memory`: large messages between processes of the world file do not go through sockets.
+    `shared_memory`: large messages between processes of the world file do not go through sockets;
+    None: where the initial string is large, and where there is room for it.
     """
 
     listen: str = "tcp/127.0.0.1:0"
     soft: float = 1.0
     hard: float = 30.0
-    shared_memory: bool = False
+    shared_memory: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,7 +301,7 @@ class _Loader:
             self.overrides.listen or table.text("listen", plain.listen),
             table.number("soft", plain.soft, 0.05),
             table.number("hard", plain.hard, 0.1),
-            table.truth("shared_memory", plain.shared_memory),
+            table.truth("shared_memory", False) if "shared_memory" in table else None,
         )
         check_endpoint(bus.listen)
         if bus.soft > bus.hard:

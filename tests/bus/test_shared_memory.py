@@ -4,8 +4,12 @@ import fcntl
 import os
 import signal
 
-from minerva_bus.launch.memory import FOLDER, has_room, sweep
+import numpy as np
+
+from minerva_bus import parse
+from minerva_bus.launch.memory import FOLDER, column_bytes, has_room, sweep
 from tests.bus.running import MEMBERS, World, minerva, summary, write_world
+from tests.bus.yard import Walker
 
 BIG = "PDot<x=1> · " * 60_000
 
@@ -49,6 +53,12 @@ def test_a_sweep_takes_what_nobody_has_locked(tmp_path):
         fcntl.flock(mine, fcntl.LOCK_EX)
         assert sweep(tmp_path) == 1
     assert {path.name for path in tmp_path.iterdir()} == {"mine.zenoh", "other"}
+
+
+def test_large_populations_are_what_it_is_for():
+    x = np.zeros(100_000)
+    assert column_bytes(Walker.many("w", len(x), x=x)) >= x.nbytes
+    assert column_bytes(parse("AWalker#a<x=1> · PDot<x=2>")) == 0
 
 
 def test_no_room_is_no_error(tmp_path):
