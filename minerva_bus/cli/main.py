@@ -69,6 +69,7 @@ def run(
     record_video: Annotated[
         str, typer.Option(help="Make a film of it, .mp4 or .gif, frame by frame.")
     ] = "",
+    record: Annotated[str, typer.Option(help="Record the run in this file, .mcap.")] = "",
     listen: Annotated[str, typer.Option(help="Where to listen, such as tcp/0.0.0.0:7447.")] = "",
     in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
     json: Json = False,
@@ -95,6 +96,7 @@ def run(
             settings=tuple(set_ or ()),
             views=_with_video(view or [], record_video),
             until=until,
+            record=record,
             name=name,
             seed=seed,
             rate=rate,
@@ -337,6 +339,43 @@ def top(
     from minerva_bus.cli.topping import watch_world
 
     watch_world(connect, world, json)
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(help="A record, .mcap.")],
+    check: Annotated[bool, typer.Option("--check", help="Compare all digests.")] = False,
+    json: Json = False,
+) -> None:
+    """Show what is in the record of a run."""
+    from minerva_bus.cli.recording import show_info
+
+    show_info(file, check, json)
+
+
+@app.command()
+def diff(
+    a: Annotated[Path, typer.Argument(help="A record, .mcap.")],
+    b: Annotated[Path, typer.Argument(help="Another one.")],
+    json: Json = False,
+) -> None:
+    """Show the first frame in which two runs differ: exit code 0, or 1 where they do."""
+    from minerva_bus.cli.recording import show_difference
+
+    raise typer.Exit(show_difference(a, b, json))
+
+
+@app.command()
+def plot(
+    file: Annotated[Path, typer.Argument(help="A record, .mcap.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A .png, .svg or .pdf.")
+    ] = None,
+) -> None:
+    """Draw where the agents of a run have been, and how its frames went."""
+    from minerva_bus.cli.recording import draw_plot
+
+    draw_plot(file, output)
 
 
 @app.command()

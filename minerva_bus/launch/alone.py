@@ -22,6 +22,7 @@ from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.frame.participant import Participant, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.world.services import Generator
@@ -63,6 +64,9 @@ class Alone:
         for participant in participants:
             participant.operator = AskingOperator(self._ask)
         runner = self._runner = InProcess(self.algorithm, participants, self._watch)
+        self._record = recording(
+            self._file, self.algorithm, lambda text: self._console.log("record", text)
+        )
         reason = ""
         try:
             runner.start()
@@ -79,6 +83,7 @@ class Alone:
             raise WorldStopped(f"frame {self.algorithm.frame}: {error}") from error
         finally:
             self._stop.set()
+            self._record.close()
             self._console.end()
             for participant in participants:
                 if participant.service is not None:
@@ -182,8 +187,10 @@ class Alone:
     def _watch(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Say):
             self._console.log(instruction.member, instruction.text)
+            self._record.said(instruction.member, instruction.text)
             self.diary.said(time.time(), instruction.member, instruction.text)
         elif isinstance(instruction, s.FrameDone):
+            self._record.frame(instruction)
             now = self._last_frame = time.monotonic()
             self.diary.frame(instruction.frame, instruction.events)
             if not self._first_frame:

@@ -20,6 +20,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.memory import column_bytes, has_room, sweep
 from minerva_bus.launch.profiling import NOTHING, Profiling, profile_of, sampled
+from minerva_bus.launch.recording import check_record, recording
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.reports import Lines, Reports, parsed
 from minerva_bus.launch.starters import Child, command, fork
@@ -88,6 +89,7 @@ class Supervisor:
 
     def run(self) -> Summary:
         """Run the world to its end. Raises BusError, and WorldStopped where it had to stop."""
+        check_record(self._file)
         self._claim = Claim(self._file.world.name)
         self._prepare_memory()
         self._lap("imports and checks")
@@ -504,10 +506,15 @@ def _coordinate(
 
     first: list[float] = []
 
-    def frame_done(_: s.FrameDone) -> None:
+    def frame_done(done: s.FrameDone) -> None:
+        record.frame(done)
         if not first:
             first.append(time.monotonic())
             reports.tell("first_frame")
+
+    def said(member: str, text: str) -> None:
+        record.said(member, text)
+        reports.tell("said", member=member, text=text)
 
     def status(now: Status) -> None:
         reports.tell(
@@ -516,7 +523,7 @@ def _coordinate(
         )  # fmt: skip
 
     watchers = Watchers(
-        said=lambda member, text: reports.tell("said", member=member, text=text),
+        said=said,
         status=status,
         listening=lambda endpoint: reports.tell("listening", endpoint=endpoint),
         stalled=lambda member, waited: reports.tell("stalled", member=member, waited=waited),
@@ -533,8 +540,14 @@ def _coordinate(
         shared=shared,
         keep=profile,
     )
+    record = recording(
+        file, coordinator.algorithm, lambda text: reports.tell("said", member="record", text=text)
+    )
     threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
-    ended = coordinator.run()
+    try:
+        ended = coordinator.run()
+    finally:
+        record.close()
     algorithm = coordinator.algorithm
     began = first[0] if first else time.monotonic()
     reports.tell(

@@ -74,6 +74,18 @@ class BusSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordSettings:
+    """Where a run is recorded ("": nowhere), and how often it reaches the disk, seconds.
+
+    `durable`: a frame counts once it is on the disk.
+    """
+
+    path: str = ""
+    flush: float = 2.0
+    durable: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class WorldFile:
     """All that a world file says, checked; `notes` are what people should know of it."""
 
@@ -84,6 +96,8 @@ class WorldFile:
     bus: BusSettings
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     notes: tuple[str, ...] = ()
+    record: RecordSettings = field(default_factory=lambda: RecordSettings())
+    text: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +112,7 @@ class Overrides:
     rate: float | None = None
     frames: int | None = None
     until: str | None = None
+    record: str = ""
     listen: str = ""
 
 
@@ -108,7 +123,7 @@ def read_world_file(path: Path, overrides: Overrides = Overrides()) -> WorldFile
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise WorldFileError(f"{path}: {error}") from None
-    return _Loader(path, Table(data, "", text, str(path)), overrides).load()
+    return _Loader(path, Table(data, "", text, str(path)), overrides, text).load()
 
 
 def _read_text(path: Path) -> str:
@@ -125,8 +140,9 @@ def _read_text(path: Path) -> str:
 class _Loader:
     """Reads one world file, step by step."""
 
-    def __init__(self, path: Path, top: Table, overrides: Overrides) -> None:
+    def __init__(self, path: Path, top: Table, overrides: Overrides, text: str) -> None:
         self.path = path
+        self.text = text
         self.folder = path.parent
         self.top = top
         self.overrides = overrides
@@ -141,10 +157,14 @@ class _Loader:
                 self.top.data[part] = self._filled(self.top.data[part])
         processes = self._processes(self.top.table("process"))
         bus = self._bus(self.top.table("bus"))
-        world, rate = self._world(self.top.table("world"), processes)
+        about = self.top.table("world")
+        record = self._record(about)
+        world, rate = self._world(about, processes)
         self.top.done()
         members = self._check_members(processes, world.vocabulary)
-        file = WorldFile(self.path, world, rate, processes, bus, self.options)
+        file = WorldFile(
+            self.path, world, rate, processes, bus, self.options, record=record, text=self.text
+        )
         interactive = any(one.service is not None and one.service.interactive for one in members)
         return self._interactive(file) if interactive else file
 
@@ -294,6 +314,18 @@ class _Loader:
         cls = find_service(spec, self.folder)
         make = bind(cls, options, f"{self.path.name}: [process.{name}]")
         return Process(name, make_service=make, on_failure=policy, restarts=restarts)
+
+    def _record(self, table: Table) -> RecordSettings:
+        plain = RecordSettings()
+        own = table.text("record", plain.path)
+        settings = RecordSettings(
+            self.overrides.record or own,
+            table.number("flush", plain.flush, 0.0),
+            table.truth("durable", plain.durable),
+        )
+        if settings.path and not settings.path.endswith(".mcap"):
+            raise WorldFileError(f"{self.path}: a record is a file .mcap, not {settings.path!r}")
+        return settings
 
     def _bus(self, table: Table) -> BusSettings:
         plain = BusSettings()

@@ -1,0 +1,39 @@
+"""`minerva info`, `diff` and `plot`: what is in the records of runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from minerva_bus.record.comparison import compare
+from minerva_bus.record.info import info_of
+from minerva_bus.record.reader import Record
+
+
+def show_info(file: Path, check: bool, json_too: bool) -> None:
+    """Print what is in a record. Raises RecordError."""
+    with Record(file) as record:
+        info = info_of(record, check)
+    _print(json.dumps(info.plain()) if json_too else "\n".join(info.lines()))
+
+
+def show_difference(a: Path, b: Path, json_too: bool) -> int:
+    """Print where two records part; the exit code, 0 where they do not. Raises RecordError."""
+    with Record(a) as one, Record(b) as other:
+        found = compare(one, other)
+    _print(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
+    return 0 if found.same else 1
+
+
+def draw_plot(file: Path, output: Path | None) -> None:
+    """Draw a record into a picture. Raises RecordError and MisuseError."""
+    from minerva_bus.record.plot import plot
+
+    into = output or file.with_suffix(".png")
+    with Record(file) as record:
+        plot(record, into)
+    _print(str(into))
+
+
+def _print(text: str) -> None:
+    print(text)  # noqa: T201

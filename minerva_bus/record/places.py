@@ -1,0 +1,150 @@
+"""Where agents are: found in their state, by the names of attributes.
+
+    x, y                        metres
+    row, column, cell, x0, y0   cells: x = x0 + row · cell, y = y0 + column · cell (cell defaults
+                                to 1, x0 and y0 to 0)
+
+and where they head, if they do: `angle` or `heading` in degrees, or `vx` and `vy`. Kinds without
+such attributes have no place. What stands around an agent moves it as its symbol's motion says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, still, walk
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.plane import Pose, resolve
+
+Numbers = NDArray[np.float64]
+_Get = Callable[[str, float], Numbers]
+
+_NUMBERS: Final = frozenset(("real", "int"))
+_PLANE: Final = frozenset(("x", "y"))
+_GRID: Final = frozenset(("row", "column"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where some agents of one kind are: n ids, and x, y in metres and angle in degrees, (n,)."""
+
+    kind: str
+    ids: Sequence[str]
+    x: Numbers
+    y: Numbers
+    angle: Numbers
+
+
+def placed_kinds(vocabulary: Vocabulary) -> dict[str, frozenset[str]]:
+    """The kinds whose agents have places, each with its attributes that are numbers."""
+    numbers = {
+        kind.name: frozenset([one.name for one in kind.fields.all if one.type.kind in _NUMBERS])
+        for kind in vocabulary.kinds.values()
+    }
+    return {kind: names for kind, names in numbers.items() if names >= _PLANE or names >= _GRID}
+
+
+def places(scene: Scene, vocabulary: Vocabulary, most: int = 0) -> dict[str, Places]:
+    """Where the agents of each kind are that has a place; of each about `most` (0: all of them).
+
+    Of many in columns every n-th is taken, so that they are the same ones as long as they live.
+    """
+    found: dict[str, list[Places]] = {}
+    for one in _all_places(scene, vocabulary, most):
+        found.setdefault(one.kind, []).append(one)
+    return {kind: _together(kind, some) for kind, some in sorted(found.items())}
+
+
+def _all_places(scene: Scene, vocabulary: Vocabulary, most: int) -> Iterator[Places]:
+    placed = placed_kinds(vocabulary)
+    for piece in scene.pieces:
+        if isinstance(piece, Columns):
+            if piece.symbol in placed:
+                yield _of_columns(piece, placed[piece.symbol], most)
+        elif isinstance(piece, AgentNode) or not (isinstance(piece, FigureNode) or still(piece)):
+            yield from _of_nodes(Scene((piece,)), vocabulary, placed)
+
+
+def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
+    step = -(-piece.count // most) if most else 1
+    some = piece.take(slice(0, None, step)) if step > 1 else piece
+
+    def get(name: str, default: float) -> Numbers:
+        known = name in names
+        return some.column(name).astype(np.float64) if known else np.full(some.count, default)
+
+    x, y, angle = _place(names, get)
+    ids = some.ids.texts() if some.ids is not None else []
+    return Places(some.symbol, ids, x, y, angle)
+
+
+def _of_nodes(
+    scene: Scene, vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
+) -> Iterator[Places]:
+    """Those of a string, one by one, moved by the transformations in whose scopes they are."""
+    poses = [Pose()]
+    for opens, node in walk(scene):
+        if isinstance(node, FigureNode):
+            continue
+        if isinstance(node, TransformationNode):
+            if opens:
+                poses.append(_moved(poses[-1], node, vocabulary))
+            else:
+                poses.pop()
+        elif opens and node.symbol in placed:
+            yield _of_agent(node, placed[node.symbol], poses[-1])
+
+
+def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose:
+    declared = vocabulary.transformations.get(node.symbol)
+    motion = declared.motion if declared is not None else None
+    if motion is None:
+        return pose
+    return pose.then(
+        resolve(motion.x, node.parameters),
+        resolve(motion.y, node.parameters),
+        resolve(motion.turn, node.parameters),
+        resolve(motion.forward, node.parameters),
+    )
+
+
+def _of_agent(node: AgentNode, names: frozenset[str], pose: Pose) -> Places:
+    state = node.state
+
+    def get(name: str, default: float) -> Numbers:
+        return np.array([state[name] if name in names else default], np.float64)
+
+    x, y, angle = _place(names, get)
+    at = pose.then(float(x[0]), float(y[0]), float(angle[0]), 0.0)
+    return Places(node.symbol, [node.id], np.array([at.x]), np.array([at.y]), np.array([at.angle]))
+
+
+def _place(names: frozenset[str], get: _Get) -> tuple[Numbers, Numbers, Numbers]:
+    """x, y and angle of one agent, or of many in columns."""
+    if names >= _PLANE:
+        x, y = get("x", 0.0), get("y", 0.0)
+    else:
+        cell = get("cell", 1.0)
+        x = get("x0", 0.0) + get("row", 0.0) * cell
+        y = get("y0", 0.0) + get("column", 0.0) * cell
+    if names >= {"vx", "vy"} and names.isdisjoint(("angle", "heading")):
+        return x, y, np.degrees(np.arctan2(get("vy", 0.0), get("vx", 0.0)))
+    return x, y, get("angle" if "angle" in names else "heading", 0.0)
+
+
+def _together(kind: str, some: Sequence[Places]) -> Places:
+    if len(some) == 1:
+        return some[0]
+    return Places(
+        kind,
+        [one for part in some for one in part.ids],
+        np.concatenate([part.x for part in some]),
+        np.concatenate([part.y for part in some]),
+        np.concatenate([part.angle for part in some]),
+    )

@@ -1,0 +1,223 @@
+"""Recording a world while it runs.
+
+A thread of its own writes, so a frame is not held up by the disk. Up to `WAITING` frames wait for
+it. When they are as many, the world waits for the disk, since a record with holes cannot be
+replayed; when the disk does nothing at all for `PATIENCE` seconds, frames are left out until it
+goes on, and how many is said. The strings of the frames behind a hole are right all the same: what
+is written of a frame is what differs from the last frame that was written.
+
+Where the disk is full, the world goes on without a record, and what was flushed stays readable.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO, Final
+
+from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.record.description import Description
+from minerva_bus.record.errors import RecordError
+from minerva_bus.record.extra import check_installed
+from minerva_bus.record.writer import RecordWriter, open_for_record
+
+WAITING: Final = 16
+PATIENCE: Final = 1.0
+CLOSING_WITHIN: Final = 30.0
+
+_NONE: Mapping[str, float] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class _FrameItem:
+    record: FrameRecord
+    scene: Scene
+    seconds: float
+    timings: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _LogItem:
+    frame: int
+    seconds: float
+    member: str
+    text: str
+    warning: bool
+
+
+_Item = _FrameItem | _LogItem
+
+
+class Recorder:
+    """Writes the record of one run.
+
+    `flush_seconds`: so often all that there is reaches the disk. `durable`: every frame does,
+    before `frame` returns. `say` hears, within `frame` or `close` and so in the caller's thread,
+    what the people who watch should know. Raises RecordError where the file cannot be begun,
+    and MisuseError where mcap is not installed; later, nothing is raised.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        told: Description,
+        *,
+        flush_seconds: float = 2.0,
+        durable: bool = False,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        check_installed()
+        self.path = path
+        self.lost: int = 0
+        self._say = say
+        self._failure = ""
+        self._told = False
+        self._frame: int = 0
+        self._flush_seconds = flush_seconds
+        self._flush_at = 0.0
+        self._stream = open_for_record(path)
+        try:
+            self._writer = RecordWriter(self._stream, told)
+        except OSError as error:
+            _shut(self._stream)
+            raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+        self._items: queue.Queue[_Item | None] = queue.Queue(WAITING)
+        self._stuck = False
+        self._closed = False
+        self._thread: threading.Thread | None = None
+        if not durable:
+            self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+            self._thread.start()
+
+    @property
+    def frames(self) -> int:
+        """How many frames are sure to be in the record."""
+        return self._writer.kept
+
+    def frame(
+        self,
+        record: FrameRecord,
+        scene: Scene,
+        seconds: float,
+        timings: Mapping[str, float] = _NONE,
+    ) -> None:
+        """Record a frame; `scene` is the string after it, `seconds` the clock since the beginning.
+
+        `timings` are in seconds, by name.
+        """
+        self._frame = record.frame + 1
+        self._put(_FrameItem(record, scene, seconds, timings))
+        self._tell_failure()
+
+    def log(self, member: str, text: str, seconds: float, *, warning: bool = False) -> None:
+        """Record a line about a member."""
+        self._put(_LogItem(self._frame, seconds, member, text, warning))
+
+    def close(self) -> None:
+        """Write what is left, and the index. More than once does no harm."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._thread is None:
+            self._finish()
+        else:
+            self._end(self._thread)
+        self._tell_failure()
+        if self.lost:
+            self._say(f"{self.path}: {self.lost} frames are not in the record: the disk was slow")
+
+    def _end(self, thread: threading.Thread) -> None:
+        try:
+            self._items.put(None, timeout=CLOSING_WITHIN)
+        except queue.Full:
+            pass
+        else:
+            thread.join(CLOSING_WITHIN)
+        if thread.is_alive():
+            self._failure = self._failure or "the disk does not answer"
+
+    def _put(self, item: _Item) -> None:
+        if self._failure or self._closed:
+            return
+        if self._thread is None:
+            self._carefully(partial(self._write_durably, item))
+            return
+        try:
+            self._items.put(item, block=not self._stuck, timeout=PATIENCE)
+            self._stuck = False
+        except queue.Full:
+            self._leave_out(item)
+
+    def _leave_out(self, item: _Item) -> None:
+        if not self._stuck:
+            self._say(f"{self.path}: the disk does not keep up; frames are left out until it does")
+        self._stuck = True
+        self.lost += isinstance(item, _FrameItem)
+
+    def _tell_failure(self) -> None:
+        if not self._failure or self._told:
+            return
+        self._told = True
+        self._say(
+            f"{self.path}: {self._failure}; the world goes on without a record, of which"
+            f" {self._writer.kept} frames can be read"
+        )
+
+    # --- in the thread, or in the caller's where each frame is durable ---
+
+    def _run(self) -> None:
+        self._flush_at = time.monotonic() + self._flush_seconds
+        while self._take():
+            if time.monotonic() >= self._flush_at:
+                self._carefully(self._writer.flush)
+                self._flush_at = time.monotonic() + self._flush_seconds
+        self._finish()
+
+    def _take(self) -> bool:
+        """Write the next item, if one comes before it is time to flush; whether more may come."""
+        try:
+            item = self._items.get(timeout=max(0.0, self._flush_at - time.monotonic()))
+        except queue.Empty:
+            return True
+        if item is not None:
+            self._carefully(partial(self._write, item))
+        return item is not None
+
+    def _write(self, item: _Item) -> None:
+        if isinstance(item, _FrameItem):
+            self._writer.frame(item.record, item.scene, item.seconds, item.timings)
+        else:
+            self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
+
+    def _write_durably(self, item: _Item) -> None:
+        self._write(item)
+        self._writer.flush()
+
+    def _finish(self) -> None:
+        self._carefully(self._writer.finish)
+        _shut(self._stream)
+
+    def _carefully(self, work: Callable[[], None]) -> None:
+        """Whatever goes wrong with a record must not end its world."""
+        if self._failure:
+            return
+        try:
+            work()
+        except OSError as error:
+            self._failure = error.strerror or str(error)
+        except Exception as error:
+            self._failure = f"{type(error).__name__}: {error}"
+
+
+def _shut(stream: IO[bytes]) -> None:
+    """Close a file; what a full disk has not taken is given up."""
+    try:
+        stream.close()
+    except OSError:
+        return

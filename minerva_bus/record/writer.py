@@ -1,0 +1,177 @@
+"""A record as a file: an MCAP with our channels, written in the order in which things happen."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Final
+
+from minerva_bus import __version__
+from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.record import channels as c
+from minerva_bus.record.description import Description, encode_description
+from minerva_bus.record.edits import edit_between
+from minerva_bus.record.errors import RecordError
+from minerva_bus.record.extra import check_installed
+from minerva_bus.record.messages import encode_frame, encode_string
+from minerva_bus.record.places import placed_kinds, places
+from minerva_bus.record.showing import encode_log, encode_maps, encode_poses
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+CHUNK: Final = 4 << 20
+"""Bytes before compression: what a robot remembers of its floor hardly differs between frames."""
+
+KEY_AFTER: Final = 8
+"""A whole string is written when the frames since the last one are so many times as long."""
+
+SHOWN: Final = 500
+"""Agents of a kind whose poses are shown; of more every n-th."""
+
+SHOWN_EVERY: Final = 0.05
+"""Seconds of the world's time between two poses of an agent that are shown."""
+
+
+class RecordWriter:
+    """Writes one record. Raises OSError where it cannot be written any more.
+
+    `stream` is the file; it is not closed. What was written before the last `flush` can be read
+    whatever happens then: `kept` frames of the `frames` that there are.
+    """
+
+    def __init__(self, stream: IO[bytes], told: Description) -> None:
+        self._stream = stream
+        self._told = told
+        self._dt = told.world.dt
+        self._scene = told.world.scene
+        self._since_key = 0
+        self._key_bytes = 0
+        self._last_shown = -1.0
+        self._dirty = False
+        self.frames: int = 0
+        self.kept: int = 0
+        self._writer = _mcap_writer(stream)
+        self._channels: dict[str, int] = {}
+        self._begin()
+
+    def _begin(self) -> None:
+        world = self._told.world
+        self._writer.start(c.PROFILE, f"minerva-bus {__version__}")
+        self._writer.add_metadata(
+            "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
+        )
+        for topic in (c.WORLD, c.STRING, c.FRAME):
+            self._channels[topic] = self._writer.register_channel(topic, "msgpack", 0)
+        self._register_shown()
+        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
+        self._put_string(0, 0.0)
+        for grid in encode_maps(world.scene, world.vocabulary):
+            self._put(c.MAP, grid, 0, 0.0)
+        self._show_poses(0, 0.0)
+        self.flush()
+
+    def _register_shown(self) -> None:
+        schemas = {
+            name: self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+            for name, schema in c.SCHEMAS.items()
+        }
+        shown = dict(c.SCHEMA_OF)
+        for kind in placed_kinds(self._told.world.vocabulary):
+            shown[c.POSES + kind] = "foxglove.PosesInFrame"
+        for topic, schema in shown.items():
+            made = self._writer.register_channel(topic, "json", schemas[schema])
+            self._channels[topic] = made
+
+    def frame(
+        self, record: FrameRecord, scene: Scene, seconds: float, timings: Mapping[str, float]
+    ) -> None:
+        """Write a frame; `scene` is the string after it."""
+        edit = edit_between(self._scene, scene)
+        data = encode_frame(record.frame, record.events, edit, record.digest)
+        after = record.frame + 1
+        self._put(c.FRAME, data, after, seconds, record.frame)
+        timing = {"frame": record.frame, "seconds": seconds, **timings}
+        self._put(c.TIMING, json.dumps(timing).encode(), after, seconds, record.frame)
+        self._scene = scene
+        self.frames += 1
+        self._since_key += len(data)
+        if self._since_key > KEY_AFTER * self._key_bytes:
+            self._put_string(after, seconds)
+        self._show_poses(after, seconds)
+
+    def log(self, frame: int, seconds: float, member: str, text: str, warning: bool) -> None:
+        """Write a line of the log, in the midst of this frame."""
+        time = c.time_of(frame, self._dt)
+        self._put(c.LOG, encode_log(time, member, text, warning), frame, seconds)
+
+    def flush(self) -> None:
+        """Let all that was written reach the disk."""
+        if self._dirty:
+            self._writer.flush()
+            _sync(self._stream)
+            self._dirty, self.kept = False, self.frames
+
+    def finish(self) -> None:
+        """Write what is left, and the index, by which others find their way faster."""
+        self.flush()
+        self._writer.finish()
+        self._stream.flush()
+        _sync(self._stream)
+
+    def _put_string(self, frame: int, seconds: float) -> None:
+        data = encode_string(frame, self._scene)
+        self._put(c.STRING, data, frame, seconds)
+        self._since_key, self._key_bytes = 0, len(data)
+
+    def _show_poses(self, frame: int, seconds: float) -> None:
+        now = frame * self._dt
+        if self._last_shown >= 0.0 and now - self._last_shown < SHOWN_EVERY:
+            return
+        self._last_shown = now
+        for kind, some in places(self._scene, self._told.world.vocabulary, SHOWN).items():
+            data = encode_poses(c.time_of(frame, self._dt), some)
+            self._put(c.POSES + kind, data, frame, seconds)
+
+    def _put(self, topic: str, data: bytes, frame: int, seconds: float, sequence: int = 0) -> None:
+        self._writer.add_message(
+            self._channels[topic],
+            log_time=c.time_of(frame, self._dt),
+            publish_time=self._told.began + round(seconds * c.NANO),
+            data=data,
+            sequence=sequence & 0xFFFFFFFF,
+        )
+        self._dirty = True
+
+
+def _mcap_writer(stream: IO[bytes]) -> Writer:
+    check_installed()
+    from mcap.writer import CompressionType, Writer
+
+    return Writer(stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+
+
+def _sync(stream: IO[bytes]) -> None:
+    """Let a file reach its disk, if it is one on a disk."""
+    try:
+        os.fsync(stream.fileno())
+    except OSError as error:
+        if error.errno not in (None, errno.EINVAL, errno.ENOTSUP):
+            raise
+
+
+def open_for_record(path: Path) -> IO[bytes]:
+    """A new file of this name; what had the name before is kept as `NAME.old.mcap`.
+
+    Raises RecordError.
+    """
+    try:
+        if path.is_file():
+            path.replace(path.with_name(f"{path.stem}.old{path.suffix}"))
+        return path.open("wb")
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None

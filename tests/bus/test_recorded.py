@@ -1,0 +1,52 @@
+"""Runs that are recorded: all processes or one, killed or not."""
+
+import json
+import os
+import signal
+
+import pytest
+from running import World, eventually, here, minerva, write_world
+
+pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+
+
+def info(path):
+    done = here(path.parent, "info", path, "--check", "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_run_on_the_bus_has_the_record_of_one_in_one_process(tmp_path):
+    path = write_world(tmp_path, frames=40, record="alone.mcap")
+    alone = json.loads(minerva(tmp_path, "run", path, "--in-process", "--json").stdout)
+    done = minerva(tmp_path, "run", path, "--record", "bus.mcap", "--json")
+    assert json.loads(done.stdout)["digest"] == alone["digest"]
+    assert here(tmp_path, "diff", "alone.mcap", "bus.mcap").returncode == 0
+    assert info(tmp_path / "bus.mcap")["frames"] == 40
+
+
+def test_what_was_on_the_disk_is_there_when_the_coordinator_is_killed(tmp_path):
+    path = write_world(tmp_path, frames=0, rate=100, record="run.mcap", durable=True)
+    with World(path) as world:
+        pids = set(world.runs("steps", "walkers").values())
+        (coordinator,) = set(world.pids.values()) - pids
+        with world.client() as asked:
+            eventually(lambda: asked.operator.status().frame > 20, "some frames")
+            frame = asked.operator.status().frame
+        os.kill(coordinator, signal.SIGKILL)
+        world.ends()
+    assert info(tmp_path / "run.mcap")["frames"] >= frame
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--record", "run.txt"), "a record is a file .mcap"),
+        (("--record", "nowhere/run.mcap"), "nowhere/run.mcap"),
+    ],
+)
+def test_a_record_that_cannot_be_made_is_said(tmp_path, words, problem):
+    done = minerva(tmp_path, "run", write_world(tmp_path, frames=3), *words)
+    assert done.returncode != 0
+    assert problem in done.stderr
+    assert "Traceback" not in done.stderr
