@@ -1,0 +1,106 @@
+"""`minerva doctor`: what this machine has of what worlds need."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from typing import Final
+
+from minerva_bus.errors import MinervaError
+
+LEAST: Final = (3, 11)
+
+EXTRAS: Final = {
+    "maps": (("yaml", "PIL"), "maps of the ROS map_server"),
+    "picture": (("resvg_py", "PIL"), "PNG files of the svg view"),
+    "sprites": (("pygame",), "a window in 2D"),
+    "opengl": (("moderngl", "pygame"), "a window in 3D"),
+    "web": (("viser",), "a page"),
+    "top": (("textual",), "the terminal dashboard"),
+    "record": (("mcap",), "records of runs"),
+    "plot": (("matplotlib",), "plots of records"),
+    "neighbours": (("scipy",), "who is near whom"),
+    "profile": (("pyinstrument",), "flame graphs of members"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at. `needed`: no world runs without it."""
+
+    what: str
+    good: bool
+    note: str
+    needed: bool = False
+
+
+def examine(json_too: bool) -> int:
+    """Print what was found; the exit code is 1 where something is wrong that worlds need."""
+    found = list(_findings())
+    if json_too:
+        print(json.dumps([asdict(one) for one in found]), flush=True)  # noqa: T201
+    else:
+        width = max(len(one.what) for one in found)
+        for one in found:
+            mark = "✓" if one.good else ("✗" if one.needed else "–")
+            print(f"{mark} {one.what.ljust(width)}  {one.note}", flush=True)  # noqa: T201
+    return 0 if all(one.good for one in found if one.needed) else 1
+
+
+def _findings() -> Iterator[Finding]:
+    version = ".".join(map(str, sys.version_info[:3]))
+    yield Finding("Python", sys.version_info >= LEAST, f"{version}, {platform.platform()}", True)
+    yield _tried("the bus", _exchange)
+    yield _tried("running worlds", _registry)
+    yield Finding("cores", True, f"{os.cpu_count()}; a process each for what a world names")
+    yield _memory()
+    yield _screen()
+    for name, (modules, purpose) in EXTRAS.items():
+        missing = [one for one in modules if find_spec(one) is None]
+        hint = f"; pip install 'minerva-bus[{name}]'" if missing else ""
+        yield Finding(name, not missing, purpose + hint)
+
+
+def _tried(what: str, deed: Callable[[], str]) -> Finding:
+    try:
+        return Finding(what, True, deed(), True)
+    except (MinervaError, OSError) as error:
+        return Finding(what, False, str(error), True)
+
+
+def _exchange() -> str:
+    """Open a hub and a client of it, as a world does."""
+    from minerva_bus.bus.session import open_client, open_hub
+
+    hub, endpoint = open_hub("doctor")
+    with hub, open_client("patient", endpoint):
+        return f"a session listens at {endpoint.split('/')[0]}, and another has found it"
+
+
+def _registry() -> str:
+    from minerva_bus.launch.registry import folder, running
+
+    worlds = ", ".join(one.world for one in running()) or "none"
+    return f"{worlds}; noted in {folder()}"
+
+
+def _memory() -> Finding:
+    from minerva_bus.launch.memory import FOLDER
+
+    try:
+        free = shutil.disk_usage(FOLDER).free >> 20
+    except OSError:
+        return Finding("shared memory", False, "none; large messages go through sockets")
+    return Finding("shared memory", free >= 256, f"{free} MB free in {FOLDER}; 64 for each process")
+
+
+def _screen() -> Finding:
+    shown = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or ""
+    there = bool(shown) or sys.platform == "darwin"
+    return Finding("a screen", there, shown or "none: views write files, or use web")

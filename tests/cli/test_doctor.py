@@ -1,0 +1,37 @@
+"""`minerva doctor` on a machine that has what worlds need, and on one that has not."""
+
+import json
+
+from minerva_bus.cli import doctoring
+from minerva_bus.errors import BusError
+
+
+def findings(capsys):
+    code = doctoring.examine(True)
+    return code, {one["what"]: one for one in json.loads(capsys.readouterr().out)}
+
+
+def test_this_machine_runs_worlds(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    code, found = findings(capsys)
+    assert code == 0
+    assert found["the bus"]["good"]
+    assert found["running worlds"]["note"].startswith("none; noted in ")
+
+
+def test_what_is_missing_is_said_with_what_to_do(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(doctoring, "find_spec", lambda name: None)
+    code, found = findings(capsys)
+    assert code == 0
+    assert not found["web"]["good"]
+    assert "pip install 'minerva-bus[web]'" in found["web"]["note"]
+
+
+def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):
+    def broken():
+        raise BusError("cannot listen")
+
+    monkeypatch.setattr(doctoring, "_exchange", broken)
+    assert doctoring.examine(False) == 1
+    assert "✗ the bus" in capsys.readouterr().out
