@@ -49,7 +49,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard outpu
 @app.command(context_settings=_UNKNOWN_TOO)
 def run(
     context: typer.Context,
-    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")],
+    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")] = "",
     seed: Annotated[int | None, typer.Option(help="Seed of all chance.")] = None,
     rate: Annotated[
         float | None, typer.Option(help="Frames per second; 0: as fast as it goes.")
@@ -70,6 +70,9 @@ def run(
         str, typer.Option(help="Make a film of it, .mp4 or .gif, frame by frame.")
     ] = "",
     record: Annotated[str, typer.Option(help="Record the run in this file, .mcap.")] = "",
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on where this record ends; WORLD may be left out.")
+    ] = None,
     listen: Annotated[str, typer.Option(help="Where to listen, such as tcp/0.0.0.0:7447.")] = "",
     in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
     json: Json = False,
@@ -89,10 +92,18 @@ def run(
     with _uncollected():
         from minerva_bus.cli.running import read_world, run_world
         from minerva_bus.launch.profiling import Profiling
+        from minerva_bus.launch.resuming import read_resumed
         from minerva_bus.launch.worldfile import Overrides
 
+        words = context.args
+        if world.startswith("--"):
+            words, world = [world, *words], ""
+        if not world and resume is None:
+            raise MinervaError(
+                "run what? Name a world file or an installed world, or --resume FILE"
+            )
         overrides = Overrides(
-            options=_options(context.args),
+            options=_options(words),
             settings=tuple(set_ or ()),
             views=_with_video(view or [], record_video),
             until=until,
@@ -103,7 +114,11 @@ def run(
             frames=frames,
             listen=listen,
         )
-        file = read_world(world, overrides)
+        file = (
+            read_world(world, overrides)
+            if resume is None
+            else read_resumed(resume, world, overrides)
+        )
     run_world(
         file,
         BEGAN,
@@ -376,6 +391,14 @@ def plot(
     from minerva_bus.cli.recording import draw_plot
 
     draw_plot(file, output)
+
+
+@app.command()
+def doctor(json: Json = False) -> None:
+    """Look whether this machine has what worlds need: exit code 0, or 1 with what is missing."""
+    from minerva_bus.cli.doctoring import examine
+
+    raise typer.Exit(examine(json))
 
 
 @app.command()
