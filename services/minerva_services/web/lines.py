@@ -1,0 +1,68 @@
+"""Lines on the page, whole or dashed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import LineSegmentsHandle, SceneApi
+
+from minerva_bus.semantics.picture import Polyline, rgb
+
+_ABOVE = 0.06
+_DASH = 3.0
+_MOST_DASHES = 400
+
+
+class Lines:
+    """The nodes of all lines."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self._shown: dict[str, tuple[Polyline, LineSegmentsHandle]] = {}
+
+    def show(self, found: list[Polyline]) -> None:
+        """Show these and no others."""
+        names: dict[str, Polyline] = {}
+        counts: dict[str, int] = {}
+        for line in found:
+            counts[line.owner] = counts.get(line.owner, 0) + 1
+            if len(line.points) > 1:
+                names[f"/lines/{line.owner or 'world'}/{counts[line.owner]}"] = line
+        for name in [one for one in self._shown if one not in names]:
+            self._shown.pop(name)[1].remove()
+        for name, line in names.items():
+            self._show(name, line)
+
+    def _show(self, name: str, line: Polyline) -> None:
+        before, node = self._shown.get(name, (None, None))
+        if before is line:
+            return
+        if node is not None and before is not None and before.form == line.form:
+            node.points = segments(line)
+        else:
+            node = self._scene.add_line_segments(
+                name, segments(line), np.array(rgb(line.form.color)), thickness=line.form.width
+            )
+        self._shown[name] = line, node
+
+
+def segments(line: Polyline) -> NDArray[np.float32]:
+    """The stretches (n, 2, 3) that are drawn."""
+    points = _dashes(line) if line.form.dashed else np.stack([line.points[:-1], line.points[1:]], 1)
+    above = np.full((*points.shape[:-1], 1), _ABOVE)
+    return np.concatenate([points, above], axis=-1).astype(np.float32)
+
+
+def _dashes(line: Polyline) -> NDArray[np.float64]:
+    """Dashes (n, 2, 2) along a line, as long as the gaps between them; short ones in corners."""
+    steps = np.hypot(*np.diff(line.points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    length = along[-1]
+    dash = max(_DASH * line.form.width, length / _MOST_DASHES, 1e-6)
+    begins = np.arange(0.0, max(length, dash), 2 * dash)
+    ends = np.minimum(begins + dash, length)
+
+    def at(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.stack([np.interp(distance, along, line.points[:, axis]) for axis in (0, 1)], 1)
+
+    return np.stack([at(begins), at(ends)], axis=1)

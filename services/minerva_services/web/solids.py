@@ -1,0 +1,152 @@
+"""The few solids that a page is built of: vertices and triangles in metres, z up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """Vertices (n, 3) and triangles (m, 3) of indices, counter-clockwise from outside."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+
+
+@cache
+def cylinder(sides: int) -> Solid:
+    """A cylinder of radius 1 that stands on the ground and is 1 high, without a bottom."""
+    return _around(((1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), sides)
+
+
+@cache
+def pin(sides: int = 20) -> Solid:
+    """A pin, 1 high, with its tip at the origin and a round head."""
+    head = [
+        (0.16 * math.sin(turn), 0.84 - 0.16 * math.cos(turn))
+        for turn in np.linspace(0.5, math.pi, 9)
+    ]
+    return _around(((0.0, 0.0), *head), sides)
+
+
+@cache
+def arrow() -> Solid:
+    """The mark of a heading: flat, along x, within the circle of radius 1."""
+    corners = [(0.78, 0.0), (-0.54, 0.45), (-0.28, 0.0), (-0.54, -0.45)]
+    return _solid([(x, y, 0.0) for x, y in corners], [(0, 1, 2), (0, 2, 3)])
+
+
+@cache
+def ring(sides: int = 48) -> Solid:
+    """A flat ring from radius 1 to 1.35."""
+    turns = np.arange(sides) * (2 * math.pi / sides)
+    edges = [
+        (reach * math.cos(turn), reach * math.sin(turn), 0.0)
+        for reach in (1.0, 1.35)
+        for turn in turns
+    ]
+    faces: list[tuple[int, int, int]] = []
+    for one in range(sides):
+        other = (one + 1) % sides
+        faces += [(one, sides + one, sides + other), (one, sides + other, other)]
+    return _solid(edges, faces)
+
+
+def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
+    """A profile of (radius, height), from below to above, turned about the z axis.
+
+    Each stretch of it has vertices of its own, so that edges stay sharp.
+    """
+    turns = np.arange(sides) * (2 * math.pi / sides)
+    vertices: list[tuple[float, float, float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for (low, bottom), (high, top) in pairwise(profile):
+        first = len(vertices)
+        vertices += [(low * math.cos(t), low * math.sin(t), bottom) for t in turns]
+        vertices += [(high * math.cos(t), high * math.sin(t), top) for t in turns]
+        for one in range(sides):
+            other = (one + 1) % sides
+            here, there = first + one, first + other
+            if low:
+                faces.append((here, there, there + sides))
+            if high:
+                faces.append((here, there + sides, here + sides))
+    return _solid(vertices, faces)
+
+
+def _solid(vertices: list[tuple[float, float, float]], faces: list[tuple[int, int, int]]) -> Solid:
+    return Solid(np.array(vertices, np.float32), np.array(faces, np.uint32))
+
+
+def flat(mask: Mask, cell: float, height: float) -> Solid:
+    """The cells of a mask as a surface at a height; rows go along x, columns along y."""
+    rows, first, last = _runs(mask)
+    x, far_x, y, far_y = rows, rows + 1, first, last
+    corners = [(x, y), (far_x, y), (far_x, far_y), (x, far_y)]
+    return _quads([(a * cell, b * cell, np.full(len(rows), height)) for a, b in corners])
+
+
+def walls(mask: Mask, cell: float, height: float) -> Solid:
+    """The cells of a mask as blocks of a height: what of them can be seen from above."""
+    return _together([flat(mask, cell, height), *_sides(mask, cell, height)])
+
+
+def _sides(mask: Mask, cell: float, height: float) -> list[Solid]:
+    """The upright faces: where a cell of the mask has a neighbour that is none."""
+    padded = np.pad(mask, 1)
+    inner = padded[1:-1, 1:-1]
+    sides: list[Solid] = []
+    for step in (-1, 1):
+        beside = np.roll(padded, step, axis=0)[1:-1, 1:-1]
+        rows, first, last = _runs(inner & ~beside)
+        at = rows + (step < 0)
+        sides.append(_upright((at, first), (at, last), cell, height, step < 0))
+        across = np.roll(padded, step, axis=1)[1:-1, 1:-1]
+        columns, first, last = _runs((inner & ~across).T)
+        at = columns + (step < 0)
+        sides.append(_upright((first, at), (last, at), cell, height, step > 0))
+    return sides
+
+
+def _upright(
+    begin: tuple[Floats, Floats],
+    end: tuple[Floats, Floats],
+    cell: float,
+    height: float,
+    forward: bool,
+) -> Solid:
+    """Upright rectangles over lines from `begin` to `end`, seen from the right of the line."""
+    (x, y), (far_x, far_y) = (begin, end) if forward else (end, begin)
+    low, high = np.zeros(len(x)), np.full(len(x), height)
+    corners = [(x, y, low), (far_x, far_y, low), (far_x, far_y, high), (x, y, high)]
+    return _quads([(a * cell, b * cell, c) for a, b, c in corners])
+
+
+def _runs(mask: Mask) -> tuple[Floats, Floats, Floats]:
+    """Rows of a mask cut into stretches: row, first column, and the column behind the last."""
+    steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    begins, ends = np.argwhere(steps == 1), np.argwhere(steps == -1)
+    return tuple(np.asarray(one, np.float64) for one in (*begins.T, ends[:, 1]))  # pyright: ignore
+
+
+def _quads(corners: list[tuple[Floats, Floats, Floats]]) -> Solid:
+    """n rectangles from their four corners, each given for all n."""
+    points = np.stack([np.stack(one, axis=1) for one in corners], axis=1)
+    first = np.arange(len(points))[:, None, None] * 4
+    faces = first + np.array([[0, 1, 2], [0, 2, 3]])
+    return Solid(points.reshape(-1, 3).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
+
+
+def _together(solids: list[Solid]) -> Solid:
+    starts = np.cumsum([0, *(len(one.vertices) for one in solids[:-1])])
+    faces = [one.faces + np.uint32(start) for one, start in zip(solids, starts, strict=True)]
+    return Solid(np.concatenate([one.vertices for one in solids]), np.concatenate(faces))
