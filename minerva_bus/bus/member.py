@@ -64,6 +64,7 @@ class BusMember:
         self._pulsed = threading.Event()
         self._parting: threading.Timer | None = None
         self._figures: m.Figures = {}
+        self._outlet = Outlet(self.inbox.put, self._stop)
         self._deeds: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._heard_first,
             zenoh.Sample: self._heard_aside,
@@ -211,9 +212,11 @@ class BusMember:
 
     def _emit(self, event: AnyEvent) -> None:
         self._send(self.participant.emitted(event))
+        self._outlet.taken()
 
     def _publish(self, told: Published) -> None:
         self._send(self.participant.published(told.topic, told.reading))
+        self._outlet.taken()
 
     def _leave(self, _: Leave) -> bool:
         self._send(m.Leaving(self.participant.name))
@@ -349,6 +352,6 @@ class BusMember:
 
     def _emit_all(self, service: Generator) -> None:
         try:
-            service.run(Outlet(self.inbox.put), self._stop)
+            service.run(self._outlet, self._stop)
         except Exception as error:
             self.inbox.put(error)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
+
+WAITING = 256
+"""Things that a free-running generator may have said and its main thread not yet dealt with."""
+
+PATIENCE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +47,29 @@ class Count:
 class Outlet:
     """How a free-running generator speaks, from its thread to the member's main one."""
 
-    def __init__(self, put: Callable[[Any], None]) -> None:
+    def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
         self._put = put
+        self._stop = stop
+        self._room = threading.Semaphore(WAITING)
 
     def __call__(self, event: AnyEvent) -> None:
         """Emit an event."""
-        self._put(event)
+        self._say(event)
 
     def publish(self, topic: str, reading: Reading) -> None:
         """Put a reading on a sensor topic."""
-        self._put(Published(topic, reading))
+        self._say(Published(topic, reading))
+
+    def taken(self) -> None:
+        """The main thread has dealt with one thing that was said."""
+        self._room.release()
+
+    def _say(self, what: Any) -> None:
+        """Hand something over; who is faster than the bus waits, or memory would have no end."""
+        while not self._room.acquire(timeout=PATIENCE):
+            if self._stop.is_set():
+                return
+        self._put(what)
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ def bridge_source(
         raise WorldFileError(f"{kind} is no bridge that a source can be named for; see its options")
     if source:
         path = Path(source)
-        given = str(path.resolve()) if path.exists() else source
+        given = str(path.absolute()) if path.exists() else source  # A link may lead elsewhere later.
         options = {**options, option: given}
     return attach_member(kind, connect, world, name, options)
 

@@ -393,6 +393,37 @@ def plot(
     draw_plot(file, output)
 
 
+@app.command("map")
+def map_(
+    file: Annotated[Path, typer.Argument(help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The .pgm; default: named after FILE.")
+    ] = None,
+    cell: Annotated[float, typer.Option(help="Metres, the side of a cell.")] = 0.05,
+    range_: Annotated[
+        float, typer.Option("--range", help="Metres; farther hits do not count; 0: as recorded.")
+    ] = 0.0,
+    from_: Annotated[float, typer.Option("--from", help="Seconds after the beginning.")] = 0.0,
+    to: Annotated[float | None, typer.Option(help="Seconds after the beginning.")] = None,
+) -> None:
+    """Draw the map of a recording, as a robot would have it: .pgm and .yaml, and a picture."""
+    from minerva_bus.cli.mapping import map_recording
+
+    map_recording(file, output, cell, range_, from_, to)
+
+
+@app.command()
+def new(
+    kind: Annotated[str, typer.Argument(help="What: bridge.")],
+    name: Annotated[str, typer.Argument(help="Its name, as of a Python package.")],
+    folder: Annotated[Path, typer.Option("--in", help="Where; default: here.")] = Path("."),
+) -> None:
+    """Write the beginnings of a package of your own: a bridge, its tests, a small world."""
+    from minerva_bus.cli.making import make_new
+
+    make_new(kind, name, folder)
+
+
 @app.command()
 def doctor(json: Json = False) -> None:
     """Look whether this machine has what worlds need: exit code 0, or 1 with what is missing."""

@@ -53,6 +53,7 @@ class Alone:
         self._thread = threading.get_ident()
         self._pulsed: dict[str, float] = {}
         self._said: SimpleQueue[tuple[Participant, Any]] = SimpleQueue()
+        self._outlets: dict[str, Outlet] = {}
         self._stop = threading.Event()
 
     def run(self) -> Summary:
@@ -125,22 +126,22 @@ class Alone:
 
     def _emit_all(self, participant: Participant, service: Generator) -> None:
         try:
-            service.run(Outlet(lambda said: self._said.put((participant, said))), self._stop)
+            outlet = Outlet(lambda said: self._said.put((participant, said)), self._stop)
+            self._outlets[participant.name] = outlet
+            service.run(outlet, self._stop)
         except Exception as error:
             self._said.put((participant, error))
 
     def _hear(self) -> None:
-        while True:
-            try:
-                participant, said = self._said.get_nowait()
-            except Empty:
-                return
+        for _ in range(self._said.qsize()):  # What comes meanwhile has to wait for a frame.
+            participant, said = self._said.get()
+            if isinstance(said, Exception):
+                raise MinervaError(f"{participant.name}: {said}") from said
             if isinstance(said, Published):
                 self._runner.pass_on(participant.published(said.topic, said.reading))
-            elif isinstance(said, Exception):
-                raise MinervaError(f"{participant.name}: {said}") from said
             else:
                 self.tell(participant.emitted(said))
+            self._outlets[participant.name].taken()
 
     # --- what those who operate it need ---
 

@@ -287,7 +287,7 @@ class _Loader:
             )
         names = [checked] if count == 1 else [f"{checked}-{i + 1}" for i in range(count)]
         if service:
-            options = table.rest()
+            options = {key: self._beside(value) for key, value in table.rest().items()}
             return [self._service(one, service, options, policy, restarts) for one in names]
         table.done()
         if command and shutil.which(command[0], path=self._path()) is None:

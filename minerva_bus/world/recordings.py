@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol, TypeAlias
 
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.world.readings import Reading
 
 PassOver: TypeAlias = Callable[[str, str], None]
 """Told of what is passed over: what kind of thing it is, and where and why in a line."""
+
+Progress: TypeAlias = Callable[[float], None]
+"""Told now and then how much of some work is done, from 0 to 1."""
 
 
 class RecordingError(MinervaError):
@@ -48,4 +53,42 @@ class Recording(Protocol):
 
     def close(self) -> None:
         """Let go of it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MapChoice:
+    """What of a recording a map is drawn from, and how finely. Raises MisuseError.
+
+    `cell` is the side of a cell and `farthest` the longest range that counts (0: as recorded), in
+    metres; `begin` and `end` are seconds after the first reading.
+    """
+
+    cell: float = 0.05
+    farthest: float = 0.0
+    begin: float = 0.0
+    end: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not 0 < self.cell < math.inf:
+            raise MisuseError(f"the cell is {self.cell:g} m; expected metres above 0")
+        if not 0 <= self.farthest < math.inf:
+            raise MisuseError(f"the range is {self.farthest:g} m; expected metres, or 0 for all")
+        if not 0 <= self.begin < self.end:
+            raise MisuseError(
+                f"from {self.begin:g} to {self.end:g} s there is nothing; expected from < to,"
+                " seconds after the beginning"
+            )
+
+
+class Mapper(Protocol):
+    """Draws the map of a recording into files."""
+
+    def __call__(
+        self, open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
+    ) -> list[str]:
+        """Lines that say what was drawn. `open` may be called several times.
+
+        Raises MinervaError.
+        """
         ...

@@ -1,9 +1,13 @@
 """Sensors that run freely: what comes counts once, as their listeners want, and is counted."""
 
+import threading
+
 import numpy as np
 import pytest
 from running import World, eventually, write_world
 
+from minerva_bus.bus.notices import WAITING as NOTICES
+from minerva_bus.bus.notices import Outlet
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.intake import WAITING, Intake
 from minerva_bus.frame.messages import Readings
@@ -115,3 +119,22 @@ def test_what_a_free_sensor_says_counts_and_what_is_dropped_is_seen(tmp_path):
         assert "dropped" not in reader
         assert reader["in order"]
         assert newest["read"] < reader["read"]
+
+
+def test_who_is_faster_than_the_bus_waits_and_is_let_go_at_the_end():
+    said, stop = [], threading.Event()
+    outlet = Outlet(said.append, stop)
+
+    def chatter():
+        while not stop.is_set():
+            outlet.publish("battery", BATTERIES[0])
+
+    thread = threading.Thread(target=chatter, daemon=True)
+    thread.start()
+    eventually(lambda: len(said) == NOTICES, "as many as may wait")
+    outlet.taken()
+    eventually(lambda: len(said) == NOTICES + 1, "one more")
+    stop.set()
+    thread.join(10)
+    assert not thread.is_alive()
+    assert len(said) == NOTICES + 1

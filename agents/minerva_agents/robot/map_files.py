@@ -1,0 +1,146 @@
+"""Maps into files: an image and a YAML file for the map_server, and a picture for people."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot.mapping import Drawn, draw_map
+from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.recordings import MapChoice, Progress, Recording
+
+if TYPE_CHECKING:
+    from PIL.ImageDraw import ImageDraw as Pen
+
+_BLACK, _GREY, _WHITE = 0, 205, 254
+_WIDTH: Final = 1400
+_BIGGEST: Final = 6000
+_SHADES: Final = {"free": (252, 252, 250), "unknown": (222, 224, 227), "wall": (28, 32, 38)}
+_WAY: Final = (226, 111, 32)
+_START: Final = (32, 140, 90)
+
+
+def save_map(made: OccupancyMap, image: Path) -> Path:
+    """Write a map as PGM, and beside it the YAML file, whose path is returned.
+
+    `load_map` reads the same cells from it, and so does a map_server. Raises MisuseError.
+    """
+    check_name(image)
+    shades = _shades(made.cells)
+    header = f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode()
+    yaml = image.with_suffix(".yaml")
+    try:
+        image.write_bytes(header + shades.tobytes())
+        yaml.write_text(_yaml(made, image.name), encoding="utf-8")
+    except OSError as error:
+        raise MisuseError(f"{image}: cannot be written: {error.strerror}") from None
+    return yaml
+
+
+def save_picture(drawn: Drawn, path: Path) -> None:
+    """Draw a map with the robot's way into a PNG. Raises MisuseError."""
+    try:
+        from PIL import Image, ImageDraw  # late: of the extra maps
+    except ImportError:
+        raise MisuseError(
+            f"{path}: pictures need Pillow; install it with: pip install 'minerva-bus[maps]'"
+        ) from None
+    image = Image.fromarray(_colours(drawn.map.cells))
+    many = min(max(1, round(_WIDTH / max(image.size))), max(1, _BIGGEST // max(image.size)))
+    image = image.resize((image.width * many, image.height * many), Image.Resampling.NEAREST)
+    pen, scale = ImageDraw.Draw(image), many / drawn.cell
+    way = (drawn.way - (drawn.x, drawn.y)) * scale
+    points = [(x, image.height - y) for x, y in way.tolist()]
+    pen.line(points, fill=_WAY, width=max(1, image.width // 700))
+    for (x, y), colour in ((points[0], _START), (points[-1], _WAY)):
+        radius = max(3, image.width // 200)
+        pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=colour, outline="white")
+    _draw_scale(pen, image.size, scale)
+    try:
+        image.save(path)
+    except OSError as error:
+        raise MisuseError(f"{path}: cannot be written: {error}") from None
+
+
+def check_name(image: Path) -> None:
+    """Raises MisuseError for an image that cannot be written."""
+    if image.suffix.lower() != ".pgm":
+        raise MisuseError(f"{image}: a map is written as .pgm; choose such a name")
+    if not image.parent.is_dir():
+        raise MisuseError(f"{image}: there is no folder {image.parent}; make it first")
+
+
+def _shades(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
+    """Cells [x, y] as an image, top row first."""
+    shades = np.where(cells == OCCUPIED, _BLACK, np.where(cells == FREE, _WHITE, _GREY))
+    return np.ascontiguousarray(shades.T[::-1].astype(np.uint8))
+
+
+def _yaml(made: OccupancyMap, image: str) -> str:
+    lines = [
+        f"image: {json.dumps(image)}",
+        "mode: trinary",
+        f"resolution: {made.resolution:.9g}",
+        f"origin: [{made.x:.9g}, {made.y:.9g}, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    ]
+    if made.start is not None:
+        x, y, angle = made.start
+        lines.append(f"start: [{x:.6g}, {y:.6g}, {angle:.6g}]")
+    return "\n".join(lines) + "\n"
+
+
+def _colours(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
+    colours = np.array([_SHADES["unknown"], _SHADES["free"], _SHADES["wall"]], np.uint8)
+    kinds = np.where(cells == OCCUPIED, 2, np.where(cells == FREE, 1, 0))
+    return np.ascontiguousarray(colours[kinds.T[::-1]])
+
+
+def _draw_scale(pen: Pen, size: tuple[int, int], scale: float) -> None:
+    """A bar of a round length in the lower left corner."""
+    width, height = size
+    wanted = width / scale / 6
+    length = max(one for one in _LENGTHS if one <= max(wanted, _LENGTHS[0]))
+    text = f"{length:g} m"
+    left, bottom, right = width // 50, height - height // 50 - 1, width // 50 + length * scale
+    pen.line([(left, bottom), (right, bottom)], fill=_SHADES["wall"], width=max(1, width // 400))
+    pen.text((left, bottom - width // 45), text, fill=_SHADES["wall"], font_size=width // 60)
+
+
+_LENGTHS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+
+def draw(
+    open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
+) -> list[str]:
+    """Draw the map of a recording into files, a `Mapper`. Raises MinervaError."""
+    check_name(into)
+    picture = into.with_suffix(".png")
+    drawn = draw_map(open, choice, progress)
+    yaml = save_map(drawn.map, into)
+    told = [_figures(drawn, yaml)]
+    if drawn.left_out:
+        told.append(f"{drawn.left_out} scans were left out: where the robot was is not known")
+    try:
+        save_picture(drawn, picture)
+        told.append(f"{picture}: the same as a picture")
+    except MisuseError as error:
+        told.append(f"no picture: {error}")
+    return told
+
+
+def _figures(drawn: Drawn, yaml: Path) -> str:
+    rows, columns = drawn.grid.shape
+    high, wide = rows * drawn.cell, columns * drawn.cell
+    return (
+        f"{yaml}: {high:.1f} x {wide:.1f} m in cells of {drawn.cell:g} m,"
+        f" from {len(drawn.way)} scans"
+    )

@@ -1,0 +1,103 @@
+"""Where the robot was when it measured each scan of a recording."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from minerva_bus.world.readings import Odometry, Scan
+from minerva_bus.world.recordings import Recorded
+
+POSE: Final = "pose"
+NEAR: Final = 1.0
+"""Seconds from a scan to the next thing known of the robot's place, at most."""
+
+_WAITING: Final = 10_000
+"""Scans that wait for odometry, at most; the oldest are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Posed:
+    """A scan, and where the robot was: metres and degrees counter-clockwise."""
+
+    scan: Scan
+    x: float
+    y: float
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unposed:
+    """A scan of which nobody knows where it was measured."""
+
+    scan: Scan
+
+
+def posed_scans(recorded: Iterable[Recorded]) -> Iterator[Posed | Unposed]:
+    """The scans in their order, each with its place.
+
+    That is what the recording says of this very scan on the topic `pose`; else the odometry,
+    between the reading before and the one after by the time of the scan.
+    """
+    posing = _Posing()
+    for one in recorded:
+        if isinstance(one.reading, Scan):
+            yield from posing.measured(one.reading)
+        elif isinstance(one.reading, Odometry):
+            if one.topic == POSE:
+                posing.told = one.reading
+            else:
+                yield from posing.moved(one.reading)
+    yield from posing.rest()
+
+
+class _Posing:
+    """What is known of the robot's place, and the scans that wait for more."""
+
+    def __init__(self) -> None:
+        self.told: Odometry | None = None
+        self._before: Odometry | None = None
+        self._waiting: deque[Scan] = deque()
+
+    def measured(self, scan: Scan) -> Iterator[Posed | Unposed]:
+        told, self.told = self.told, None
+        if told is not None:
+            yield from self.rest()
+            yield Posed(scan, told.x, told.y, told.angle)
+            return
+        self._waiting.append(scan)
+        if len(self._waiting) > _WAITING:
+            yield Unposed(self._waiting.popleft())
+
+    def moved(self, after: Odometry) -> Iterator[Posed | Unposed]:
+        while self._waiting and not self._waiting[0].time > after.time:
+            yield _between(self._waiting.popleft(), self._before, after)
+        self._before = after
+
+    def rest(self) -> Iterator[Posed | Unposed]:
+        """What waits for odometry that does not come."""
+        while self._waiting:
+            yield _between(self._waiting.popleft(), self._before, None)
+
+
+_Known: TypeAlias = "Odometry | None"
+
+
+def _between(scan: Scan, before: _Known, after: _Known) -> Posed | Unposed:
+    """A scan at its place between two readings, or at the one that is near enough."""
+    near = [one for one in (before, after) if one and abs(one.time - scan.time) <= NEAR]
+    if not near:
+        return Unposed(scan)
+    first, last = near[0], near[-1]
+    span = last.time - first.time
+    part = min(1.0, max(0.0, (scan.time - first.time) / span)) if span > 0 else 1.0
+    turn = math.remainder(last.angle - first.angle, 360.0)
+    return Posed(
+        scan,
+        first.x + part * (last.x - first.x),
+        first.y + part * (last.y - first.y),
+        first.angle + part * turn,
+    )

@@ -1,0 +1,92 @@
+"""`minerva map`: the map that a robot would have drawn on the way that a recording has of it."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from itertools import chain, repeat
+from pathlib import Path
+from typing import Any, Final, cast
+
+import typer
+
+from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.launch.specs import entries, load
+from minerva_bus.world.recordings import MapChoice, Mapper, PassOver, Progress, Recording
+
+RECORDINGS, MAPPERS = "minerva.recordings", "minerva.mappers"
+
+_STEPS: Final = 1000
+
+
+def map_recording(
+    file: Path, output: Path | None, cell: float, farthest: float, begin: float, end: float | None
+) -> None:
+    """Draw the map of a recording into OUTPUT.pgm, .yaml and .png. Raises MinervaError.
+
+    `cell` and `farthest` are metres (0: as recorded), `begin` and `end` seconds.
+    """
+    choice = MapChoice(cell, farthest, begin, math.inf if end is None else end)
+    into = output or Path(f"{file.name.partition('.')[0]}.pgm")
+    draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))
+    passed = _Passed()
+    with _progress(file.name) as progress:
+        made = draw(_opener(file, passed), into, choice, progress)
+    for line in [*passed.lines(), *made]:
+        print(line, file=sys.stderr)  # noqa: T201
+
+
+def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
+    """Opens the recording, by its suffix; what is passed over is told the first time only."""
+    if not file.exists():
+        raise WorldFileError(f"there is no file {file}; expected a recording, check its name")
+    suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
+    read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
+    told = chain([passed], repeat(_silently))
+    return lambda: read(file, next(told))
+
+
+def _installed(group: str, name: str, what: str) -> str:
+    known = entries(group)
+    if name not in known:
+        there = ", ".join(sorted(known)) or "none"
+        raise WorldFileError(
+            f"{what}: none for {name!r} is installed{nearest(name, list(known))}; there are {there}"
+        )
+    return known[name].value
+
+
+def _silently(what: str, line: str) -> None:
+    """Say nothing of it again."""
+
+
+class _Passed:
+    """What was passed over: the first of each kind, and how many there were."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, str] = {}
+        self._counts: Counter[str] = Counter()
+
+    def __call__(self, what: str, line: str) -> None:
+        self._first.setdefault(what, line)
+        self._counts[what] += 1
+
+    def lines(self) -> list[str]:
+        return [f"{line} ({what}: {self._counts[what]})" for what, line in self._first.items()]
+
+
+@contextmanager
+def _progress(label: str) -> Generator[Progress]:
+    """A bar on standard error, for people who look."""
+    shown: Any = typer.progressbar(length=_STEPS, label=label, file=sys.stderr)
+    with shown as bar:
+
+        def done(part: float) -> None:
+            more = int(part * _STEPS) - cast("int", bar.pos)
+            if more > 0:
+                bar.update(more)
+
+        yield done

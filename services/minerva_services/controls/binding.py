@@ -1,0 +1,100 @@
+"""What a key or a button gives: an event, written as `minerva pub` has it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+from minerva_bus.errors import MisuseError, SceneError
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.world.services import WorldInfo
+from minerva_services.making import event_type
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """An event type by name, and its data as words; a word without a name is the only datum."""
+
+    type: str
+    words: tuple[tuple[str, str], ...] = ()
+
+    def event(self, service: str, world: WorldInfo, to: tuple[str, ...]) -> Event:
+        """The event in a world, to these receivers. Raises MisuseError, which names the service."""
+        declared = event_type(service, world, self.type)
+        data = {name or only_datum(service, declared): shown for name, shown in self.words}
+        if len(data) < len(self.words):
+            raise MisuseError(f"{service}: {self} does not fit: each datum is given once")
+        kinds = {one.name: one.type.kind for one in declared.fields.all}
+        values = {
+            name: shown if kinds.get(name) == "text" else _value(shown)
+            for name, shown in data.items()
+        }
+        try:
+            made: Event = declared(receivers=to, **values)
+        except (MisuseError, SceneError) as error:
+            raise MisuseError(f"{service}: {self} does not fit: {error}") from None
+        return made
+
+    def __str__(self) -> str:
+        shown = [f"{name}={word}" if name else word for name, word in self.words]
+        return " ".join([self.type, *shown])
+
+
+def only_datum(service: str, declared: EventType, kind: str = "") -> str:
+    """The name of an event type's only datum, which is of a kind. Raises MisuseError."""
+    fields = declared.fields.all
+    if len(fields) != 1 or kind not in ("", fields[0].type.kind):
+        wanted = f"one {kind} number" if kind == "real" else "one datum"
+        listed = ", ".join(f"{one.name} ({one.type})" for one in fields) or "none"
+        raise MisuseError(f"{service}: {declared.name} must have {wanted}; it has {listed}")
+    return fields[0].name
+
+
+def bindings(service: str, option: str, given: Mapping[str, Any] | None) -> dict[str, Binding]:
+    """What an option such as `keys = { w = "eSpeed speed=0.8" }` says. Raises MisuseError."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(
+            f'{service}: {option} must be a table such as {{ w = "eSpeed speed=0.8" }}'
+        )
+    return {str(name): _read(service, f"{option}.{name}", text) for name, text in given.items()}
+
+
+def choices(service: str, type_: str, given: Any) -> list[Binding]:
+    """An event for each of several texts: a list, or one text with commas. Raises MisuseError."""
+    if isinstance(given, str):
+        given = [one.strip() for one in given.split(",") if one.strip()]
+    listed = cast("Iterable[Any]", given) if isinstance(given, list | tuple) else (None,)
+    texts = [one for one in listed if isinstance(one, str) and one]
+    if len(texts) < len(list(listed)):
+        raise MisuseError(f'{service}: markers must be a list of texts such as ["kitchen", "lab"]')
+    return [Binding(type_, (("", one),)) for one in texts]
+
+
+def _read(service: str, where: str, text: Any) -> Binding:
+    try:
+        first, *words = shlex.split(text) if isinstance(text, str) else [""]
+    except ValueError:
+        first, words = "", list[str]()
+    pairs = [word.partition("=") for word in words]
+    if not first.startswith("e") or not all(name for name, _, _ in pairs):
+        raise MisuseError(
+            f"{service}: {where} is {text!r}; expected an event type and its data,"
+            " such as 'eSpeed speed=0.8'"
+        )
+    return Binding(first, tuple([(n, v) if equals else ("", n) for n, equals, v in pairs]))
+
+
+def _value(shown: str) -> Any:
+    """A value as the language writes it; a text may do without its quotes."""
+    try:
+        (node,) = parse(f"P<value={shown}>", "value")
+        (value,) = node.values
+    except (SceneError, ValueError):
+        return shown
+    return value

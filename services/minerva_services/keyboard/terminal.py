@@ -1,0 +1,60 @@
+"""A terminal whose keys are heard one by one, and which is left as it was found."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import select
+import termios
+import threading
+import tty
+from contextlib import suppress
+from typing import Final
+
+from minerva_services.bridging import SourceError
+
+NAP: Final = 0.1
+MOST: Final = 1024
+
+
+class Terminal:
+    """The terminal at a path, or the one of standard input; not echoing, and without lines.
+
+    Ctrl-C still interrupts. Raises SourceError where it is no terminal.
+    """
+
+    def __init__(self, path: str = "") -> None:
+        self._path = path
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_NOCTTY) if path else 0
+            self._before = termios.tcgetattr(self._file)
+        except (OSError, termios.error) as error:
+            raise SourceError(
+                f"{path or 'standard input'} is no terminal ({error.args[-1]}); attach the keyboard"
+                " from one: minerva attach keyboard"
+            ) from None
+        self._closed = False
+        self._lock = threading.Lock()
+        atexit.register(self.close)
+        tty.setcbreak(self._file, termios.TCSANOW)
+
+    def read(self) -> bytes | None:
+        """What was typed, nothing for a tenth of a second without any; None where it is gone."""
+        try:
+            if not select.select([self._file], [], [], NAP)[0]:
+                return b""
+            return os.read(self._file, MOST) or None
+        except (OSError, ValueError):
+            return None
+
+    def close(self) -> None:
+        """Leave it as it was; what was typed and not read is forgotten."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            with suppress(termios.error):
+                termios.tcsetattr(self._file, termios.TCSAFLUSH, self._before)
+            if self._path:
+                os.close(self._file)
+        atexit.unregister(self.close)

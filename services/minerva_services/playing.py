@@ -1,0 +1,167 @@
+"""Recordings, played into a world at the pace at which they were made, or at another one."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import dropwhile, tee
+from pathlib import Path
+from typing import ClassVar, Final
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.readings import Mount
+from minerva_bus.world.recordings import Recorded, Recording, RecordingError
+from minerva_bus.world.services import Emit
+from minerva_services.bridging import Bridge, Source, SourceError
+from minerva_services.bridging.bridge import Said
+
+LONGEST_GAP: Final = 5.0
+"""Recorded seconds that are waited for at most from one reading to the next."""
+
+
+def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
+    """When each reading is due, in seconds after the first, for the stamps of them all in order.
+
+    Never earlier than the one before: what has an older stamp is due with what came before it. A
+    jump of the clock, forward or back, by more than LONGEST_GAP lasts that long or no time, and
+    the time goes on from there. With speed 0 all is due at once.
+    """
+    due, latest = 0.0, math.nan
+    for stamp in stamps:
+        passed = stamp - latest
+        if passed > 0 and speed:
+            due += min(passed, LONGEST_GAP) / speed
+        if not -LONGEST_GAP <= passed <= 0 and math.isfinite(stamp):
+            latest = stamp
+        yield due
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How to play: so many times as fast (0: as fast as it goes), from so many seconds on.
+
+    Raises MisuseError.
+    """
+
+    speed: float = 1.0
+    loop: bool = False
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, number in (("speed", self.speed), ("offset", self.offset)):
+            if not 0 <= number < math.inf:
+                raise MisuseError(f"{name} is {number}; expected a number from 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """What overrides where a recording says that its sensors sit; None leaves it. See `Mount`.
+
+    Raises MisuseError.
+    """
+
+    x: float | None = None
+    y: float | None = None
+    angle: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, found in (("x", self.x), ("y", self.y), ("angle", self.angle)):
+            number = isinstance(found, int | float) and not isinstance(found, bool)
+            if found is not None and not (number and math.isfinite(found)):
+                raise MisuseError(f"mount_{name} is {found!r}; expected a number")
+
+    def over(self, recorded: Mount) -> Mount:
+        """The recorded mount with what is overridden."""
+        return Mount(
+            recorded.x if self.x is None else float(self.x),
+            recorded.y if self.y is None else float(self.y),
+            recorded.angle if self.angle is None else float(self.angle),
+        )
+
+
+class Player:
+    """A source that plays a recording."""
+
+    def __init__(self, recording: Recording, pace: Pace) -> None:
+        self._recording = recording
+        self._pace = pace
+
+    def read(self, stop: threading.Event) -> Iterator[Said]:
+        """The readings with their topics, each when it is due. Raises SourceError."""
+        try:
+            yield from self._round(stop)
+            while self._pace.loop and not stop.is_set():
+                yield from self._round(stop)
+        except RecordingError as error:
+            raise SourceError(str(error)) from None
+
+    def close(self) -> None:
+        self._recording.close()
+
+    def _round(self, stop: threading.Event) -> Iterator[Said]:
+        stamped, played = tee(_from(self._pace.offset, self._recording.readings()))
+        stamps = (one.stamp for one in stamped)
+        begun, some = time.monotonic(), False
+        for due, one in zip(due_times(stamps, self._pace.speed), played, strict=True):
+            some = True
+            wait = begun + due - time.monotonic()
+            if stop.wait(wait) if wait > 0 else stop.is_set():
+                return
+            yield one.topic, one.reading
+        if not some:
+            raise SourceError(
+                f"there is nothing to play after {self._pace.offset:g} s; take a smaller offset"
+            )
+
+
+def _from(offset: float, readings: Iterator[Recorded]) -> Iterator[Recorded]:
+    """Those from so many seconds after the first on."""
+    first = next(readings, None)
+    if first is None:
+        return
+    if not offset:
+        yield first
+    begin = first.stamp + offset
+    yield from dropwhile(lambda one: one.stamp < begin, readings) if offset else readings
+
+
+class Playing(Bridge):
+    """A bridge whose source is a recording in a file. Raises MisuseError."""
+
+    reconnects: ClassVar[bool] = False
+    source_option: ClassVar[str] = "file"
+
+    def __init__(self, file: str, pace: Pace) -> None:
+        super().__init__()
+        self.source = file
+        self._pace = pace
+        if not Path(file).exists():
+            raise MisuseError(f"there is no file {file!r}; expected a recording, check its name")
+
+    @abstractmethod
+    def recording(self) -> Recording:
+        """Open the recording. Raises RecordingError."""
+
+    def open(self) -> Source:
+        try:
+            return Player(self.recording(), self._pace)
+        except RecordingError as error:
+            raise SourceError(str(error)) from None
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        """Play it; what is wrong with the file is told once, for it would be so again."""
+        try:
+            super().run(emit, stop)
+        except SourceError as error:
+            self.count("failures")
+            self._say(str(error))
+
+    def pass_over(self, what: str, line: str) -> None:
+        """Count what is passed over, and tell of the first of its kind."""
+        if what not in self._counts:
+            self._say(f"{line}; more of these are counted as {what!r}")
+        self.count(what)

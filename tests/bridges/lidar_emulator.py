@@ -1,0 +1,140 @@
+"""What an RPLIDAR says on its line, written from the protocol's document and from nothing else."""
+
+import struct
+import threading
+import time
+
+
+def room(angle):
+    """Metres to the wall at an angle in degrees clockwise; no two sides of it are alike."""
+    from math import cos, radians, sin
+
+    a = radians(angle)
+    return 2.0 + 0.6 * sin(a) + 0.3 * cos(a) + 0.2 * sin(2 * a)
+
+
+def descriptor(size, many, kind):
+    return b"\xa5\x5a" + struct.pack("<IB", size | many << 30, kind)
+
+
+def standard_sample(angle, metres, start, quality=15):
+    """Figure 4-5."""
+    q6, q2 = round(angle * 64) % (360 * 64), round(metres * 4000)
+    return bytes(
+        (quality << 2 | (not start) << 1 | start, (q6 & 0x7F) << 1 | 1, q6 >> 7)
+    ) + struct.pack("<H", q2)
+
+
+def capsule(angle, samples, start=False):
+    """Figures 4-12 and 4-13: 32 samples of (metres, compensation in eighths of a degree)."""
+    body = struct.pack("<H", (round(angle * 64) % (360 * 64)) | start << 15)
+    for (m1, d1), (m2, d2) in zip(samples[::2], samples[1::2], strict=True):
+        mm1, mm2 = round(m1 * 1000), round(m2 * 1000)
+        body += struct.pack(
+            "<HHB", mm1 << 2 | d1 >> 4, mm2 << 2 | d2 >> 4, d1 & 15 | (d2 & 15) << 4
+        )
+    check = 0
+    for byte in body:
+        check ^= byte
+    return bytes((0xA0 | check & 15, 0x50 | check >> 4)) + body
+
+
+def capsules(step=0.9, compensation=lambda k: 12 + k % 3, angle=0.0, wall=room):
+    """Capsules without end, of samples `step` degrees apart."""
+    first = True
+    while True:
+        angles = [angle + step * k for k in range(32)]
+        eighths = [compensation(k) for k in range(32)]
+        found = [(wall(a - d / 8), d) for a, d in zip(angles, eighths, strict=True)]
+        yield capsule(angle % 360, found, first)
+        angle, first = (angle + 32 * step) % 360, False
+
+
+def samples(step=1.0, angle=300.0, wall=room):
+    """Samples of standard scans without end; they begin amid a turn."""
+    before = angle - step
+    while True:
+        yield standard_sample(angle % 360, wall(angle), angle % 360 < before % 360)
+        before, angle = angle, angle + step
+
+
+class Emulator:
+    """A lidar at the far end of a cable.
+
+    `healths` are what it says of its health, one for each reset; `breaks` makes of the n-th packet
+    what is sent in its place; `part` cuts what is sent into parts of so many bytes.
+    """
+
+    def __init__(self, cable, firmware=(1, 29), healths=(0,), breaks=None, part=0, boot=b""):
+        self.cable = cable
+        self.firmware = firmware
+        self.healths = list(healths)
+        self.breaks = breaks or (lambda n, packet: packet)
+        self.part = part
+        self.boot = boot
+        self.mute = False
+        self.heard = []
+        self.packets = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._live, daemon=True)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc):
+        self._over.set()
+        self._thread.join(5)
+
+    def hears(self, *requests):
+        """Wait until the last that it has heard are these."""
+        until = time.monotonic() + 20
+        while self.heard[-len(requests) :] != list(requests):
+            assert time.monotonic() < until, self.heard
+            time.sleep(0.005)
+
+    def _live(self):
+        count = 0
+        while not self._over.is_set():
+            self._hear(self.cable.read())
+            if self.packets is not None and not self.mute:
+                self._say(self.breaks(count, next(self.packets)))
+                count += 1
+            time.sleep(0.0005)
+
+    def _hear(self, said):
+        while said:
+            command, size = said[1], 0
+            if command & 0x80:
+                size = said[2] + 2
+            self.heard.append(said[: 2 + size])
+            said = said[2 + size :]
+            if not self.mute:
+                self._obey(command)
+
+    def _obey(self, command):
+        if command == 0x25:
+            self.packets = None
+        elif command == 0x40:
+            self.packets = None
+            if len(self.healths) > 1:
+                self.healths.pop(0)
+            self._say(self.boot)
+        elif command == 0x50:
+            major, minor = self.firmware
+            info = bytes((24, minor, major, 7)) + bytes(range(16))
+            self._say(descriptor(20, 0, 0x04) + info)
+        elif command == 0x52:
+            status = self.healths[0]
+            self._say(descriptor(3, 0, 0x06) + struct.pack("<BH", status, 0x8001 * (status > 0)))
+        elif command == 0x20:
+            self._say(descriptor(5, 1, 0x81))
+            self.packets = samples()
+        elif command == 0x82:
+            self._say(descriptor(84, 1, 0x82))
+            self.packets = capsules()
+
+    def _say(self, data):
+        part = self.part or len(data) or 1
+        for at in range(0, len(data), part):
+            self.cable.write(data[at : at + part])

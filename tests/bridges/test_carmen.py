@@ -1,0 +1,246 @@
+"""Logs of CARMEN: what their lines say, what is passed over, and a real one."""
+
+import gzip
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recorded import INTEL, Passed, flaser, needs_intel, odom, raw_laser, robot_laser, write
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.protocol.readings import plain_reading, read_reading
+from minerva_bus.world.readings import Odometry, Scan
+from minerva_bus.world.recordings import RecordingError
+from minerva_services.carmen import Carmen, CarmenLog
+from minerva_services.carmen.lines import LineError, angles_of, read_line
+from minerva_services.carmen.log import Topics
+from minerva_services.playing import Mounting
+
+
+def readings(path, **options):
+    passed = Passed()
+    log = CarmenLog(path, passed, **options)
+    said = list(log.readings())
+    log.close()
+    return said, passed
+
+
+def log_of(tmp_path, *lines, **options):
+    return readings(write(tmp_path / "some.log", *lines), **options)
+
+
+def only(said, topic):
+    (found,) = [one.reading for one in said if one.topic == topic]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("beams", "first", "last", "step"),
+    [
+        (180, -90.0, 89.0, 1.0),
+        (181, -90.0, 90.0, 1.0),
+        (360, -90.0, 89.5, 0.5),
+        (361, -90.0, 90.0, 0.5),
+        (720, -90.0, 89.75, 0.25),
+        (721, -90.0, 90.0, 0.25),
+    ],
+)
+def test_where_the_beams_of_a_sick_laser_point(beams, first, last, step):
+    assert angles_of(beams) == (first, step)
+    assert first + (beams - 1) * step == pytest.approx(last)
+
+
+def test_a_front_laser_is_a_scan_and_before_it_the_corrected_pose(tmp_path):
+    line = flaser([1.5, 81.91, 2.5], (1.0, 2.0, math.pi / 2), 7.25)
+    (pose, scan), passed = log_of(tmp_path, line)
+    assert (pose.topic, scan.topic, passed) == ("pose", "scan", [])
+    assert pose.reading == Odometry("r1", 1.0, 2.0, 90.0, 0.0, 0.0, 7.25)
+    assert scan.reading.ranges.tolist() == [1.5, np.float32(81.91), 2.5]
+    assert (scan.reading.first, scan.reading.step, scan.reading.range_max) == (-90.0, 90.0, 80.0)
+    assert scan.reading.ranges.dtype == np.float32
+    assert pose.stamp == scan.stamp == scan.reading.time == 7.25
+
+
+def test_a_parameter_says_how_far_ahead_the_laser_sits(tmp_path):
+    lines = ["PARAM robot_frontlaser_offset 0.5 host 0", flaser([1.0], (1.0, 2.0, math.pi / 2))]
+    said, _ = log_of(tmp_path, *lines)
+    scan, pose = only(said, "scan"), only(said, "pose")
+    assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.5, 0.0, 0.0)
+    assert (pose.x, pose.y, pose.angle) == pytest.approx((1.0, 1.5, 90.0))
+
+
+def test_a_mount_that_is_given_overrides_it(tmp_path):
+    lines = ["PARAM robot_frontlaser_offset 0.5 host 0", flaser([1.0], (1.0, 2.0, 0.0))]
+    said, _ = log_of(tmp_path, *lines, mounting=Mounting(0.0, 0.25, 180.0))
+    scan, pose = only(said, "scan"), only(said, "pose")
+    assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.0, 0.25, 180.0)
+    assert (pose.x, pose.y, pose.angle) == pytest.approx((1.0, 2.25, -180.0))
+
+
+def test_a_robot_laser_says_all_of_itself(tmp_path):
+    line = robot_laser([1.0, 25.0, 3.0], (1.0, 2.2, math.pi), (1.0, 2.0, math.pi / 2), most=20.0)
+    said, passed = log_of(tmp_path, line)
+    scan, pose = only(said, "scan"), only(said, "pose")
+    assert (scan.first, scan.step, scan.range_max) == pytest.approx((-45.0, 45.0, 20.0))
+    assert (scan.mount_x, scan.mount_y, scan.mount_angle) == pytest.approx((0.2, 0.0, 90.0))
+    assert (pose.x, pose.y, pose.angle) == pytest.approx((1.0, 2.0, 90.0))
+    assert passed == []
+
+
+def test_a_raw_laser_does_not_know_where_it_is(tmp_path):
+    (scan,), _ = log_of(tmp_path, raw_laser([1.0, 2.0, 3.0], 4.0))
+    assert (scan.topic, scan.stamp) == ("scan", 4.0)
+    assert (scan.reading.first, scan.reading.step) == pytest.approx((-90.0, 90.0))
+
+
+def test_what_the_wheels_say(tmp_path):
+    (said,), _ = log_of(tmp_path, odom(1.0, 2.0, math.pi / 2, 0.5, math.pi, time=3.0))
+    assert said.topic == "odometry"
+    assert said.reading == Odometry("r1", 1.0, 2.0, 90.0, 0.5, 180.0, 3.0)
+
+
+def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
+    said, passed = log_of(tmp_path, odom(time=5.0), odom(7.0, 7.0, time=0), odom(time=4.0))
+    assert [one.stamp for one in said] == [5.0, 4.0]
+    assert len(passed.of("lines without a time")) == 1
+    assert "line 2" in passed[0][1]
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("FLASER", "breaks off after 1 words"),
+        ("FLASER 180 1.0 2.0", "breaks off after 4 words"),
+        ("FLASER many", "no number of beams"),
+        ("FLASER -1", "no number of beams"),
+        ("FLASER 99999999 1", "no number of beams"),
+        ("FLASER 0 0 0 0 0 0 0 1 h 1", "no beams"),
+        ("FLASER 1 x 0 0 0 0 0 0 1 h 1", "no number"),
+        ("FLASER 1 1.0 nan 0 0 0 0 0 1 h 1", "no finite number"),
+        ("ODOM 0 0 zero 0 0 0 1 h 1", "'zero' is no number"),
+        ("ODOM 0 0 0 0 0 0 1 h", "breaks off"),
+        ("\x00\x7f\x01 1 2", "no message of CARMEN"),
+    ],
+)
+def test_garbage_is_passed_over_and_its_first_line_told(tmp_path, line, why):
+    said, passed = log_of(tmp_path, "# a log", odom(), line, odom(), line)
+    assert len(said) == 2
+    (first, _) = passed.of("lines passed over")
+    assert "some.log: line 3 is passed over" in first
+    assert why in first
+
+
+@given(
+    st.text(max_size=60)
+    | st.lists(st.sampled_from(["FLASER", "ODOM", "1", "2", "x", "nan", "0"])).map(" ".join)
+)
+def test_no_line_breaks_the_reader(line):
+    try:
+        read_line(line)
+    except LineError as error:
+        assert str(error)
+
+
+@pytest.mark.parametrize("line", ["", "# FLASER 1", "NEFF 15", "SYNC x", "PARAM a 1 h 0"])
+def test_other_lines_are_no_garbage(tmp_path, line):
+    said, passed = log_of(tmp_path, line, odom())
+    assert (len(said), passed) == (1, [])
+
+
+def test_a_gzipped_log_that_breaks_off_is_played_as_far_as_it_goes(tmp_path):
+    whole = gzip.compress("\n".join(odom(x=i * 1.37) for i in range(5000)).encode())
+    path = tmp_path / "cut.log.gz"
+    path.write_bytes(whole[: len(whole) // 2])
+    said, passed = readings(path)
+    assert 0 < len(said) < 5000
+    assert "breaks off after line" in passed.of("broken off")[0]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"no log at all\n", bytes(range(256)) * 40, b"\x1f\x8b\x08"]
+)
+def test_a_file_without_readings_is_one_message(tmp_path, content):
+    path = tmp_path / "other.log"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"other\.log: "):
+        readings(path)
+
+
+def test_topics_and_the_robot_are_up_to_the_world(tmp_path):
+    lines = [flaser([1.0]), odom()]
+    said, _ = log_of(tmp_path, *lines, topics=Topics("front", "", "there"), robot="r7")
+    assert [one.topic for one in said] == ["there", "front"]
+    assert {one.reading.robot for one in said} == {"r7"}
+    service = Carmen(str(tmp_path / "some.log"), scan="front", odometry="")
+    assert service.publishes == ("front", "pose")
+    assert Carmen.publishes == ()
+
+
+def test_a_wrong_range(tmp_path):
+    write(tmp_path / "some.log", odom())
+    with pytest.raises(MisuseError, match="range_max is -1"):
+        Carmen(str(tmp_path / "some.log"), range_max=-1.0)
+
+
+def test_each_round_begins_anew(tmp_path):
+    """What a parameter has said in one round does not count at the start of the next."""
+    log = CarmenLog(
+        write(tmp_path / "a.log", flaser([1.0]), "PARAM robot_frontlaser_offset 0.5 h 0"), Passed()
+    )
+    first, again = (only(log.readings(), "scan") for _ in range(2))
+    assert first.mount_x == again.mount_x == 0.0
+
+
+def by_hand():
+    """The Intel log, read without anything of ours: its scans and its odometry."""
+    scans, wheels = [], []
+    with gzip.open(INTEL, "rt") as file:
+        for line in file:
+            kind, *rest = line.split(" ")
+            if kind == "FLASER":
+                beams, pose = rest[1:181], rest[181:184]
+                scans.append(([float(x) for x in beams], [float(x) for x in pose], float(rest[-1])))
+            elif kind == "ODOM" and float(rest[-1]):
+                wheels.append([float(rest[i]) for i in (0, 1, 2, 8)])
+    return scans, wheels
+
+
+@pytest.fixture(scope="module")
+def intel():
+    return *readings(INTEL), *by_hand()
+
+
+@needs_intel
+def test_the_intel_log_is_read_as_it_is_written(intel):
+    said, passed, scans, wheels = intel
+    assert Counter(one.topic for one in said) == {"scan": 910, "pose": 910, "odometry": 13700}
+    assert Counter(what for what, _ in passed) == {"lines without a time": 841}
+    assert len(scans) == 910
+    assert len(wheels) == 13700
+    read = [one.reading for one in said if isinstance(one.reading, Scan)]
+    for scan, (ranges, _, time) in zip(read, scans, strict=True):
+        assert np.array_equal(scan.ranges, np.array(ranges, np.float32))
+        assert (scan.first, scan.step, scan.time) == (-90.0, 1.0, time)
+    poses = [one.reading for one in said if one.topic == "pose"]
+    found = [(pose.x, pose.y, math.radians(pose.angle)) for pose in poses]
+    assert np.allclose(found, [pose for _, pose, _ in scans])
+    moved = [one.reading for one in said if one.topic == "odometry"]
+    assert np.allclose([(o.x, o.y, math.radians(o.angle), o.time) for o in moved], wheels)
+
+
+@needs_intel
+def test_what_hits_nothing_is_no_event(intel):
+    said, _, scans, _ = intel
+    read = [one.reading for one in said if one.topic == "scan"]
+    hit = sum(np.count_nonzero((scan.ranges > 0) & (scan.ranges < scan.range_max)) for scan in read)
+    assert hit == sum(0 < dist < 80 for ranges, _, _ in scans for dist in ranges)
+
+
+@needs_intel
+def test_every_reading_can_travel(intel):
+    for one in intel[0][::97]:
+        plain = plain_reading(one.reading)
+        assert plain_reading(read_reading(plain)) == plain

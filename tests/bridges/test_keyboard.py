@@ -1,0 +1,231 @@
+"""The bridge to a terminal's keys, over a pseudo terminal."""
+
+import os
+import pty
+import sys
+import termios
+from pathlib import Path
+
+import pytest
+
+from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
+from minerva_services.keyboard import Keyboard
+from minerva_services.keyboard.keys import Keys
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import MINERVA, World, environment
+from running import eventually as patiently
+
+from minerva_services.bridging.testing import Running
+
+eSpeed = EventType("eSpeed", speed=MetresPerSecond)
+eObjective = EventType("eObjective", marker=str)
+WORLD = WorldInfo("yard", Vocabulary.of(eSpeed, eObjective), 0, 0.1)
+
+
+class Desk:
+    """A pseudo terminal, on which a test types."""
+
+    def __init__(self):
+        self.keys, self._screen = pty.openpty()
+        self.path = os.ttyname(self._screen)
+        self.gone = False
+
+    def type(self, text):
+        os.write(self.keys, text.encode())
+
+    @property
+    def mode(self):
+        return termios.tcgetattr(self._screen)
+
+    @property
+    def echoes(self):
+        return bool(self.mode[3] & termios.ECHO)
+
+    def leave(self):
+        if not self.gone:
+            self.gone = True
+            os.close(self.keys)
+            os.close(self._screen)
+
+
+@pytest.fixture
+def desk():
+    made = Desk()
+    yield made
+    made.leave()
+
+
+def keyboard(desk, **options):
+    made = Keyboard(terminal=desk.path, **options)
+    made.joined(WORLD)
+    return made
+
+
+def typed(desk, text, **options):
+    """What comes of some keys."""
+    made = keyboard(desk, **options)
+    with Running(made) as runs:
+        desk.type(text)
+        count = len(list(Keys().named(text.encode())))
+        runs.wait_for(
+            lambda: runs.counted("events") + runs.counted("other keys") == count, "keys are heard"
+        )
+    return runs.emitted
+
+
+def test_arrows_change_the_speed_within_bounds(desk):
+    speeds = [one.speed for one in typed(desk, "\x1b[A\x1bOA\x1b[A\x1b[B", step=0.4)]
+    assert speeds == [0.4, 0.8, 1.0, 0.6]
+
+
+def test_arrows_begin_where_they_are_told_to(desk):
+    assert typed(desk, "\x1b[B", begin=0.8) == [eSpeed(0.7)]
+
+
+def test_digits_choose_among_markers(desk):
+    assert typed(desk, "213", markers="kitchen, bath") == [
+        eObjective("bath"),
+        eObjective("kitchen"),
+    ]
+
+
+def test_keys_of_ones_own_go_first(desk):
+    keys = {"w": "eSpeed speed=0.8", "space": "eSpeed 0", "ä": "eObjective hall", "up": "eSpeed 1"}
+    made = typed(desk, "w ä\x1b[A", keys=keys, to="r1")
+    events = [eSpeed(0.8), eSpeed(0.0), eObjective("hall"), eSpeed(1.0)]
+    assert [(one.type, one.values, one.receivers) for one in made] == [
+        (one.type, one.values, ("r1",)) for one in events
+    ]
+
+
+def test_other_keys_are_counted(desk):
+    made = keyboard(desk)
+    with Running(made) as runs:
+        desk.type("x\x1b[5~\x1b")
+        runs.wait_for(lambda: runs.counted("other keys") == 3, "keys are heard")
+    assert runs.emitted == []
+
+
+def test_it_makes_what_its_options_say():
+    assert Keyboard().generates() == ("eSpeed",)
+    assert Keyboard(markers=["a"]).generates() == ("eObjective", "eSpeed")
+    assert Keyboard(slide="", keys={"a": "eStop"}).generates() == ("eStop",)
+
+
+def test_the_terminal_is_left_as_it_was(desk):
+    before = desk.mode
+    made = keyboard(desk)
+    assert not desk.echoes
+    with Running(made) as runs:
+        desk.type("\x1b[A")
+        runs.wait_for(lambda: runs.emitted, "it is heard")
+    assert desk.mode == before
+    made.close()
+    assert desk.mode == before
+
+
+def test_a_terminal_that_goes_away_is_the_end(desk, capsys):
+    with Running(keyboard(desk)) as runs:
+        desk.leave()
+        runs.wait_for(runs.ended, "it has ended")
+    assert runs.error is None
+    assert "the keyboard has ended" in capsys.readouterr().out
+
+
+def test_without_a_terminal_it_says_where_there_is_one(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(MinervaError, match=r"is no terminal .*attach the keyboard from one"):
+        Keyboard(terminal=str(tmp_path / "file")).joined(WORLD)
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ({"keys": {"w": "eSped speed=1"}}, "keyboard: .* no event type eSped; did you mean"),
+        ({"markers": list("abcdefghijk")}, "markers are 11; there are but ten digits"),
+        ({"low": 1.0}, "low must be below high"),
+    ],
+)
+def test_wrong_options(desk, options, problem):
+    with pytest.raises(MinervaError, match=problem):
+        keyboard(desk, **options)
+    assert desk.echoes
+
+
+def test_names_of_keys():
+    keys = Keys()
+    assert list(keys.named("aÄ 1\r\t\x7f".encode())) == [
+        *("a", "Ä", "space", "1", "enter", "tab", "backspace")
+    ]
+    assert list(keys.named(b"\xc3")) == []
+    assert list(keys.named(b"\xa4\x1b[1;5A\x1b[3~\x01")) == ["ä", "up", "", ""]
+
+
+# --- in a terminal, in a world ---
+
+MODULE = """
+from minerva_bus import Agent, EventType, MetresPerSecond, Vocabulary, on
+
+eSpeed = EventType("eSpeed", speed=MetresPerSecond)
+eTick = EventType("eTick")
+
+
+class Cart(Agent, symbol="ACart"):
+    speed: MetresPerSecond = 0.0
+
+    @on("eSpeed")
+    def drive(self, order, moment):
+        self.speed = order.speed
+
+
+vocabulary = Vocabulary.of(eSpeed, eTick, Cart)
+"""
+FILE = """
+[world]
+string = "ACart#r1"
+vocabulary = "keyed:vocabulary"
+rate = 50
+
+[process.carts]
+agents = "keyed:Cart"
+
+[process.ticks]
+service = "each"
+event = "eTick"
+"""
+
+
+def attached(desk, world):
+    """`minerva attach keyboard`, in a terminal of its own."""
+    pid = os.fork()
+    if pid:
+        return pid
+    try:
+        os.setsid()
+        for file in (0, 1, 2):
+            os.dup2(os.open(desk.path, os.O_RDWR), file)
+        os.chdir(world.folder)
+        words = ["attach", "keyboard", "--world", world.name, "--name", "keys"]
+        os.execve(MINERVA[0], [*MINERVA, *words], environment(world.folder))
+    finally:
+        os._exit(127)
+
+
+def test_attached_to_a_world_from_a_terminal(desk, tmp_path):
+    (tmp_path / "keyed.py").write_text(MODULE)
+    name = f"keyed-{os.getpid()}"
+    (tmp_path / f"{name}.toml").write_text(FILE)
+    before = desk.mode
+    with World(tmp_path / f"{name}.toml") as world:
+        world.runs("carts")
+        pid = attached(desk, world)
+        world.runs("keys")
+        patiently(lambda: not desk.echoes, "it listens to the terminal")
+        desk.type("\x1b[A\x1b[A\x1b[A")
+        with world.client() as asked:
+            patiently(lambda: "speed=0.3" in asked.ask("scene")["scene"], "the order is heard")
+        desk.type("\x03")
+        _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+    assert desk.mode == before

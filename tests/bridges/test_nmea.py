@@ -1,0 +1,141 @@
+"""The bridge to receivers that speak NMEA 0183, over a cable that can be pulled."""
+
+from functools import reduce
+from operator import xor
+
+import pytest
+from serial_rig import Cable
+
+pytest.importorskip("serial", reason="the extra `serial` is not installed")
+pytest.importorskip("pynmea2", reason="the extra `serial` is not installed")
+
+from minerva_bus import MinervaError
+from minerva_bus.world.readings import Position
+from minerva_services.bridging.testing import Running
+from minerva_services.nmea import Nmea
+from minerva_services.nmea.sentences import Fix, Useless, read_fix
+from minerva_services.serial_line import Lines
+
+
+def said(body):
+    """A sentence with its checksum, which is counted here anew."""
+    return f"${body}*{reduce(xor, body.encode()):02X}"
+
+
+def gga(time="120000.00", lat="5230.0000,N", lon="01324.0000,E", quality=1, hdop="0.8", up="34.5"):
+    return said(f"GPGGA,{time},{lat},{lon},{quality},09,{hdop},{up},M,45.0,M,,")
+
+
+def rmc(time="120000.00", status="A"):
+    return said(f"GNRMC,{time},{status},5230.0000,N,01324.0000,E,0.5,90.0,211126,,,A")
+
+
+@pytest.fixture
+def cable(tmp_path):
+    with Cable(tmp_path / "gps") as plugged:
+        yield plugged
+
+
+def tell(cable, *lines):
+    assert cable.write("".join(f"{line}\r\n" for line in lines).encode())
+
+
+def positions(cable, *lines, **options):
+    """What becomes of these lines and of a last GGA behind them, which is left out."""
+    with Running(Nmea(port=str(cable.path), **options)) as runs:
+        runs.wait_for(lambda: runs.state == "open", "it is open")
+        tell(cable, *lines, gga(time="235959.00", up="8848.0"))
+        runs.wait_for(lambda: runs.published and runs.published[-1][1].altitude == 8893.0, "heard")
+        return runs.bridge.report(), [reading for _, reading in runs.published[:-1]]
+
+
+def test_a_fix_becomes_a_position(cable):
+    report, (found,) = positions(cable, gga(), robot="boat", error=2.0)
+    assert found == Position("boat", 52.5, pytest.approx(13.4), 79.5, pytest.approx(1.6), 43200.0)
+    assert report["readings"] == 2
+
+
+def test_south_and_west_are_negative(cable):
+    _, (found,) = positions(cable, gga(lat="3352.1200,S", lon="07030.0000,W"))
+    assert (found.latitude, found.longitude) == (pytest.approx(-33.868667), -70.5)
+
+
+def test_rmc_counts_until_gga_comes(cable):
+    report, found = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
+    assert [one.time for one in found] == [43199.5, 43200.0]
+    assert (found[0].altitude, found[0].accuracy) == (0.0, 5.0)
+    assert report["other sentences"] == 2
+
+
+def test_what_says_no_position_is_counted_by_why(cable):
+    report, found = positions(
+        cable,
+        gga(quality=0),
+        rmc(status="V"),
+        gga(lat=",", lon=","),
+        gga()[:-2] + "00",
+        gga()[:-3],
+        said("GPGSV,1,1,00"),
+        said("PMTK001,1,2"),
+        "\x00\xff no sentence at all",
+        said("GPGGA,never,5230.0,N,01324.0,E,1,09,0.8,34.5,M,45.0,M,,"),
+        gga(lat="9930.0000,N"),
+        gga(up="nan"),
+        "x" * 1000,
+    )
+    assert found == []
+    assert report["without a fix"] == 3
+    assert report["checksum errors"] == 2
+    assert report["other sentences"] >= 1
+    assert report["garbage"] >= 4
+
+
+def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cable):
+    _, found = positions(cable, gga("235959.00"), gga("000001.00"), gga("000000.50"), gga("010000"))
+    assert [one.time for one in found] == [86399.0, 86401.0, 86400.5, 90000.0]
+
+
+def test_a_sentence_may_come_in_parts_and_amid_another(cable):
+    with Running(Nmea(port=str(cable.path))) as runs:
+        runs.wait_for(lambda: runs.state == "open", "it is open")
+        for byte in (gga()[20:] + "\r\n" + gga()[:30] + gga() + "\r\n").encode():
+            cable.write(bytes((byte,)))
+        (found,) = runs.readings(1)
+        assert found.latitude == 52.5
+
+
+def test_pulled_out_and_plugged_in_again(cable, capsys):
+    with Running(Nmea(port=str(cable.path))) as runs:
+        runs.wait_for(lambda: runs.state == "open", "it is open")
+        tell(cable, gga())
+        runs.readings(1)
+        cable.pull()
+        runs.wait_for(lambda: runs.counted("failures"), "it is missed")
+        cable.plug()
+        runs.wait_for(lambda: runs.state == "open", "it is open again")
+        tell(cable, gga(time="120001.00"))
+        assert runs.readings(1, after=1)[0].time == 43201.0
+    lost, back = capsys.readouterr().out.splitlines()
+    assert lost.startswith(f"{cable.path} ")
+    assert back == f"the receiver at {cable.path} is back"
+
+
+def test_a_line_without_end_takes_no_memory():
+    counted = []
+    lines = Lines(counted.append, longest=10)
+    assert list(lines.feed(b"x" * 11)) == []
+    assert counted == ["garbage"]
+    assert list(lines.feed(b"ab\r\n\ncd\n")) == ["ab", "cd"]
+
+
+def test_wrong_options():
+    with pytest.raises(MinervaError, match=r"nmea: error is 0.0; expected metres above 0"):
+        Nmea(error=0.0)
+
+
+def test_any_talker_is_understood():
+    assert read_fix(said("GAGGA,000000,5230.0,N,01324.0,E,4,,,,M,,M,,")) == Fix(
+        "GGA", 52.5, 13.4, None, None, 0.0
+    )
+    with pytest.raises(Useless, match="checksum errors"):
+        read_fix("$GPGGA,1*00")

@@ -1,0 +1,174 @@
+"""Playing recordings: when what is due, where it begins, and that nothing stalls."""
+
+import math
+import threading
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.readings import Battery, Mount
+from minerva_bus.world.recordings import Recorded, RecordingError
+from minerva_services.bridging import SourceError
+from minerva_services.playing import LONGEST_GAP, Mounting, Pace, Player, Playing, due_times
+
+STAMPS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=40)
+
+
+class Tape:
+    """A recording of batteries with these stamps."""
+
+    part = 0.0
+
+    def __init__(self, *stamps, breaks=False):
+        self.stamps, self.breaks, self.closed = stamps, breaks, False
+
+    def readings(self):
+        for stamp in self.stamps:
+            yield Recorded(stamp, "battery", Battery("r1", 1.0, 12.0, stamp))
+        if self.breaks:
+            raise RecordingError("the tape is torn")
+
+    def close(self):
+        self.closed = True
+
+
+class Deck(Playing, lockstep=False):
+    publishes = ("battery",)
+
+    def __init__(self, file: str, tape, pace=None):
+        super().__init__(file, pace or Pace(0.0))
+        self.tape = tape
+
+    def recording(self):
+        return self.tape
+
+
+class Heard:
+    """What a bridge emits; it is stopped after so many."""
+
+    def __init__(self, most=100):
+        self.times, self.stop, self.most = [], threading.Event(), most
+
+    def publish(self, topic, reading):
+        assert topic == "battery"
+        self.times.append(reading.time)
+        if len(self.times) >= self.most:
+            self.stop.set()
+
+
+def played(tape, pace, most=100):
+    stop, times = threading.Event(), []
+    for _, reading in Player(tape, pace).read(stop):
+        times.append(reading.time)
+        if len(times) >= most:
+            stop.set()
+    return times
+
+
+@pytest.mark.parametrize(
+    ("stamps", "speed", "due"),
+    [
+        ([10.0, 10.5, 12.0], 1.0, [0.0, 0.5, 2.0]),
+        ([10.0, 10.5, 12.0], 4.0, [0.0, 0.125, 0.5]),
+        ([10.0, 10.5, 12.0], 0.0, [0.0, 0.0, 0.0]),
+        ([1.0, 2.0, 1.5, 2.25], 1.0, [0.0, 1.0, 1.0, 1.25]),
+        ([1.0, 2.0, 1000.0, 1001.0], 1.0, [0.0, 1.0, 1.0 + LONGEST_GAP, 2.0 + LONGEST_GAP]),
+        ([100.0, 101.0, 1.0, 2.0], 1.0, [0.0, 1.0, 1.0, 2.0]),
+        ([1.0, math.nan, 2.0, math.inf, 3.0], 1.0, [0.0, 0.0, 1.0, 6.0, 7.0]),
+        ([], 1.0, []),
+    ],
+)
+def test_when_readings_are_due(stamps, speed, due):
+    assert list(due_times(stamps, speed)) == pytest.approx(due)
+
+
+@given(STAMPS, st.floats(0.01, 100))
+def test_whatever_the_clock_does_nothing_is_early_and_nothing_stalls(stamps, speed):
+    due = list(due_times(stamps, speed))
+    assert len(due) == len(stamps)
+    steps = [after - before for before, after in pairwise([0.0, *due])]
+    assert all(0 <= step <= LONGEST_GAP / speed * 1.0001 + 1e-9 for step in steps)
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
+def test_a_clock_that_goes_well_is_followed(steps):
+    stamps = [sum(steps[:i]) for i in range(len(steps))]
+    assert list(due_times(stamps, 2.0)) == pytest.approx([stamp / 2 for stamp in stamps])
+
+
+def test_as_fast_as_it_goes_all_are_played_in_their_order():
+    assert played(Tape(3.0, 1.0, 1e9, 2.0), Pace(0.0)) == [3.0, 1.0, 1e9, 2.0]
+
+
+def test_from_an_offset_on():
+    assert played(Tape(5.0, 6.0, 7.0, 4.0), Pace(0.0, offset=1.5)) == [7.0, 4.0]
+
+
+def test_again_from_its_beginning():
+    assert played(Tape(1.0, 2.0), Pace(0.0, loop=True), most=5) == [1.0, 2.0, 1.0, 2.0, 1.0]
+
+
+def test_an_offset_beyond_the_end_is_told_and_not_tried_for_ever():
+    with pytest.raises(SourceError, match="nothing to play after 9 s"):
+        played(Tape(1.0, 2.0), Pace(0.0, loop=True, offset=9.0))
+
+
+def test_who_waits_for_what_is_due_can_be_stopped():
+    stop, times = threading.Event(), []
+    for _, reading in Player(Tape(0.0, 4.0), Pace(0.001)).read(stop):
+        times.append(reading.time)
+        threading.Timer(0.02, stop.set).start()
+    assert times == [0.0]
+
+
+@pytest.mark.parametrize("options", [{"speed": -1.0}, {"speed": math.nan}, {"offset": -0.1}])
+def test_wrong_paces(options):
+    with pytest.raises(MisuseError, match=r"expected a number from 0"):
+        Pace(**options)
+
+
+def test_a_mount_overrides_what_was_recorded_part_by_part():
+    recorded = Mount(1.0, 2.0, 90.0)
+    assert Mounting().over(recorded) == recorded
+    assert Mounting(y=0, angle=45.0).over(recorded) == Mount(1.0, 0.0, 45.0)
+
+
+@pytest.mark.parametrize("wrong", ["left", math.inf, True])
+def test_a_wrong_mount(wrong):
+    with pytest.raises(MisuseError, match="mount_x is"):
+        Mounting(x=wrong)
+
+
+def test_a_bridge_plays_counts_and_ends(tmp_path, capsys):
+    tape, heard = Tape(1.0, 2.0, 3.0), Heard()
+    deck = Deck(str(tmp_path), tape)
+    deck.run(heard, heard.stop)
+    assert heard.times == [1.0, 2.0, 3.0]
+    assert deck.report() == {"readings": 3, "source": "ended"}
+    assert tape.closed
+    assert capsys.readouterr().out == f"{tmp_path} has ended\n"
+
+
+def test_a_recording_that_cannot_be_read_is_one_line_and_seen(tmp_path, capsys):
+    deck, heard = Deck(str(tmp_path), Tape(1.0, breaks=True)), Heard()
+    deck.run(heard, heard.stop)
+    assert capsys.readouterr().out == "the tape is torn\n"
+    assert deck.report() == {"readings": 1, "failures": 1, "source": "the tape is torn"}
+
+
+def test_what_is_passed_over_is_told_once_and_counted(tmp_path, capsys):
+    deck = Deck(str(tmp_path), Tape(1.0))
+    for number in range(3):
+        deck.pass_over("lines passed over", f"line {number} is passed over")
+    assert deck.report()["lines passed over"] == 3
+    assert capsys.readouterr().out.splitlines() == [
+        "line 0 is passed over; more of these are counted as 'lines passed over'"
+    ]
+
+
+def test_a_file_that_is_not_there_is_told_at_once():
+    with pytest.raises(MisuseError, match=r"there is no file 'nothing.log'"):
+        Deck("nothing.log", Tape())

@@ -1,0 +1,150 @@
+"""Recorded sensors in worlds: beside simulated ones, in one process and on the bus, and killed."""
+
+import importlib.util
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded import flaser, messages, write, write_bag
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.scene import agents
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.specs import find_world
+from minerva_bus.launch.worldfile import Overrides, read_world_file
+
+TESTS = Path(__file__).parents[1]
+FRAMES = 12
+REPLAYED = """
+[process.log]
+service = "carmen"
+file = "some.log"
+scan = "log_scan"
+loop = true
+speed = 0.5
+
+[process.gLog]
+service = "laser"
+topic = "log_scan"
+"""
+
+
+def bus():
+    """What runs worlds in real processes; another folder has a module of the same name."""
+    spec = importlib.util.spec_from_file_location("worlds_on_the_bus", TESTS / "bus" / "running.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def log_in(folder, scans=40):
+    lines = [flaser([1.0 + i / 100, 81.9, 2.0], time=10.0 + i / 50) for i in range(scans)]
+    return write(folder / "some.log", *lines)
+
+
+def world_in(folder, members=REPLAYED, name="replayed"):
+    """The world `robot` with more members."""
+    log_in(folder)
+    path = folder / f"{name}.toml"
+    path.write_text(find_world("robot").read_text() + members)
+    return path
+
+
+def lasers_of_each_frame(file, readings=()):
+    """The eLaser events of each frame; before the i-th the i-th of the readings is heard."""
+    algorithm, frames = FrameAlgorithm(file.world), []
+
+    def told(instruction):
+        if isinstance(instruction, s.FrameDone):
+            events = instruction.record.events
+            frames.append([(e.dist, e.angle) for e in events if e.type == "eLaser"])
+
+    members = {one.name: one.participant() for one in file.processes}
+    runner = InProcess(algorithm, members.values(), told)
+    runner.start()
+    for number in range(FRAMES):
+        if number < len(readings):
+            runner.pass_on(members["log"].published(*readings[number]))
+        runner.tell(s.Begin())
+    return frames, algorithm.scene
+
+
+def test_a_simulated_and_a_replayed_laser_are_heard_at_the_same_time(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = read_world_file(world_in(tmp_path), Overrides(frames=FRAMES))
+    (log,) = [one.participant().service for one in file.processes if one.name == "log"]
+    recording = log.recording()
+    readings = [(x.topic, x.reading) for x in recording.readings() if x.topic == "log_scan"]
+    recording.close()
+    alone, _ = lasers_of_each_frame(file)
+    both, scene = lasers_of_each_frame(file, readings)
+    for number in range(FRAMES):
+        replayed = [(float(np.float32(1.0 + number / 100)), -90.0), (2.0, 90.0)]
+        simulated = [event for event in both[number] if event not in replayed]
+        assert len(both[number]) == len(simulated) + len(replayed)
+        assert bool(simulated) == bool(alone[number]) == (number > 1)
+    robot = next(node for node in agents(scene) if node.id == "r1")
+    assert (robot.state["grid"] > 1).any()
+
+
+def figures_of(asked, name):
+    return {one.name: one.figures for one in asked.operator.status().members}.get(name, {})
+
+
+def test_a_recording_is_played_on_the_bus_killed_and_played_again(tmp_path):
+    worlds = bus()
+    path = world_in(tmp_path, name=f"replayed-{os.getpid()}")
+
+    def is_played():
+        return figures_of(asked, "log").get("readings", 0) > 10
+
+    with worlds.World(path, "--rate", "20", "--until", "") as world, world.client() as asked:
+        pids = world.runs("log", "gLog", "gLaser", "physics")
+        worlds.eventually(is_played, "the recording is played")
+        assert figures_of(asked, "log")["source"] == "open"
+        frame = asked.operator.status().frame
+        os.kill(pids["log"], signal.SIGKILL)
+        worlds.eventually(
+            lambda: world.runs("log")["log"] not in (0, pids["log"]), "it is started again"
+        )
+        worlds.eventually(is_played, "it is played again")
+        worlds.eventually(lambda: asked.operator.status().frame > frame + 5, "the world goes on")
+
+
+def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
+    pytest.importorskip("rosbags")
+    worlds, (types, store) = bus(), messages()
+    said = [(i / 50, "/base", types.scan([1.0, 2.0, 9.0], time=i / 50)) for i in range(40)]
+    bag = write_bag(tmp_path / "some.mcap", store, said)
+    path = world_in(tmp_path, "", f"attached-{os.getpid()}")
+    with worlds.World(path, "--rate", "20", "--until", "") as world, world.client() as asked:
+        world.runs("gLaser", "physics")
+        words = ["bridge", "rosbag", bag, "--speed", "0", "--topics", '{"/base" = "scan"}']
+        words += ["--name", "bag", "--connect", world.endpoint(), "--world", world.name]
+        with worlds.Run(tmp_path, *words):
+            worlds.eventually(
+                lambda: figures_of(asked, "bag").get("source") == "ended", "all of it is played"
+            )
+            assert figures_of(asked, "bag")["readings"] == 40
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["carmen", "nothing.log"], "there is no file 'nothing.log'"),
+        (["carmen", "some.log", "--speed", "fast"], "speed must be a number"),
+        (["carmen", "some.log", "--speed", "-1"], "speed is -1"),
+        (["carmen", "some.log", "--mount-x", "left"], "mount_x is 'left'"),
+        (["rosbag", "some.log", "--topics", "scan"], "topics is 'scan'"),
+    ],
+)
+def test_what_cannot_be_played_is_one_line(tmp_path, words, why):
+    log_in(tmp_path)
+    worlds = bus()
+    done = worlds.here(tmp_path, "bridge", *words, "--connect", "tcp/127.0.0.1:1", "--world", "w")
+    assert done.returncode != 0
+    assert why in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,315 @@
+"""Bags of ROS 1 and ROS 2: what their messages become, and what is passed over."""
+
+import io
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+from recorded import DEMO, Passed, messages, needs_demo, write_bag
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.protocol.readings import plain_reading, read_reading
+from minerva_bus.world.readings import Battery, Image, Odometry, Position
+from minerva_bus.world.recordings import RecordingError
+from minerva_services.playing import Mounting
+from minerva_services.rosbag import Bag, Rosbag
+
+KINDS = pytest.mark.parametrize("suffix", ["bag", "db3", "mcap"])
+
+
+def readings(path, **options):
+    passed = Passed()
+    bag = Bag(path, passed, **options)
+    try:
+        return list(bag.readings()), passed
+    finally:
+        bag.close()
+
+
+def bag_of(tmp_path, make, suffix="mcap", broken=(), **options):
+    """What a bag says whose (seconds, topic, message) `make` makes of the types of ROS."""
+    types, store = messages(suffix == "bag")
+    path = write_bag(tmp_path / f"some.{suffix}", store, make(types), broken)
+    return readings(path, **options)
+
+
+def one(tmp_path, make, **options):
+    """The one reading of a bag with one message."""
+    (said,), _ = bag_of(tmp_path, lambda ros: [(1.0, "/it", make(ros))], **options)
+    return said.reading
+
+
+@KINDS
+def test_scans_and_odometry_of_all_kinds_of_bags(tmp_path, suffix):
+    def make(ros):
+        yield 5.0, "/odom", ros.odometry(1.0, 2.0, math.pi / 2, 0.5, math.pi, time=4.5)
+        yield 5.5, "/scan", ros.scan([1.0, 2.0, 9.0], time=5.25)
+
+    (odometry, scan), passed = bag_of(tmp_path, make, suffix)
+    assert (odometry.stamp, odometry.topic) == (5.0, "odometry")
+    assert plain_reading(odometry.reading) == pytest.approx(
+        plain_reading(Odometry("r1", 1.0, 2.0, 90.0, 0.5, 180.0, 4.5))
+    )
+    assert (scan.stamp, scan.topic, scan.reading.time) == (5.5, "scan", 5.25)
+    assert scan.reading.ranges.tolist() == [1.0, 2.0, 9.0]
+    assert (scan.reading.first, scan.reading.step) == pytest.approx(
+        (math.degrees(-0.5), math.degrees(0.5))
+    )
+    assert scan.reading.range_max == 8.0
+    assert passed == []
+
+
+@KINDS
+def test_where_the_laser_sits(tmp_path, suffix):
+    def make(ros):
+        frames = [
+            ("base_footprint", "base_link", 9.0, 9.0, 9.0, 0.0),
+            ("base_link", "mast", 1.0, 0.0, math.pi / 2, 0.0),
+            ("mast", "laser", 0.5, 0.25, 0.0, 0.0),
+        ]
+        yield 1.0, "/scan", ros.scan([1.0], frame="laser")
+        yield 2.0, "/tf_static", ros.transforms(*frames)
+
+    (scan,), _ = bag_of(tmp_path, make, suffix)
+    mount = scan.reading.mount_x, scan.reading.mount_y, scan.reading.mount_angle
+    assert mount == pytest.approx((0.75, 0.5, 90.0))
+    (path,) = tmp_path.glob(f"**/*.{suffix}")
+    (scan,), _ = readings(path, mounting=Mounting(x=0.0))
+    assert (scan.reading.mount_x, scan.reading.mount_y) == pytest.approx((0.0, 0.5))
+
+
+def test_a_laser_that_hangs_upside_down_turns_the_other_way(tmp_path):
+    def make(ros):
+        yield 0.0, "/tf_static", ros.transforms(("base_link", "laser", 0, 0, 0, math.pi))
+        yield 1.0, "/scan", ros.scan([1.0, 2.0], frame="/laser", angle_min=0.25)
+
+    (scan,), _ = bag_of(tmp_path, make)
+    assert scan.reading.first == pytest.approx(math.degrees(-0.25))
+    assert scan.reading.step == pytest.approx(math.degrees(-0.5))
+
+
+def test_frames_in_a_circle_do_not_hang(tmp_path):
+    def make(ros):
+        yield 0.0, "/tf_static", ros.transforms(("a", "b", 1, 0, 0, 0), ("b", "a", 1, 0, 0, 0))
+        yield 1.0, "/scan", ros.scan([1.0], frame="a")
+
+    assert len(bag_of(tmp_path, make)[0]) == 1
+
+
+def test_what_is_nearer_than_a_laser_can_see_was_no_hit(tmp_path):
+    scan = one(tmp_path, lambda ros: ros.scan([0.05, 0.1, math.inf, math.nan, 7.0]))
+    assert scan.ranges[[0, 1, 4]].tolist() == [0.0, np.float32(0.1), 7.0]
+    assert np.isinf(scan.ranges[2])
+    assert np.isnan(scan.ranges[3])
+
+
+def test_a_range_without_limit_can_travel(tmp_path):
+    scan = one(tmp_path, lambda ros: ros.scan([1.0], range_max=math.inf))
+    assert read_reading(plain_reading(scan)).range_max == scan.range_max < math.inf
+
+
+PIXELS = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "made", "data", "name"),
+    [
+        ("rgb8", PIXELS, PIXELS, "rgb8"),
+        ("bgr8", PIXELS, PIXELS[..., ::-1], "rgb8"),
+        ("mono8", PIXELS[..., :1], PIXELS[..., :1], "mono8"),
+        ("bgra8", np.dstack([PIXELS, PIXELS[..., 0]]), PIXELS[..., ::-1], "rgb8"),
+    ],
+)
+@pytest.mark.parametrize("step", [None, 16])
+def test_images_of_pixels(tmp_path, encoding, made, data, name, step):
+    image = one(tmp_path, lambda ros: ros.image(made, encoding, step, time=3.0))
+    assert image == Image("r1", data.tobytes(), name, 3, 2, 3.0)
+    assert read_reading(plain_reading(image)) == image
+
+
+@pytest.mark.parametrize("kind", ["jpeg", "png"])
+def test_images_as_files(tmp_path, kind):
+    pillow = pytest.importorskip("PIL.Image")
+    file = io.BytesIO()
+    pillow.fromarray(PIXELS).save(file, kind)
+    image = one(tmp_path, lambda ros: ros.compressed(file.getvalue(), f"bgr8; {kind} compressed"))
+    assert image == Image("r1", file.getvalue(), kind, 3, 2, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("percentage", "voltage", "charge", "volts"),
+    [(0.75, 12.5, 0.75, 12.5), (40.0, 11.0, 0.4, 11.0), (0.5, math.nan, 0.5, 0.0)],
+)
+def test_batteries(tmp_path, percentage, voltage, charge, volts):
+    battery = one(tmp_path, lambda ros: ros.battery(percentage, voltage, time=2.0))
+    assert battery == Battery("r1", pytest.approx(charge), volts, 2.0)
+
+
+def test_places_on_the_earth(tmp_path):
+    place = one(tmp_path, lambda ros: ros.fix(52.5, 13.25, math.nan, time=2.0))
+    assert place == Position("r1", 52.5, 13.25, 0.0, 2.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda ros: ros.battery(math.nan), "percentage is no finite number"),
+        (lambda ros: ros.fix(1.0, 2.0, 3.0, status=-1), "no fix"),
+        (lambda ros: ros.odometry(math.nan, 0.0, 0.0), "pose is no finite number"),
+        (lambda ros: ros.scan([1.0], angle_increment=math.nan), "angles is no finite number"),
+        (lambda ros: ros.scan([1.0], range_max=math.nan), "range_max is no number"),
+        (lambda ros: ros.image(PIXELS, "yuv422"), "'yuv422' is none of"),
+        (lambda ros: ros.image(PIXELS[..., :2], "rgb8"), "are no image"),
+        (lambda ros: ros.compressed(b"no picture"), "no JPEG or PNG"),
+    ],
+)
+def test_what_cannot_be_a_reading_is_passed_over_and_told(tmp_path, make, why):
+    types, store = messages()
+    path = write_bag(tmp_path / "odd.mcap", store, [(1.0, "/it", make(types))])
+    passed = Passed()
+    bag = Bag(path, passed)
+    with pytest.raises(RecordingError, match="has no message that can be played on /it"):
+        list(bag.readings())
+    bag.close()
+    (line,) = passed.of("messages passed over")
+    assert "a message of /it is passed over" in line
+    assert why in line
+
+
+@KINDS
+def test_a_damaged_message_is_passed_over(tmp_path, suffix):
+    def make(ros):
+        return [(float(i), "/scan", ros.scan([1.0, 2.0], time=float(i))) for i in range(1, 4)]
+
+    said, passed = bag_of(tmp_path, make, suffix, broken={1})
+    assert [scan.stamp for scan in said] == [1.0, 3.0]
+    assert len(passed.of("messages not readable")) == 1
+
+
+def two_lasers(ros):
+    yield 1.0, "/rear", ros.scan([2.0], time=1.0)
+    yield 1.0, "/front", ros.scan([1.0], time=1.0)
+
+
+def test_of_two_lasers_the_first_by_name_is_played_and_the_other_told(tmp_path):
+    said, passed = bag_of(tmp_path, two_lasers)
+    assert [(x.topic, x.reading.ranges.tolist()) for x in said] == [("scan", [1.0])]
+    assert "/rear is passed over" in passed.of("topics passed over")[0]
+
+
+def test_topics_by_their_names(tmp_path):
+    said, passed = bag_of(tmp_path, two_lasers, topics={"/rear": "back", "/front": "scan"})
+    assert [(x.topic, x.reading.ranges.tolist()) for x in said] == [
+        ("back", [2.0]),
+        ("scan", [1.0]),
+    ]
+    assert passed == []
+
+
+@pytest.mark.parametrize(
+    ("topics", "why"),
+    [({"/scan": "scan"}, "no topic /scan; there are /front, /rear, /tf_static"),
+     ({"/tf_static": "scan"}, "tf2_msgs/msg/TFMessage; expected one of sensor_msgs")],
+)  # fmt: skip
+def test_wrong_topics(tmp_path, topics, why):
+    def make(ros):
+        return [*two_lasers(ros), (0.0, "/tf_static", ros.transforms())]
+
+    with pytest.raises(RecordingError, match=why):
+        bag_of(tmp_path, make, topics=topics)
+
+
+def test_a_bag_without_sensors_says_what_it_has(tmp_path):
+    with pytest.raises(RecordingError, match=r"nothing to play.*there are /tf \(tf2_msgs"):
+        bag_of(tmp_path, lambda ros: [(1.0, "/tf", ros.transforms())])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.bag", b"#ROSBAG V1.2\n" + bytes(100)),
+        ("a.bag", b"\xff\xfe" * 100),
+        ("a.db3", b"no database"),
+        ("a.mcap", b""),
+        ("a.txt", b"x"),
+    ],
+)
+def test_no_bag_at_all(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=rf"{name}: is no bag that can be read: \S") as caught:
+        readings(path)
+    assert "\n" not in str(caught.value)
+
+
+@needs_demo
+def test_a_bag_that_breaks_off_has_no_index(tmp_path):
+    (tmp_path / "cut.bag").write_bytes(DEMO.read_bytes()[:100_000])
+    with pytest.raises(RecordingError, match=r"cut\.bag: .*an index can be made anew"):
+        readings(tmp_path / "cut.bag")
+
+
+def test_a_folder_is_a_bag_of_ros_2_too(tmp_path):
+    types, store = messages()
+    path = write_bag(tmp_path / "some.mcap", store, [(1.0, "/scan", types.scan([1.0]))])
+    assert len(readings(path.parent)[0]) == 1
+
+
+def test_a_bag_is_read_again_and_knows_how_far_it_is(tmp_path):
+    types, store = messages()
+    said = [(float(i), "/scan", types.scan([1.0])) for i in range(5)]
+    bag = Bag(write_bag(tmp_path / "some.mcap", store, said), Passed())
+    parts = [bag.part for _ in bag.readings()]
+    assert parts == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
+    assert len(list(bag.readings())) == 5
+    bag.close()
+
+
+def test_without_their_libraries_it_says_what_to_install(tmp_path, monkeypatch):
+    types, store = messages()
+    path = write_bag(tmp_path / "some.mcap", store, [(1.0, "/it", types.compressed(b"x"))])
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(RecordingError, match=r"Pillow; .*pip install 'minerva-bus\[ros\]'"):
+        readings(path)
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(RecordingError, match=r"rosbags; .*pip install 'minerva-bus\[ros\]'"):
+        readings(path)
+
+
+def test_what_a_service_publishes(tmp_path):
+    path = str(tmp_path)
+    assert Rosbag(path).publishes == ("battery", "image", "odometry", "position", "scan")
+    assert Rosbag(path, topics={"/a": "front", "/b": "front"}).publishes == ("front",)
+
+
+@pytest.mark.parametrize("topics", [{"/a": 1}, ["/a"], {"/a": ""}, "/a"])
+def test_topics_that_are_none(tmp_path, topics):
+    with pytest.raises(MisuseError, match=r"topics is .*; expected such as"):
+        Rosbag(str(tmp_path), topics=topics)
+
+
+@needs_demo
+def test_a_real_bag_says_what_is_in_it():
+    from rosbags.highlevel import AnyReader
+
+    said, passed = readings(DEMO)
+    assert passed == []
+    with AnyReader([Path(DEMO)]) as reader:
+        decoded = [
+            (stamp, reader.deserialize(data, connection.msgtype))
+            for connection, stamp, data in reader.messages()
+        ]
+    assert len(said) == len(decoded) == 360
+    for read, (stamp, message) in zip(said, decoded, strict=True):
+        scan, meant = read.reading, message.ranges >= message.range_min
+        assert np.array_equal(scan.ranges[meant], message.ranges[meant])
+        assert not scan.ranges[~meant].any()
+        assert scan.first == math.degrees(message.angle_min)
+        assert scan.step == math.degrees(message.angle_increment)
+        assert scan.range_max == message.range_max
+        assert read.stamp == pytest.approx(stamp / 1e9, abs=1e-6)
+        assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.0, 0.0, 0.0)
