@@ -141,7 +141,7 @@ def _member(member: Member, wait: float) -> MemberStatus:
         host=hello.host,
         expected=member.expected,
         wait=wait,
-        figures=dict(member.figures),
+        figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
     )
 
 

@@ -20,7 +20,7 @@ from minerva_bus.bus.session import open_client
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.participant import Participant, Refusal
+from minerva_bus.frame.participant import Participant, Refusal, Unready
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.protocol.codec import Decoder, encode
@@ -353,5 +353,7 @@ class BusMember:
     def _emit_all(self, service: Generator) -> None:
         try:
             service.run(self._outlet, self._stop)
+        except MinervaError as error:
+            self.inbox.put(Unready(f"{self.participant.name} cannot go on: {error}"))
         except Exception as error:
             self.inbox.put(error)

@@ -42,9 +42,8 @@ def bridge_source(
     if source and not option:
         raise WorldFileError(f"{kind} is no bridge that a source can be named for; see its options")
     if source:
-        path = Path(source)
-        given = str(path.absolute()) if path.exists() else source  # A link may lead elsewhere later.
-        options = {**options, option: given}
+        path = Path(source)  # Not resolved: a device's link may lead elsewhere when it is back.
+        options = {**options, option: str(path.absolute()) if path.exists() else source}
     return attach_member(kind, connect, world, name, options)
 
 

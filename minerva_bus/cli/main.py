@@ -369,6 +369,57 @@ def info(
 
 
 @app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A record, .mcap.")],
+    world: Annotated[
+        str, typer.Argument(help="Its world file, or an installed world, if it has moved.")
+    ] = "",
+    view: Annotated[
+        list[str] | None,
+        typer.Option(help="Add a view: svg, or svg:path=FILE,every=N; may be repeated."),
+    ] = None,
+    begin: Annotated[int, typer.Option("--from", help="Begin with this frame.")] = 0,
+    speed: Annotated[
+        float, typer.Option(help="1: in real time; 2: twice as fast; 0: as fast as it goes.")
+    ] = 1.0,
+    name: Annotated[str, typer.Option(help="Run under another name than WORLD-replay.")] = "",
+    listen: Annotated[str, typer.Option(help="Where to listen, such as tcp/0.0.0.0:7447.")] = "",
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Run the agents again: is each frame the same?")
+    ] = False,
+    json: Json = False,
+    quiet: Annotated[bool, typer.Option(help="Say only what goes wrong.")] = False,
+) -> None:
+    """Play a record again, into any view; pause, step, rate and seek work as for a world.
+
+    With --recompute nothing is shown: exit code 0 where all frames come out the same, else 1.
+    """
+    with _uncollected():
+        from minerva_bus.cli.replaying import recompute_record, replay_record
+        from minerva_bus.launch.worldfile import Overrides
+
+    if recompute:
+        raise typer.Exit(recompute_record(file, world, json))
+    overrides = Overrides(views=tuple(view or ()), name=name, listen=listen)
+    code = replay_record(
+        file, world, overrides, BEGAN, begin=begin, speed=speed, json_too=json, quiet=quiet
+    )
+    raise typer.Exit(code)
+
+
+@app.command()
+def seek(
+    frame: Annotated[int, typer.Argument(help="The frame to go on with.", min=0)],
+    world: World = "",
+    connect: Connect = "",
+) -> None:
+    """Let a replay go on from another frame."""
+    from minerva_bus.cli.replaying import seek_frame
+
+    seek_frame(frame, connect, world)
+
+
+@app.command()
 def diff(
     a: Annotated[Path, typer.Argument(help="A record, .mcap.")],
     b: Annotated[Path, typer.Argument(help="Another one.")],
@@ -416,7 +467,7 @@ def map_(
 def new(
     kind: Annotated[str, typer.Argument(help="What: bridge.")],
     name: Annotated[str, typer.Argument(help="Its name, as of a Python package.")],
-    folder: Annotated[Path, typer.Option("--in", help="Where; default: here.")] = Path("."),
+    folder: Annotated[Path, typer.Option("--in", help="Where; default: here.")] = Path(),
 ) -> None:
     """Write the beginnings of a package of your own: a bridge, its tests, a small world."""
     from minerva_bus.cli.making import make_new

@@ -4,17 +4,85 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
 from minerva_bus.cli.places import client
-from minerva_bus.cli.running import show_run
+from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replaying import read_replay, recomputed
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import Overrides
 
+FAILED, INTERRUPTED = 1, 130
+
 
 def _print(line: str) -> None:
     print(line, flush=True)  # noqa: T201
+
+
+def replay_record(
+    path: Path,
+    world: str,
+    overrides: Overrides,
+    began: float,
+    *,
+    begin: int,
+    speed: float,
+    json_too: bool,
+    quiet: bool,
+) -> int:
+    """Play a record to its end; the exit code. Raises RecordError and WorldFileError."""
+    replay = read_replay(path, world, overrides, begin=begin, speed=speed)
+    console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
+    supervisor = Supervisor(replay.file, console, began, coordinator=replay.coordinator)
+    try:
+        summary = supervisor.run()
+    except WorldStopped as stopped:
+        print(f"minerva: {replay.file.world.name}: {stopped}", file=sys.stderr)  # noqa: T201
+        return FAILED
+    _print(json.dumps(summary.plain()) if json_too else "\n".join(summary.lines()))
+    if summary.ended in ("interrupted", "terminated"):
+        return INTERRUPTED
+    return FAILED if supervisor.failure else 0
+
+
+def recompute_record(path: Path, world: str, json_too: bool) -> int:
+    """Run λ over a record again and print where it differs; the exit code, 0 where it does not.
+
+    Raises RecordError and WorldFileError, and ActivityError where user code raised.
+    """
+    with _progress() as told:
+        found = recomputed(path, world, told)
+    if json_too:
+        _print(json.dumps(found.plain()))
+    elif found.same:
+        _print(f"the same: λ gives all {found.frames:,} frames again")
+    else:
+        _print("\n".join(found.lines()))
+    return 0 if found.same else FAILED
+
+
+@contextmanager
+def _progress() -> Generator[Callable[[int, int], None]]:
+    """A progress bar on standard error, where a person looks at it."""
+    bar = typer.progressbar(
+        length=1, label="λ again", file=sys.stderr, hidden=not sys.stderr.isatty()
+    )
+    with bar:
+
+        def told(done: int, last: int) -> None:
+            bar.length = last
+            bar.update(done - bar.pos)
+
+        yield told
+
+
+def seek_frame(frame: int, connect: str, world: str) -> None:
+    """Let a replay go on from another frame."""
+    with client(connect, world) as asked:
+        asked.ask("seek", frame=frame)
+        _print(f"{asked.world}: goes on from frame {frame}")

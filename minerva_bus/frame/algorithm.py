@@ -26,6 +26,8 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene, agents
 
 STRANGERS_NAMED = 3
+MOST_WAITING = 100_000
+"""Events of one free-running generator that wait for a frame; a paused world takes none."""
 
 
 class FrameAlgorithm(Attendance):
@@ -147,9 +149,18 @@ class FrameAlgorithm(Attendance):
 
     def _on_emitted(self, told: m.Emitted) -> None:
         member = self.roster.get(told.member)
-        if member.here and self._may_generate(member, told.events):
-            member.last_reply = self.frame
-            self._inbox.setdefault(told.member, []).extend(told.events)
+        if not member.here or not self._may_generate(member, told.events):
+            return
+        member.last_reply = self.frame
+        waiting = self._inbox.setdefault(told.member, [])
+        if len(waiting) < MOST_WAITING:
+            waiting.extend(told.events)
+            return
+        if not member.dropped:
+            self._say(
+                member.name, f"has {MOST_WAITING} events waiting for a frame; more are dropped"
+            )
+        member.dropped += len(told.events)
 
     def _on_order(self, order: s.Order) -> None:
         takers = self.roster.takers(order.event.type)

@@ -1,0 +1,90 @@
+"""Where a broker is and as whom it is spoken to; secrets stay out of world files and of `repr`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import SplitResult, urlsplit
+
+from minerva_bus.errors import MisuseError
+
+_PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """As whom: a client id, a user, and where the password and the certificates are."""
+
+    client: str = ""
+    user: str = ""
+    password_env: str = ""
+    password_file: str = ""
+    ca: str = ""
+    cert: str = ""
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        if self.password_env and self.password_file:
+            raise MisuseError("mqtt: give password_env or password_file, not both")
+        if (self.password_env or self.password_file) and not self.user:
+            raise MisuseError("mqtt: a password is a user's; give the option user")
+        if self.key and not self.cert:
+            raise MisuseError("mqtt: a key is a certificate's; give the option cert")
+
+    def password(self) -> str | None:
+        """The password, read where it is kept. Raises MisuseError."""
+        if self.password_env:
+            found = os.environ.get(self.password_env)
+            if found is None:
+                raise MisuseError(f"mqtt: the environment has no {self.password_env}; set it")
+            return found
+        if not self.password_file:
+            return None
+        try:
+            return Path(self.password_file).read_text(encoding="utf-8").rstrip("\r\n")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "no text in UTF-8"
+            raise MisuseError(f"mqtt: password_file {self.password_file}: {reason}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """A broker's address."""
+
+    host: str
+    port: int
+    tls: bool
+
+    @staticmethod
+    def at(address: str) -> Broker:
+        """The broker of `mqtt://HOST[:PORT]`, or `mqtts://` for TLS. Raises MisuseError."""
+        whole = address if "://" in address else f"mqtt://{address}"
+        try:
+            parts = urlsplit(whole)
+            port = parts.port
+        except ValueError:
+            raise _no_broker(address) from None
+        if parts.scheme not in _PORTS or not parts.hostname or _more(parts):
+            raise _no_broker(address)
+        if parts.username is not None or parts.password is not None:
+            raise MisuseError(
+                "mqtt: user and password do not belong in the address; give the options user and"
+                " password_env or password_file"
+            )
+        return Broker(parts.hostname, port or _PORTS[parts.scheme], parts.scheme == "mqtts")
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def _more(parts: SplitResult) -> bool:
+    return bool(parts.path.strip("/") or parts.query or parts.fragment)
+
+
+def _no_broker(address: str) -> MisuseError:
+    shown = address.rpartition("@")[2]  # what stands before may be a password
+    return MisuseError(
+        f"mqtt: broker is {shown!r}; expected mqtt://HOST, mqtt://HOST:PORT or mqtts://HOST for TLS"
+    )

@@ -1,0 +1,72 @@
+"""Topic patterns: MQTT's topic filters, with names for their levels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from minerva_bus.errors import MisuseError
+
+_NAMED = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A pattern such as `home/{room}/temperature`, `home/+/#`.
+
+    `{room}` stands for one level, as `+` does, and gives it a name; a `+` is named by its number,
+    from 1. `filter` is what the broker is asked for (MQTT 3.1.1, 4.7).
+    """
+
+    text: str
+    filter: str
+    names: tuple[str, ...]
+    _matches: re.Pattern[str]
+
+    @staticmethod
+    def of(text: str) -> Pattern:
+        """The pattern of a text. Raises MisuseError."""
+        names: list[str] = []
+        levels: list[str] = []
+        parts: list[str] = []
+        unnamed = 0
+        for level in _levels(text):
+            named = _NAMED.fullmatch(level)
+            if named or level == "+":
+                unnamed += named is None
+                names.append(named[1] if named else str(unnamed))
+                levels.append("+")
+                parts.append("([^/]*)")
+            else:
+                levels.append(level)
+                parts.append(re.escape(level) if level != "#" else ".*")
+        if len(set(names)) != len(names):
+            raise _wrong(text, "a name for one level only")
+        whole = "/".join(parts)
+        if levels[-1] == "#":
+            whole = whole.removesuffix("/.*") + "(?:/.*)?" if len(levels) > 1 else ".*"
+        return Pattern(text, "/".join(levels), tuple(names), re.compile(whole, re.DOTALL))
+
+    def levels(self, topic: str) -> Mapping[str, str] | None:
+        """The named levels of a topic; None where the topic is another one."""
+        found = self._matches.fullmatch(topic)
+        if found is None:
+            return None
+        return dict(zip(self.names, found.groups(), strict=True))
+
+
+def _levels(text: str) -> list[str]:
+    if not text or "\0" in text or len(text.encode()) > 65535:
+        raise _wrong(text, "up to 65535 bytes of text")
+    levels = text.split("/")
+    if "#" in levels[:-1]:
+        raise _wrong(text, "# as the last level only")
+    for level in levels:
+        if level not in ("+", "#") and not _NAMED.fullmatch(level) and set(level) & set("+#{}"):
+            raise _wrong(text, "+, # and {name} as whole levels")
+    return levels
+
+
+def _wrong(text: str, expected: str) -> MisuseError:
+    return MisuseError(f"mqtt: topic {text[:80]!r}; expected {expected}")

@@ -1,0 +1,142 @@
+"""Where the eye is: from metres of the world to pixels of the picture, and back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_FLATTEST, _STEEPEST = 8.0, 90.0
+_NEAREST, _FARTHEST = 0.2, 1e6
+_DEPTH = 100.0
+"""How much nearer and farther than the target something may be and still be seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """An eye that circles about a target (metres) and looks at it.
+
+    `azimuth` is where the eye stands, seen from the target: degrees counter-clockwise from the x
+    axis. -90 has x to the right and y away, as on a map. `elevation` is how high it stands: at 90
+    degrees it looks straight down. `field` is the vertical field of view, degrees.
+    """
+
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    azimuth: float = -90.0
+    elevation: float = 50.0
+    distance: float = 10.0
+    field: float = 30.0
+
+    @property
+    def axes(self) -> Floats:
+        """Unit vectors to the right, up and forward as the eye sees them, (3, 3)."""
+        a, e = math.radians(self.azimuth), math.radians(self.elevation)
+        right = (-math.sin(a), math.cos(a), 0.0)
+        up = (-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e))
+        forward = (-math.cos(e) * math.cos(a), -math.cos(e) * math.sin(a), -math.sin(e))
+        return np.array([right, up, forward])
+
+    @property
+    def eye(self) -> Floats:
+        """Where the eye is, metres (3,)."""
+        return np.array(self.target) - self.distance * self.axes[2]
+
+    @property
+    def _slope(self) -> float:
+        return math.tan(math.radians(self.field) / 2)
+
+    def metre(self, height: int) -> float:
+        """Pixels of a metre across, a metre away from the eye, in a picture of this height."""
+        return height / 2 / self._slope
+
+    def matrix(self, aspect: float) -> Floats:
+        """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width by height."""
+        axes, near, far = self.axes, self.distance / _DEPTH, self.distance * _DEPTH
+        look = np.eye(4)
+        look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
+        look[:3, 3] = -look[:3, :3] @ self.eye
+        lens = np.zeros((4, 4))
+        lens[0, 0], lens[1, 1] = 1 / (self._slope * aspect), 1 / self._slope
+        lens[2, 2], lens[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
+        lens[3, 2] = -1.0
+        return lens @ look
+
+    def project(self, points: Floats, width: int, height: int) -> Floats:
+        """Pixels (n, 2) of points (n, 3), y down; not a number for what is behind the eye."""
+        seen = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes.T
+        depth = self.depths(points)
+        half = self.metre(height)
+        return np.stack(
+            [width / 2 + half * seen[:, 0] / depth, height / 2 - half * seen[:, 1] / depth], axis=1
+        )
+
+    def depths(self, points: Floats) -> Floats:
+        """How far before the eye points (n, 3) are, metres; not a number for what is behind it."""
+        depth = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes[2]
+        return np.where(depth > 1e-9, depth, np.nan)
+
+    def ground(
+        self, x: float, y: float, width: int, height: int, z: float = 0.0
+    ) -> tuple[float, float] | None:
+        """Where a pixel's ray meets the level `z`, metres; None where it meets it nowhere."""
+        half = self.metre(height)
+        ray = np.array([(x - width / 2) / half, (height / 2 - y) / half, 1.0]) @ self.axes
+        rise = z - self.eye[2]
+        if abs(ray[2]) < 1e-9 or rise / ray[2] <= 0:
+            return None
+        met = self.eye + ray * (rise / ray[2])
+        return float(met[0]), float(met[1])
+
+    def orbited(self, azimuth: float, elevation: float) -> Camera:
+        """Turned about its target by so many degrees."""
+        turned = math.remainder(self.azimuth + azimuth, 360.0)
+        raised = min(max(self.elevation + elevation, _FLATTEST), _STEEPEST)
+        return replace(self, azimuth=turned, elevation=raised)
+
+    def panned(self, x: float, y: float, height: int) -> Camera:
+        """Moved along the ground, so that what is at the target goes by (x, y) pixels, y down."""
+        metre = self.distance / self.metre(height)
+        right, up, _ = self.axes
+        ahead = np.array([-right[1], right[0], 0.0])
+        steep = max(float(np.hypot(up[0], up[1])), 0.2)
+        moved = np.array(self.target) - right * (x * metre) + ahead * (y * metre / steep)
+        return self.aimed(*(float(one) for one in moved))
+
+    def zoomed(self, factor: float) -> Camera:
+        """So many times nearer to its target."""
+        distance = min(max(self.distance / factor, _NEAREST), _FARTHEST)
+        return replace(self, distance=distance)
+
+    def aimed(self, x: float, y: float, z: float = 0.0) -> Camera:
+        """With its target at (x, y, z), seen from the same side and distance."""
+        return replace(self, target=(x, y, z))
+
+    def fitted(self, points: Floats, aspect: float, margin: float = 0.06) -> Camera:
+        """As near as it can be with all points (n, 3) in the picture, turned as it is.
+
+        Each point bounds how near the eye may be, once from the left and once from the right (from
+        below, from above); the eye is put sideways where the two bounds are equal. It comes to no
+        point nearer than half of their spread.
+        """
+        spread = float(np.linalg.norm(np.ptp(points, axis=0)))
+        right, up, depth = (np.asarray(points, np.float64) @ self.axes.T).T
+        slope = self._slope * (1 - 2 * margin)
+        across, x = _bounded(right, depth, slope * aspect)
+        along, y = _bounded(up, depth, slope)
+        back = max(across, along, spread / 2 - float(depth.min()))
+        eye = np.array([x, y, -back]) @ self.axes
+        forward = self.axes[2]
+        distance = max(-eye[2] / forward[2], _NEAREST)
+        met = eye + forward * distance
+        return replace(self, target=tuple(float(one) for one in met), distance=float(distance))
+
+
+def _bounded(offset: Floats, depth: Floats, slope: float) -> tuple[float, float]:
+    """How far behind the origin the eye must be at least, and how far sideways then."""
+    one = float(np.max(offset / slope - depth))
+    other = float(np.max(-offset / slope - depth))
+    return (one + other) / 2, slope * (one - other) / 2

@@ -1,0 +1,10 @@
+"""The colours of what is not the world's own: paper, ink, and what a person does."""
+
+PAPER = "#f4f0e6"
+PANEL = "#fbfaf6"
+BORDER = "#d3ccbb"
+INK = "#2f3640"
+FAINT = "#857e6e"
+OUTLINE = "#1d232b"
+CHOSEN = "#1f7a8c"
+BEAM = "#e8963c"

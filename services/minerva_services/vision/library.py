@@ -1,0 +1,36 @@
+"""OpenCV, which is an extra."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from typing import Any
+
+from minerva_bus.errors import MisuseError
+
+_QUIET = {
+    "OPENCV_LOG_LEVEL": "SILENT",
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",
+    "OPENCV_IO_MAX_IMAGE_PIXELS": str(1 << 26),
+}
+
+
+@cache
+def opencv() -> Any:
+    """The module cv2, which says nothing by itself and reads no image above 64 megapixels.
+
+    Raises MisuseError where it is not installed.
+    """
+    for name, value in _QUIET.items():
+        os.environ.setdefault(name, value)
+    try:
+        import cv2
+    except ImportError:
+        raise MisuseError(
+            "vision: markers need OpenCV: pip install 'minerva-bus[vision]'"
+        ) from None
+    library: Any = cv2
+    # Said once more, for where somebody else has imported it before; 5 has another name for it.
+    quieten = getattr(library, "setLogLevel", None) or library.utils.logging.setLogLevel
+    quieten(0)
+    return library

@@ -1,0 +1,92 @@
+"""The house of the examples, with real processes and a real broker."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mosquitto import PATIENCE, Mosquitto, eventually, needs_mosquitto
+
+from minerva_bus import evolve, visualize
+
+pytest.importorskip("paho.mqtt")
+pytestmark = needs_mosquitto
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "examples" / "house"
+sys.path.insert(0, str(FOLDER))
+
+from house import Thermostat, eSwitch, eTarget, eTemperature, vocabulary  # noqa: E402
+
+
+def test_a_thermostat():
+    room = vocabulary.read("AThermostat#bath<target=20>")
+    for celsius, heats in ((20.4, "false"), (19.4, "true"), (20.4, "true"), (20.6, "false")):
+        room = evolve(room, [eTemperature(celsius)], [Thermostat]).scene
+        seen = str(visualize(room, [eSwitch()], [Thermostat]))
+        assert seen == f'TRoom<room="bath">(PHeater<on={heats}>)'
+    room = evolve(room, [eTarget(25.0)], [Thermostat]).scene
+    assert "on=true" in str(visualize(room, [eSwitch()], [Thermostat]))
+
+
+def commands():
+    """What the README lets a person publish: topics and payloads."""
+    text = (FOLDER / "README.md").read_text(encoding="utf-8")
+    found = re.findall(r"mosquitto_pub -t (\S+) -m (?:'([^']+)'|(\S+))", text)
+    return [(topic, quoted or plain) for topic, quoted, plain in found]
+
+
+@pytest.fixture
+def house(tmp_path):
+    """The house's broker, and a function that begins its world."""
+    broker, worlds = Mosquitto(tmp_path), []
+
+    def begin():
+        env = os.environ | {
+            "MINERVA_RUNTIME_DIR": str(tmp_path / "run"),
+            "PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in ("", "services", "agents")),
+        }
+        words = ["run", "house.toml", "--broker", broker.address]
+        folder = shutil.copytree(FOLDER, tmp_path / "house")
+        out = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        command = [sys.executable, "-m", "minerva_bus.cli.main", *words]
+        worlds.append(subprocess.Popen(command, cwd=folder, env=env, **out))
+        return worlds[0]
+
+    yield broker, begin
+    for world in worlds:
+        world.kill()
+        world.wait()
+        world.stdout.close()
+    broker.kill()
+
+
+def test_the_house_of_the_readme(house):
+    broker, begin = house
+    with broker.client("home/#") as client:
+        world = begin()
+
+        def heard(*message, since=0):
+            there = lambda: message in [one[:2] for one in client.heard[since:]]  # noqa: E731
+            eventually(there, message, 40)
+
+        heard("home/minerva", b"online")
+        heard("home/kitchen/heater/set", b"OFF")
+        kitchen, bath, target = commands()
+        client.publish(*kitchen)
+        heard("home/kitchen/heater/set", b"ON")
+        client.publish("home/kitchen/temperature", "90")
+        client.publish(*bath)
+        client.publish(*target)
+        heard("home/bath/heater/set", b"ON")
+        before = len(client.heard)
+        client.publish("home/kitchen/temperature", "30")
+        heard("home/kitchen/heater/set", b"OFF", since=before)
+        world.send_signal(signal.SIGINT)
+        said, _ = world.communicate(timeout=PATIENCE)
+        heard("home/minerva", b"offline")
+    assert "Traceback" not in said

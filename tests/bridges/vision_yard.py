@@ -1,0 +1,38 @@
+"""A small world for cameras: an agent that remembers what it sees, and a camera that publishes."""
+
+import numpy as np
+
+from minerva_bus import Agent, Default, Degrees, EventType, Generator, Metres, Vocabulary, on
+from minerva_bus.world.readings import Image, Mount
+
+eCamera = EventType("eCamera", marker=str, dist=Metres, angle=Default(Degrees, 0.0))
+
+
+class Watcher(Agent, symbol="AWatcher"):
+    marker: str = ""
+    dist: Metres = 0.0
+    angle: Degrees = 0.0
+
+    @on("eCamera")
+    def see(self, camera, moment):
+        self.marker, self.dist, self.angle = camera.marker, camera.dist, camera.angle
+
+
+class Eyeball(Generator, lockstep=False):
+    """Publishes one image again and again, as the camera of a robot does."""
+
+    publishes = ("image",)
+
+    def __init__(self, file: str, robot: str = "r"):
+        self.file, self.robot = file, robot
+
+    def run(self, emit, stop):
+        pixels = np.load(self.file)
+        height, width = pixels.shape
+        while not stop.wait(0.02):
+            emit.publish(
+                "image", Image(self.robot, pixels.tobytes(), "mono8", width, height, 0.0, Mount())
+            )
+
+
+vocabulary = Vocabulary.of(eCamera, Watcher)

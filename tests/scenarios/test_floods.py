@@ -1,0 +1,28 @@
+"""More events than frames take: memory stays bounded, and what is dropped is counted and said."""
+
+from minerva_bus.frame import algorithm as a
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.grammar.symbols import EventType, Primitive
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+PStone = Primitive("PStone")
+eDrop = EventType("eDrop", number=int)
+
+
+def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
+    monkeypatch.setattr(a, "MOST_WAITING", 10)
+    world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
+    world.receive(s.Appeared("rain"))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    said = []
+    for number in range(25):
+        out = world.receive(m.Emitted("rain", (eDrop(number),)))
+        said += [one.text for one in out if isinstance(one, s.Say)]
+    assert said == ["has 10 events waiting for a frame; more are dropped"]
+    assert world.roster.get("rain").dropped == 15
+    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    assert [event.number for event in done[0].record.events] == list(range(10))
