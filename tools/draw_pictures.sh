@@ -1,7 +1,19 @@
 #!/usr/bin/env bash
 # Makes the pictures of the README and the guides: run in the project's folder, with its environment.
 set -euo pipefail
-minerva run robot --view svg:path=docs/robot.svg
+minerva run robot --view svg:path=docs/robot.svg --record docs/robot.mcap
+minerva plot docs/robot.mcap -o docs/record.png
+minerva run robot --robots 2 --seed 3 --frames 301 \
+    --view sprites:path=docs/sprites.png,every=150 --view opengl:path=docs/opengl.png,every=150
 (cd examples/meadow && minerva run meadow.toml --rate 0 --frames 640 --view svg:path=../../docs/meadow.svg)
 (cd examples/flock && minerva run flock.toml --rate 0 --frames 300 --view svg:path=../../docs/flock.svg)
-rm docs/robot.svg docs/meadow.svg docs/flock.svg
+rm docs/robot.svg docs/meadow.svg docs/flock.svg docs/robot.mcap
+
+minerva run robot --robots 2 --rate 30 --until '' --quiet &
+trap 'kill %1' EXIT
+until minerva list --world robot >/dev/null 2>&1; do sleep 0.2; done
+python tools/draw_top.py docs/top.png
+minerva stop robot
+trap - EXIT
+wait
+python tools/draw_page.py docs/web.png
