@@ -92,13 +92,14 @@ class GLPainter:
         """Where the texts and their pins are."""
         return self._boxes
 
-    def drag(self, dx: float, dy: float, button: int) -> None:
+    def drag(self, dx: float, dy: float, button: int) -> bool:
         """Turn about the target with the left button, or move along the ground with another."""
         self._moved = True
         if button == 1 and not _shift_held():
             self.camera = self.camera.orbited(-_DEGREES * dx, _DEGREES * dy)
-        else:
-            self.camera = self.camera.panned(dx, dy, self._canvas.size[1])
+            return False
+        self.camera = self.camera.panned(dx, dy, self._canvas.size[1])
+        return True
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
         """Come nearer by so many steps; what is at the pixel stays there."""

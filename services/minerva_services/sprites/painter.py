@@ -87,9 +87,10 @@ class SpritePainter:
     def labels(self) -> list[Box]:
         return self._boxes
 
-    def drag(self, dx: float, dy: float, button: int) -> None:
+    def drag(self, dx: float, dy: float, button: int) -> bool:
         self._aimed = True
         self.camera = self.camera.dragged(dx, dy)
+        return True
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
         self._aimed = True

@@ -80,9 +80,8 @@ class Input:
         if not self._dragged:
             by = at[0] - int(start[0]), at[1] - int(start[1])
             self._dragged = True
-            if button == 1:
-                self._hands.let_go()
-        self._painter.drag(*by, button)
+        if self._painter.drag(*by, button):
+            self._hands.let_go()
         return True
 
     def _release(self, button: int, at: tuple[int, int]) -> bool:

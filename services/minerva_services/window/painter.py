@@ -92,8 +92,11 @@ class Painter(Protocol):
         """Where the labels are that were drawn last, the topmost last."""
         ...
 
-    def drag(self, dx: float, dy: float, button: int) -> None:
-        """The mouse was moved by so many pixels with a button (1 left, 2, 3 right) held."""
+    def drag(self, dx: float, dy: float, button: int) -> bool:
+        """The mouse was moved by so many pixels with a button (1 left, 2, 3 right) held.
+
+        True where another place is looked at now, so that nobody is followed any more.
+        """
         ...
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
