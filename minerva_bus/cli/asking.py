@@ -43,7 +43,7 @@ def list_members(connect: str, world: str, json_too: bool) -> None:
         return
     _print(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
     _table(
-        ["member", "state", "roles", "types", "last reply", "late", "pid", "host"],
+        ["member", "state", "roles", "types", "last reply", "late", "pid", "host", "figures"],
         [_row(member) for member in status.members],
     )
 
@@ -71,6 +71,7 @@ def _row(member: MemberStatus) -> list[str]:
         str(member.late),
         str(member.pid),
         member.host,
+        member.figures_shown(),
     ]
 
 

@@ -36,6 +36,14 @@ class MemberStatus:
         default_factory=dict[str, bool | int | float | str]
     )
 
+    def figures_shown(self) -> str:
+        """The figures as a person reads them, what was dropped first."""
+        first = sorted(self.figures.items(), key=lambda pair: (pair[0] != "dropped", pair[0]))
+        return ", ".join(
+            f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in first
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Happening:

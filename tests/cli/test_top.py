@@ -17,7 +17,15 @@ from minerva_bus.cli.top.texts import bar, doing
 
 MEMBERS = (
     MemberStatus("steps", "present", ("generator",), "Steps", generates=("eStep",), wait=100.0),
-    MemberStatus("walkers", "late", ("agents",), kinds=("AWalker",), late=3, wait=400.0),
+    MemberStatus(
+        "walkers",
+        "late",
+        ("agents",),
+        kinds=("AWalker",),
+        late=3,
+        wait=400.0,
+        figures={"source": "open", "dropped": 2},
+    ),
 )
 STATUS = WorldStatus(
     "yard", 42, 0.1, "between frames", rate=20.0, hz=19.5, agents=7, members=MEMBERS,
@@ -80,6 +88,7 @@ def test_it_shows_members_phases_events_and_the_log():
     async def play(dashboard, pilot, operator):
         await until(pilot, lambda: len(rows(dashboard)) == 2)
         assert rows(dashboard)["walkers"][:4] == ["walkers", "late", "agents", "AWalker"]
+        assert rows(dashboard)["walkers"][-1] == "dropped 2, source open"
         heading = shown(dashboard, "heading")
         assert "yard" in heading
         assert "frame 42" in heading

@@ -19,7 +19,17 @@ from minerva_bus.world.operator import Happening, LogLine, Operator, WorldStatus
 
 EVERY = 0.25
 HISTORY = 120
-COLUMNS = ("member", "state", "what", "types", "waited for, µs a frame", "late", "last", "process")
+COLUMNS = (
+    "member",
+    "state",
+    "what",
+    "types",
+    "waited for, µs a frame",
+    "late",
+    "last",
+    "process",
+    "figures",
+)
 RATES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0)
 
 

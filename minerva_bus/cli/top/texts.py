@@ -57,6 +57,7 @@ def row(member: MemberStatus, longest: float) -> list[Text]:
         Text(f"{member.late:,}", "yellow" if member.late else "bright_black", justify="right"),
         Text(f"{member.last_reply:,}", justify="right"),
         Text(f"{member.pid}@{member.host}", "bright_black"),
+        Text(member.figures_shown(), "yellow" if member.figures.get("dropped") else ""),
     ]
 
 
