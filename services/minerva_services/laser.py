@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.types import Degrees, Metres
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.services import Generator, Tick, WorldInfo
 from minerva_services.making import Maker
+
+Reals: TypeAlias = NDArray[np.float64]
 
 
 class Laser(Generator, events=("eLaser",)):
@@ -54,37 +58,35 @@ class Laser(Generator, events=("eLaser",)):
     def joined(self, world: WorldInfo) -> None:
         self._obstacle = Maker("laser", world, self._event, dist=Metres, angle=Degrees)
 
-    def generate(self, tick: Tick) -> Iterable[Event]:
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         for scan in tick.readings:
             if not isinstance(scan, Scan):
                 raise MisuseError(
                     f"laser: expected scans on {self.topics[0]!r}, found {type(scan).__name__}"
                 )
-            to = (scan.robot,)
-            for dist, angle in _from_centre(scan, _hits(scan, self._every)):
-                yield self._obstacle(dist, angle, receivers=to)
+            dist, angle = _from_centre(scan, *_hits(scan, self._every))
+            if len(dist) >= MANY:
+                yield self._obstacle.many((dist, angle), scan.robot)
+                continue
+            for one in zip(dist.tolist(), angle.tolist(), strict=True):
+                yield self._obstacle(*one, receivers=(scan.robot,))
 
 
-def _hits(scan: Scan, every: int) -> Iterator[tuple[float, float]]:
+def _hits(scan: Scan, every: int) -> tuple[Reals, Reals]:
     """Distance in metres and angle in degrees, from the sensor, of each beam that hit."""
     ranges, first, step = scan.ranges[::every], float(scan.first), float(scan.step) * every
     # The limit as float32 too, or a beam that reads just the limit might seem to be below it.
     beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    for beam, dist in zip(beams.tolist(), ranges[beams].tolist(), strict=True):
-        yield dist, first + beam * step
+    return ranges[beams].astype(np.float64), first + beams * step
 
 
-def _from_centre(scan: Scan, hits: Iterable[tuple[float, float]]) -> Iterable[tuple[float, float]]:
+def _from_centre(scan: Scan, dist: Reals, angle: Reals) -> tuple[Reals, Reals]:
     """The same hits, from the robot's centre and heading."""
     x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
-    if not (x or y or turn):
-        return hits
+    angle = angle + turn
     if not (x or y):
-        return ((dist, angle + turn) for dist, angle in hits)
-    return (_moved(dist, angle + turn, x, y) for dist, angle in hits)
-
-
-def _moved(dist: float, angle: float, x: float, y: float) -> tuple[float, float]:
-    heading = math.radians(angle)
-    x, y = x + dist * math.cos(heading), y + dist * math.sin(heading)
-    return math.hypot(x, y), math.degrees(math.atan2(y, x))
+        return dist, angle
+    heading = np.radians(angle)
+    ahead, left = x + dist * np.cos(heading), y + dist * np.sin(heading)
+    angle[:] = np.degrees(np.arctan2(left, ahead))
+    return np.hypot(ahead, left), angle

@@ -6,10 +6,17 @@ but putting values in their places.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.columns import Column
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import type_of
@@ -50,6 +57,20 @@ class Maker:
         if not self._in_order:
             values = self._arranged(values)
         return Event(self._type, self._names, values, "", "", receivers)
+
+    def many(self, columns: Sequence[NDArray[Any]], receiver: str) -> Events:
+        """Many events to one agent, with a column for each of the values; shape (n,) each."""
+        count = len(columns[0])
+        given = [Column(column) for column in columns]
+        if not self._in_order:
+            mine = dict(zip(self._places, given, strict=True))
+            same = np.zeros(count, np.intp)
+            given = [
+                mine[place] if place in mine else Column.of([cast("Value", one)]).take(same)
+                for place, one in enumerate(self._rest)
+            ]
+        to = Ids.of([receiver]).take(np.zeros(count, np.intp))
+        return Events(self._type, self._names, tuple(given), count, receivers=to)
 
     def _arranged(self, values: tuple[Value, ...]) -> tuple[Value, ...]:
         arranged: list[Any] = self._rest.copy()

@@ -11,6 +11,7 @@ from recorded import flaser, messages, write, write_bag
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.specs import find_world
@@ -60,7 +61,7 @@ def lasers_of_each_frame(file, readings=()):
     def told(instruction):
         if isinstance(instruction, s.FrameDone):
             events = instruction.record.events
-            frames.append([(e.dist, e.angle) for e in events if e.type == "eLaser"])
+            frames.append([(e.dist, e.angle) for e in single(events) if e.type == "eLaser"])
 
     members = {one.name: one.participant() for one in file.processes}
     runner = InProcess(algorithm, members.values(), told)

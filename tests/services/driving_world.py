@@ -30,6 +30,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.world.order import Order
@@ -233,7 +234,7 @@ class Yard(InProcess):
         return [one.digest for one in self.frames]
 
     def events(self, frame: int, event_type: str) -> list[Event]:
-        return [one for one in self.frames[frame].events if one.type == event_type]
+        return [one for one in single(self.frames[frame].events) if one.type == event_type]
 
     def pose(self, name: str) -> tuple[float, ...]:
         """Where the physics world has a body now: x, y in metres, angle in degrees."""

@@ -8,6 +8,7 @@ import pytest
 from driving_world import INFO, joined, tick, world_with
 
 from minerva_bus import Degrees, EventType, Metres, MinervaError
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.symbols import Default
 from minerva_bus.world.readings import Scan, Sighting, Sightings
 from minerva_services.camera import Camera
@@ -131,3 +132,22 @@ def test_a_world_without_the_type_is_refused_with_a_hint() -> None:
 def test_every_counts_from_one() -> None:
     with pytest.raises(MinervaError, match="laser: every is 0"):
         Laser(every=0)
+
+
+def test_many_beams_are_events_in_columns_and_the_same_as_one_by_one() -> None:
+    ranges = [0.5 + i / 100 for i in range(90)]
+    for x, y, turn in ((0.0, 0.0, 0.0), (0.0, 0.0, 90.0), (0.1, -0.05, 30.0)):
+        mount = {"mount_x": x, "mount_y": y, "mount_angle": turn}
+        whole = scan(ranges, step=1.0, **mount)
+        (batch,) = joined(Laser()).generate(tick(1, whole))
+        few = [
+            event
+            for i in range(0, 90, 30)
+            for event in joined(Laser()).generate(
+                tick(1, scan(ranges[i : i + 30], first=i - 90.0, step=1.0, **mount))
+            )
+        ]
+        assert len(batch) == len(few) == 90
+        for one, other in zip(single((batch,)), few, strict=True):
+            assert (one.type, one.receivers) == (other.type, other.receivers)
+            assert one.values == pytest.approx(other.values, abs=1e-9)

@@ -1,0 +1,204 @@
+"""Milliseconds from a sensor's reading to the end of the frame in which agents acted on it.
+
+    python -m benchmarks.sensors [--lidars 3] [--beams 720] [--hertz 40] [--rate 30] [--seconds 10]
+                                 [--json]
+
+Free-running lidars and a camera (30 images a second, 640 × 480, as JPEG of 40 kB) publish, each in
+a process of its own; a generator for each lidar makes an event of every beam that hit, and an agent
+counts them, while the world runs at its rate. A reading has the machine's monotonic time in it,
+and one event of each frame carries the oldest time that it was made of to the coordinator, which
+looks at the clock when the frame is over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchmarks.latency import forked
+from minerva_bus import Agent, Event, EventType, Generator, Metres, Moment, Tick, Vocabulary, on
+from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.member import BusMember
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.types import Degrees
+from minerva_bus.world.readings import Image, Scan
+from minerva_bus.world.services import Emit
+from minerva_services.laser import Laser
+
+IMAGE_BYTES, IMAGE_HERTZ = 40_000, 30.0
+WARM_UP = 1.0
+eLaser = EventType("eLaser", dist=Metres, angle=Degrees)  # noqa: N816
+eStamp = EventType("eStamp", time=float)  # noqa: N816
+eLook = EventType("eLook", time=float)  # noqa: N816
+
+
+class Watcher(Agent, symbol="AWatcher"):
+    """Counts what it is told."""
+
+    hits: int = 0
+
+    @on("eLaser")
+    def see(self, laser: Event, moment: Moment) -> None:
+        self.hits += 1
+
+
+VOCABULARY = Vocabulary.of(eLaser, eStamp, eLook, Watcher)
+
+
+class Lidar(Generator, lockstep=False):
+    """Publishes turns of a lidar."""
+
+    def __init__(self, topic: str, beams: int, hertz: float) -> None:
+        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self._beams, self._hertz = beams, hertz
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        ranges = np.full(self._beams, 2.0, np.float32)
+        due = time.monotonic()
+        while not stop.wait(max(0.0, due - time.monotonic())):
+            due += 1 / self._hertz
+            step, now = 360.0 / self._beams, time.monotonic()
+            emit.publish(self.publishes[0], Scan("a", ranges, 0.0, step, 8.0, now))
+
+
+class Eye(Generator, lockstep=False):
+    """Publishes images."""
+
+    publishes = ("image",)
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        data = os.urandom(IMAGE_BYTES)
+        while not stop.wait(1 / IMAGE_HERTZ):
+            emit.publish("image", Image("a", data, "jpeg", 640, 480, time.monotonic()))
+
+
+class Stamps(Generator):
+    """Tells the coordinator from when the readings of this frame are."""
+
+    def __init__(self, topic: str, event: EventType) -> None:
+        self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self._event = event
+
+    def generates(self) -> tuple[str, ...]:
+        return (self._event.name,)
+
+    def generate(self, tick: Tick) -> Iterator[Event]:
+        if tick.readings:
+            yield self._event(tick.readings[0].time)
+
+
+def members(lidars: int, beams: int, hertz: float) -> list[Participant]:
+    topics = [f"scan{i}" for i in range(lidars)]
+    return [
+        *(Participant(f"lidar{i}", Lidar(one, beams, hertz)) for i, one in enumerate(topics)),
+        *(Participant(f"laser{i}", Laser(topic=one)) for i, one in enumerate(topics)),
+        Participant("camera", Eye()),
+        Participant("scans", Stamps(topics[0], eStamp)),
+        Participant("images", Stamps("image", eLook)),
+        Participant("host", None, [Watcher]),
+    ]
+
+
+def measured(options: argparse.Namespace) -> dict[str, float]:
+    """Run the world; times in ms."""
+    parts = members(options.lidars, options.beams, options.hertz)
+    pipes = [os.pipe() for _ in parts]
+    children = [
+        forked(
+            lambda one=one, read=read: BusMember(
+                one, "sensors", os.read(read, 1000).decode(), print
+            ).run()
+        )
+        for one, (read, _) in zip(parts, pipes, strict=True)
+    ]
+    found: dict[str, list[float]] = {"eStamp": [], "eLook": []}
+    frames: list[float] = []
+
+    def listening(endpoint: str) -> None:
+        for _, write in pipes:
+            os.write(write, endpoint.encode())
+
+    def frame_done(done: s.FrameDone) -> None:
+        now = time.monotonic()
+        frames.append(now)
+        if now - frames[0] < WARM_UP:
+            return
+        for event in done.events:
+            if isinstance(event, Event) and event.type in found:
+                found[event.type].append(1e3 * (now - event.time))
+        if now - frames[0] > WARM_UP + options.seconds:
+            coordinator.inbox.put(s.End("measured"))
+
+    world = World(
+        "sensors",
+        VOCABULARY.read("AWatcher#a"),
+        VOCABULARY,
+        dt=1 / options.rate,
+        expected=frozenset(one.name for one in parts),
+    )
+    watchers = Watchers(
+        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        status=lambda _: None,
+        listening=listening,
+        stalled=lambda name, _: None,
+        frame_done=frame_done,
+    )
+    coordinator = BusCoordinator(world, watchers, rate=options.rate)
+    coordinator.run()
+    for child in children:
+        os.waitpid(child, 0)
+    return figures(found, frames)
+
+
+def figures(found: dict[str, list[float]], frames: list[float]) -> dict[str, float]:
+    row = {"frames_per_s": round((len(frames) - 1) / (frames[-1] - frames[0]), 1)}
+    for name, event_type in (("scan", "eStamp"), ("image", "eLook")):
+        times = sorted(found[event_type])
+        row[f"{name}s"] = len(times)
+        for part, of in (("p50", 0.5), ("p90", 0.9), ("p99", 0.99)):
+            row[f"{name}_ms_{part}"] = round(times[int(of * (len(times) - 1))], 1)
+        row[f"{name}_ms_mean"] = round(statistics.fmean(times), 1)
+    bins = np.histogram(found["eStamp"], [0, 5, 10, 15, 20, 25, 30, 35, 40, 50, 75, 100, 1e9])[0]
+    row["scan_histogram"] = bins.tolist()  # type: ignore[assignment]
+    return row
+
+
+def shown(row: dict[str, float]) -> str:
+    edges = ["5", "10", "15", "20", "25", "30", "35", "40", "50", "75", "100", "more"]
+    counts: list[int] = row.pop("scan_histogram")  # type: ignore[assignment]
+    greatest = max(counts)
+    lines = [f"{name:>16} {value:>10,}" for name, value in row.items()]
+    lines.append("scan to the end of its frame, ms up to:")
+    lines += [
+        f"{e:>16} {n:>6} {'█' * (40 * n // greatest)}" for e, n in zip(edges, counts, strict=True)
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--lidars", type=int, default=3)
+    parser.add_argument("--beams", type=int, default=720)
+    parser.add_argument("--hertz", type=float, default=40.0)
+    parser.add_argument("--rate", type=float, default=30.0)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    row = measured(options)
+    settings = {name: getattr(options, name) for name in ("lidars", "beams", "hertz", "rate")}
+    print(json.dumps({**settings, **row}) if options.json else shown(row))
+
+
+if __name__ == "__main__":
+    main()

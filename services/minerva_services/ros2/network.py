@@ -1,0 +1,128 @@
+"""How ROS 2 topics are laid out on a Zenoh network: keys, liveliness tokens and attachments.
+
+There are two layouts. *rmw_zenoh* is that of ROS 2's own middleware for Zenoh [rmw_zenoh,
+docs/design.md], *dds* that of a zenoh-bridge-ros2dds beside a robot that speaks DDS. In both the
+payload is the message in CDR.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from minerva_bus.errors import MisuseError, nearest
+
+LAYOUTS: Final = ("rmw_zenoh", "dds")
+ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
+NO_HASH: Final = "TypeHashNotSupported"
+"""What ROS 2 Humble, which has no type hashes, writes in place of one."""
+
+GID_BYTES: Final = 16
+_ATTACHMENT: Final = struct.Struct(f"<qqB{GID_BYTES}s")
+_QOS: Final = "::,10:,:,:,,"
+"""Reliable, volatile, the last 10: ROS 2's default, of which only the depth is written."""
+
+_LASTING_QOS: Final = ":1:,1:,:,:,,"
+"""The same, but transient local and the last one only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Where a robot's Zenoh network is, and how ROS 2 is laid out on it.
+
+    `router` is the endpoint of it (rmw_zenohd, zenohd or zenoh-bridge-ros2dds); `domain`
+    is the ROS domain, of rmw_zenoh; `namespace` stands before all topics that do not begin with /.
+    Raises MisuseError for what cannot be.
+    """
+
+    router: str
+    layout: str = "rmw_zenoh"
+    domain: int = 0
+    namespace: str = ""
+    humble: bool = False
+
+    def __post_init__(self) -> None:
+        if self.layout not in LAYOUTS:
+            raise MisuseError(
+                f"ros2: layout is {self.layout!r}{nearest(self.layout, list(LAYOUTS))};"
+                f" expected {' or '.join(LAYOUTS)}"
+            )
+        if self.router.partition("/")[0] not in ENDPOINTS or not self.router.partition("/")[2]:
+            raise MisuseError(f"ros2: {self.router!r} is no endpoint; expected tcp/HOST:7447")
+        if not 0 <= self.domain <= 232:
+            raise MisuseError(f"ros2: domain is {self.domain}; expected 0 to 232")
+        if self.namespace.strip("/"):
+            check_name("namespace", self.namespace)
+
+    def name(self, topic: str) -> str:
+        """A topic's full name without its first slash. Raises MisuseError."""
+        check_name("a topic", topic)
+        if topic.startswith("/") or not self.namespace.strip("/"):
+            return topic.strip("/")
+        return f"{self.namespace.strip('/')}/{topic.strip('/')}"
+
+    def key(self, topic: str, message: str, type_hash: str) -> str:
+        """The key on which a topic of a message type is published."""
+        name = self.name(topic)
+        if self.layout == "dds":
+            return name
+        shown = NO_HASH if self.humble else type_hash
+        return f"{self.domain}/{name}/{dds_type(message)}/{shown}"
+
+    def pattern(self, topic: str, message: str) -> str:
+        """The keys on which a topic is heard: of any version of its type."""
+        name = self.name(topic)
+        return name if self.layout == "dds" else f"{self.domain}/{name}/{dds_type(message)}/*"
+
+    def node_token(self, session: str, node: str) -> str:
+        """The liveliness token by which a node is seen in the ROS graph."""
+        return f"@ros2_lv/{self.domain}/{session}/0/0/NN/%/%/{node}"
+
+    def topic_token(
+        self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
+        topic: str, message: str, type_hash: str, *, lasting: bool,
+    ) -> str:  # fmt: skip
+        """That of a publisher (MP) or a subscription (MS); `lasting` is transient local."""
+        name = "%" + self.name(topic).replace("/", "%")
+        shown = NO_HASH if self.humble else type_hash
+        return (
+            f"@ros2_lv/{self.domain}/{session}/0/{entity}/{kind}/%/%/{node}/{name}"
+            f"/{dds_type(message)}/{shown}/{_LASTING_QOS if lasting else _QOS}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """What comes with each message in rmw_zenoh: its number, its time, and who published it."""
+
+    sequence: int
+    nanoseconds: int
+    gid: bytes
+
+    def packed(self) -> bytes:
+        """33 bytes: two little-endian int64, the length of the gid, the gid."""
+        return _ATTACHMENT.pack(self.sequence, self.nanoseconds, GID_BYTES, self.gid)
+
+    @staticmethod
+    def unpacked(data: bytes) -> Attachment:
+        """The same back. Raises MisuseError for other bytes."""
+        if len(data) != _ATTACHMENT.size or data[16] != GID_BYTES:
+            raise MisuseError(f"{len(data)} bytes are no attachment; expected {_ATTACHMENT.size}")
+        sequence, nanoseconds, _, gid = _ATTACHMENT.unpack(data)
+        return Attachment(sequence, nanoseconds, gid)
+
+
+def dds_type(message: str) -> str:
+    """A message type as DDS names it: `sensor_msgs::msg::dds_::LaserScan_`."""
+    package, kind, name = message.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def check_name(what: str, name: str) -> None:
+    """Refuse what cannot name a topic. Raises MisuseError."""
+    parts = name.strip("/").split("/")
+    if not all(part and part.replace("_", "a").isalnum() and part.isascii() for part in parts):
+        raise MisuseError(
+            f"ros2: {name!r} cannot name {what}; expected letters, digits and _, with / between"
+        )

@@ -1,0 +1,140 @@
+"""What a robot's own topics say, decoded as it comes: scans, detections, odometry, transforms."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final, TypeVar
+
+from minerva_bus.world.readings import Mount, Scan, Sightings
+from minerva_services.ros2 import readings
+from minerva_services.ros2.frames import Frames
+from minerva_services.ros2.messages import (
+    DETECTIONS,
+    LASER_SCAN,
+    ODOMETRY,
+    TRANSFORMS,
+    GarbageError,
+    messages,
+    seconds,
+)
+from minerva_services.ros2.mounts import UnplacedError, mounting_of
+from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.session import Session
+
+_KEPT: Final = 8
+"""Scans, and images' sightings, that wait for a frame; the newest counts."""
+
+_Timed = TypeVar("_Timed", Scan, Sightings)
+
+
+class Senses:
+    """The last scans and sightings of one robot; Zenoh's threads put them here.
+
+    `moved(time, pose)` is told what odometry says. Without odometry there is no use for the
+    robot's clock, and the time is that of arrival.
+    """
+
+    def __init__(self, base: str, mount: Mount | None, moved: Callable[[float, Pose], None]):
+        self.odometry_frame = "odom"
+        self.scanned = False
+        self._base, self._mount, self._moved = base, mount, moved
+        self._frames = Frames()
+        self._by_arrival = True
+        self._scans = deque[Scan](maxlen=_KEPT)
+        self._sightings = deque[Sightings](maxlen=_KEPT)
+        self._counts: dict[str, int] = {}
+        self._lock = threading.Lock()
+
+    def listen(self, session: Session, scan: str, odometry: str, detections: str) -> None:
+        """Subscribe to the topics that have names."""
+        self._by_arrival = not odometry
+        session.subscribe("/tf_static", TRANSFORMS, self._hear_transforms, lasting=True)
+        if odometry:
+            session.subscribe(odometry, ODOMETRY, self._hears(ODOMETRY, self._take_odometry))
+        if scan:
+            session.subscribe(scan, LASER_SCAN, self._hears(LASER_SCAN, self._take_scan))
+        if detections:
+            hear = self._hears(DETECTIONS, self._take_detections)
+            session.subscribe(detections, DETECTIONS, hear)
+
+    @property
+    def scans(self) -> tuple[Scan, ...]:
+        """The last scans."""
+        with self._lock:
+            return tuple(self._scans)
+
+    @property
+    def sightings(self) -> tuple[Sightings, ...]:
+        """The last sightings."""
+        with self._lock:
+            return tuple(self._sightings)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was passed over, and how often."""
+        with self._lock:
+            return dict(self._counts)
+
+    def count(self, what: str) -> None:
+        """Count something that was passed over."""
+        with self._lock:
+            self._counts[what] = self._counts.get(what, 0) + 1
+
+    def _hear_transforms(self, data: bytes) -> None:
+        self._hears(TRANSFORMS, self._frames.hear)(data)
+
+    def _hears(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
+        def hear(data: bytes) -> None:
+            try:
+                take(messages().decode(message, data))
+            except UnplacedError:
+                self.count("without a transform")
+            except GarbageError:
+                self.count("garbage")
+
+        return hear
+
+    def _take_odometry(self, message: Any) -> None:
+        pose, stamp = readings.pose_of(message.pose.pose), seconds(message.header.stamp)
+        self.odometry_frame = message.header.frame_id or "odom"
+        self._moved(stamp, pose)
+
+    def _take_scan(self, message: Any) -> None:
+        frame = message.header.frame_id
+        mounting = mounting_of(self._frames, self._base, frame, self._mount)
+        scan = self._timed(readings.scan_of(message, "", mounting))
+        with self._lock:
+            self._scans.append(scan)
+        self.scanned = True
+
+    def _take_detections(self, message: Any) -> None:
+        placed = self._frames.matrix(self._base, message.header.frame_id)
+        if placed is None:
+            raise UnplacedError(f"no transform from {message.header.frame_id}")
+        found = self._timed(readings.sightings_of(message, "", placed))
+        with self._lock:
+            self._sightings.append(found)
+
+    def _timed(self, reading: _Timed) -> _Timed:
+        return replace(reading, time=time.monotonic()) if self._by_arrival else reading
+
+
+def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
+    """The sightings of a robot that stood at `shift`, as they would be seen from the origin."""
+    seen = [
+        replace(one, distance=math.hypot(at.x, at.y), angle=math.degrees(math.atan2(at.y, at.x)))
+        for one in sightings.seen
+        for at in (shift.then(Pose(angle=one.angle)).then(Pose(x=one.distance)),)
+    ]
+    return Sightings(robot, tuple(seen), sightings.time)
+
+
+def scanned_from(shift: Pose, scan: Scan, robot: str) -> Scan:
+    """The scan of a robot that stood at `shift`, as one with another mount at the origin."""
+    mount = shift.then(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
+    return replace(scan, robot=robot, mount_x=mount.x, mount_y=mount.y, mount_angle=mount.angle)

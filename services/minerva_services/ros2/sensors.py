@@ -1,0 +1,194 @@
+"""What a ROS 2 robot measures, on the world's sensor topics."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, ClassVar, Final, TypeAlias
+
+from minerva_bus.world.readings import CENTRE, Mount, Reading
+from minerva_bus.world.services import WorldInfo
+from minerva_services.bridging import Bridge, Source, SourceError
+from minerva_services.ros2 import readings
+from minerva_services.ros2.frames import Frames, Mounting
+from minerva_services.ros2.messages import (
+    BATTERY,
+    COMPRESSED,
+    DETECTIONS,
+    IMAGE,
+    LASER_SCAN,
+    ODOMETRY,
+    TRANSFORMS,
+    GarbageError,
+    messages,
+)
+from minerva_services.ros2.mounts import UnplacedError, mount_of, mounting_of
+from minerva_services.ros2.network import Network
+from minerva_services.ros2.session import Session
+
+_WAITING: Final = 100
+"""Messages that wait for their turn, at most; the oldest are dropped."""
+
+_GLANCE: Final = 0.25
+Make: TypeAlias = Callable[[Any], Reading]
+
+
+class Ros2(Bridge):
+    """Publishes what a ROS 2 robot measures, as it comes: scans, odometry, images, battery.
+
+    An empty topic is not listened to. Where a sensor is mounted is taken from /tf_static, unless
+    `mount` gives it for the laser.
+
+    Args:
+        router: the endpoint of the robot's Zenoh router or zenoh-bridge-ros2dds.
+        robot: the id of the agent that the sensors are for.
+        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
+        domain: the ROS domain, for rmw_zenoh.
+        namespace: what stands before all topics that do not begin with a slash.
+        humble: the robot runs ROS 2 Humble, which has no type hashes.
+        scan: topic of LaserScan messages, published here on `scan`.
+        odometry: topic of Odometry messages, on `odometry`.
+        image: topic of Image messages, on `image`.
+        compressed: topic of CompressedImage messages, on `image` too.
+        battery: topic of BatteryState messages, on `battery`.
+        detections: topic of Detection3DArray messages, whose classes are markers, on `sightings`.
+        base: the robot's own frame.
+        mount: "x, y, degrees" of the laser on the robot.
+
+    """
+
+    source_option: ClassVar[str] = "router"
+
+    def __init__(
+        self,
+        router: str,
+        robot: str = "r1",
+        layout: str = "rmw_zenoh",
+        domain: int = 0,
+        namespace: str = "",
+        humble: bool = False,
+        scan: str = "scan",
+        odometry: str = "odom",
+        image: str = "",
+        compressed: str = "",
+        battery: str = "battery_state",
+        detections: str = "",
+        base: str = "base_link",
+        mount: str = "",
+    ) -> None:
+        super().__init__()
+        self._network = Network(router, layout, domain, namespace, humble)
+        self.source = f"the ROS 2 network at {router}"
+        self._robot = robot
+        self._base = base
+        self._mount = mount_of(mount)
+        self._frames = Frames()
+        self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
+        for name, _, _ in self._wanted.values():
+            self._network.name(name)
+        # Which topics there are is up to each world, so this one hides its class's.
+        topics = sorted({topic for _, topic, _ in self._wanted.values()})
+        self.publishes = tuple(topics)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _makers(
+        self, scan: str, odometry: str, image: str, compressed: str, battery: str, detections: str
+    ) -> dict[str, tuple[str, str, Make]]:
+        """By message type: the ROS topic, ours, and what makes a reading of a message."""
+        robot = self._robot
+        table: dict[str, tuple[str, str, Make]] = {
+            LASER_SCAN: (scan, "scan", self._scan),
+            ODOMETRY: (odometry, "odometry", partial(readings.odometry_of, robot=robot)),
+            IMAGE: (image, "image", partial(self._image, readings.image_of)),
+            COMPRESSED: (compressed, "image", partial(self._image, readings.file_of)),
+            BATTERY: (battery, "battery", partial(readings.battery_of, robot=robot)),
+            DETECTIONS: (detections, "sightings", self._sightings),
+        }
+        return {message: row for message, row in table.items() if row[0]}
+
+    def joined(self, world: WorldInfo) -> None:
+        """Raises MisuseError where rosbags is missing."""
+        messages()
+
+    def open(self) -> Source:
+        """Raises SourceError where the network does not answer."""
+        session = Session(self._network, "minerva_sensors")
+        source = _Listening(session, self)
+        session.subscribe("/tf_static", TRANSFORMS, source.hears(TRANSFORMS), lasting=True)
+        for message, (topic, _, _) in self._wanted.items():
+            session.subscribe(topic, message, source.hears(message))
+        return source
+
+    def reading(self, message: str, data: bytes) -> tuple[str, Reading] | None:
+        """What a message says; garbage, and what has no known place, is counted."""
+        try:
+            value = messages().decode(message, data)
+            if message == TRANSFORMS:
+                self._frames.hear(value)
+                return None
+            _, topic, make = self._wanted[message]
+            return topic, make(value)
+        except UnplacedError:
+            self.count("without a transform")
+        except GarbageError:
+            self.count("garbage")
+        return None
+
+    def _scan(self, message: Any) -> Reading:
+        return readings.scan_of(message, self._robot, self._mounting(message, self._mount))
+
+    def _image(self, make: Callable[..., Reading], message: Any) -> Reading:
+        known = self._frames.mounting(self._base, message.header.frame_id)
+        return make(message, self._robot, known.mount if known is not None else CENTRE)
+
+    def _sightings(self, message: Any) -> Reading:
+        placed = self._frames.matrix(self._base, message.header.frame_id)
+        if placed is None:
+            raise UnplacedError(f"no transform from {message.header.frame_id}")
+        return readings.sightings_of(message, self._robot, placed)
+
+    def _mounting(self, message: Any, given: Mount | None) -> Mounting:
+        return mounting_of(self._frames, self._base, message.header.frame_id, given)
+
+
+class _Listening:
+    """Messages as they come, as many as may wait; Zenoh's threads put them here."""
+
+    def __init__(self, session: Session, bridge: Ros2) -> None:
+        self._session = session
+        self._bridge = bridge
+        self._waiting = deque[tuple[str, bytes]]()
+        self._news = threading.Condition()
+
+    def hears(self, message: str) -> Callable[[bytes], None]:
+        """What takes the payloads of a topic."""
+
+        def hear(data: bytes) -> None:
+            with self._news:
+                if len(self._waiting) == _WAITING:
+                    self._waiting.popleft()
+                    self._bridge.count("dropped here")
+                self._waiting.append((message, data))
+                self._news.notify()
+
+        return hear
+
+    def read(self, stop: threading.Event) -> Iterator[tuple[str, Reading] | None]:
+        """Readings; raises SourceError where the link is lost."""
+        while not stop.is_set():
+            with self._news:
+                if not self._waiting:
+                    self._news.wait(_GLANCE)
+                waiting = list(self._waiting)
+                self._waiting.clear()
+            if not waiting and not self._session.connected:
+                raise SourceError(f"{self._bridge.source} is lost")
+            if not waiting:
+                yield None
+            for message, data in waiting:
+                yield self._bridge.reading(message, data)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._session.close()

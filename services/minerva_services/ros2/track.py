@@ -1,0 +1,76 @@
+"""Where odometry has had a robot, at each of its last times."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import deque
+from typing import Final
+
+from minerva_services.ros2.plane import Pose
+
+_KEPT: Final = 500
+SUDDEN: Final = Pose(0.5, 0.0, 45.0)
+"""Metres and degrees by which odometry may be corrected at once, beside what can be driven."""
+
+_LONGEST: Final = 2.0
+"""Seconds for which a robot may have driven on unheard; it has a dead man's switch too."""
+
+
+class Track:
+    """Poses by the robot's own clock, the last few hundred. One that is set back begins anew.
+
+    `fastest` and `turning` are what the robot can do, in metres and degrees per second.
+    """
+
+    def __init__(self, fastest: float, turning: float) -> None:
+        self._fastest, self._turning = fastest, turning
+        self._times = deque[float](maxlen=_KEPT)
+        self._poses = deque[Pose](maxlen=_KEPT)
+        self.restarts = 0
+
+    @property
+    def newest(self) -> Pose | None:
+        """The last pose."""
+        return self._poses[-1] if self._poses else None
+
+    def add(self, time: float, pose: Pose) -> bool:
+        """Take a pose; whether it has jumped where no robot can have driven."""
+        jumped = False
+        if self._times:
+            elapsed, before = time - self._times[-1], self._poses[-1]
+            if elapsed < 0:
+                self._times.clear()
+                self._poses.clear()
+                self.restarts += 1
+            jumped = self._jumps(before.seen(pose), min(max(0.0, elapsed), _LONGEST))
+        if jumped:
+            self._times.clear()
+            self._poses.clear()
+        self._times.append(time)
+        self._poses.append(pose)
+        return jumped
+
+    def _jumps(self, moved: Pose, seconds: float) -> bool:
+        most = SUDDEN.x + 2 * self._fastest * seconds
+        turned = SUDDEN.angle + 2 * self._turning * seconds
+        return math.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
+
+    def covers(self, time: float) -> bool:
+        """Whether the time lies between the first and the last that are known."""
+        return bool(self._times) and self._times[0] <= time <= self._times[-1]
+
+    def at(self, time: float) -> Pose | None:
+        """The pose at a time, between the two around it; outside the nearest one."""
+        if not self._times:
+            return None
+        after = bisect_left(self._times, time)
+        if after == 0:
+            return self._poses[0]
+        if after == len(self._times):
+            return self._poses[-1]
+        t0, t1 = self._times[after - 1], self._times[after]
+        part = (time - t0) / (t1 - t0)
+        start = self._poses[after - 1]
+        moved = start.seen(self._poses[after])
+        return start.then(Pose(moved.x * part, moved.y * part, moved.angle * part))

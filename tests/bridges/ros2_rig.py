@@ -1,0 +1,94 @@
+"""Robots' networks for tests: a router on a free port, and the simulated robot beside it."""
+
+import json
+import math
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import zenoh
+
+ROBOT = Path(__file__).parents[2] / "examples" / "ros2" / "ros_robot.py"
+
+
+def router(listen="tcp/127.0.0.1:0"):
+    """A Zenoh router, as rmw_zenohd is one, and its endpoint."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([listen]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("adminspace/enabled", "true")
+    session = zenoh.open(config)
+    if not listen.endswith(":0"):
+        return session, listen
+    for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
+        for locator in json.loads(reply.ok.payload.to_string())["locators"]:
+            if locator.startswith("tcp/127.0.0.1"):
+                return session, locator
+    raise AssertionError("the router does not say where it listens")
+
+
+@contextmanager
+def network():
+    """The endpoint of a router, and its session."""
+    session, endpoint = router()
+    try:
+        yield endpoint, session
+    finally:
+        session.close()
+
+
+def hall(folder, width=4.0, height=3.0, start=(1.0, 1.5, 0.0), markers=None):
+    """A map of a hall with walls around it."""
+    columns, rows = round(width * 20), round(height * 20)
+    image = np.zeros((rows, columns), np.uint8)
+    image[2:-2, 2:-2] = 254
+    (folder / "hall.pgm").write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
+    keys = {"image": "hall.pgm", "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
+    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": list(start)}
+    keys |= {"markers": markers or {"door": [3.2, 1.5]}}
+    path = folder / "hall.yaml"
+    path.write_text(json.dumps(keys))
+    return path
+
+
+class RosRobot:
+    """The simulated robot of the examples, in its own process."""
+
+    def __init__(self, plan, endpoint, *words):
+        self.process = subprocess.Popen(
+            [sys.executable, ROBOT, "--map", plan, "--listen", endpoint, "--trace", *words],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        self.lines = []
+        assert "on" in self.process.stdout.readline()
+        self._thread = threading.Thread(target=self._gather, daemon=True)
+        self._thread.start()
+
+    def _gather(self):
+        for line in self.process.stdout:
+            self.lines.append(line)
+
+    @property
+    def place(self):
+        """x, y and degrees, as it last said."""
+        return tuple(map(float, self.lines[-1].split())) if self.lines else (math.nan,) * 3
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.process.kill()
+        self.process.wait()
+        self._thread.join(5)
+        self.process.stdout.close()
+
+
+def free_endpoint():
+    """An endpoint that a process may listen at."""
+    session, endpoint = router()
+    session.close()
+    return endpoint

@@ -1,0 +1,199 @@
+"""The device without a world: what it tells motors and /tf, and what it does not take."""
+
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from minerva_agents.robot.motion import Move, action_of
+from minerva_agents.robot.vocabulary import TPlace
+from minerva_agents.robot.world import vocabulary
+from minerva_bus import Frame, Tick, WorldInfo
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.services import View
+from minerva_services.ros2 import Ros2Robot
+from minerva_services.ros2 import messages as types
+from minerva_services.ros2.driver import STILL
+from minerva_services.ros2.messages import messages
+from minerva_services.ros2.network import Network
+from minerva_services.ros2.plane import Pose, heading
+from minerva_services.ros2.session import Session
+from minerva_services.ros2.steering import Velocity, driven
+from tests.bridges.ros2_rig import network
+
+PERIOD = 0.01
+
+
+class Base:
+    """A robot's base: it drives as it is told and says where it is and what lies 1 m ahead."""
+
+    def __init__(self, net, stamped=False):
+        self.session = Session(net, "base")
+        self.pose, self.velocity, self.stamped = Pose(), STILL, stamped
+        self.told = []
+        twist = types.TWIST_STAMPED if stamped else types.TWIST
+        self.session.subscribe("cmd_vel", twist, lambda data: self._obey(twist, data))
+        self.odometry = self.session.publisher("odom", types.ODOMETRY)
+        self.laser = self.session.publisher("scan", types.LASER_SCAN)
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *exc):
+        self.over.set()
+        self.thread.join(5)
+        self.session.close()
+
+    def _obey(self, kind, data):
+        twist = messages().decode(kind, data)
+        twist = twist.twist if self.stamped else twist
+        self.velocity = Velocity(twist.linear.x, float(np.degrees(twist.angular.z)))
+        self.told.append(self.velocity)
+
+    def _run(self):
+        make, before = messages(), time.monotonic()
+        nothing = np.zeros(36)
+        while not self.over.wait(PERIOD):
+            now = time.monotonic()
+            self.pose, before = driven(self.pose, self.velocity, now - before), now
+            header = make.header("wheels", time.time_ns())
+            at = make.pose(self.pose.x, self.pose.y, self.pose.angle)
+            pose = make.make(
+                "geometry_msgs/msg/PoseWithCovariance", pose=at, covariance=nothing
+            )  # fmt: skip
+            twist = make.make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=make.twist(0.0, 0.0), covariance=nothing,
+            )  # fmt: skip
+            odometry = make.make(
+                types.ODOMETRY, header=header, child_frame_id="base_link", pose=pose, twist=twist
+            )
+            self.odometry.put(odometry)
+            self.laser.put(self._scan(make, header))
+
+    def _scan(self, make, header):
+        return make.make(
+            types.LASER_SCAN,
+            header=header, angle_min=0.0, angle_max=0.0, angle_increment=0.1, time_increment=0.0,
+            scan_time=0.1, range_min=0.1, range_max=8.0,
+            ranges=np.ones(1, np.float32), intensities=np.zeros(0, np.float32),
+        )  # fmt: skip
+
+
+class Body:
+    """The device, as a world would use it."""
+
+    def __init__(self, endpoint, **options):
+        self.device = Ros2Robot(endpoint, mount="0, 0, 0", **options)
+        self.device.joined(WorldInfo("w", vocabulary, 0, 0.1))
+        self.frame = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.device.close()
+
+    def frames(self, *moves):
+        """Carry out moves; the events and the readings of the last frame."""
+        for move in moves:
+            view = TPlace(5.0, 5.0, 90.0)(action_of(move, "r1", 0.18))
+            self.device.show(View(self.frame, "eRepresent", view))
+            tick = Tick(Frame(self.frame, 0.1, 0), "robot")
+            events = list(self.device.generate(tick))
+            self.frame += 1
+        return events, dict(tick.published)
+
+
+def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
+    with network() as (endpoint, _):
+        net = Network(endpoint, "dds", namespace="bot1")
+        options = {"layout": "dds", "namespace": "bot1", "stamped": True, "detections": ""}
+        with Base(net, stamped=True) as base, Body(endpoint, **options) as body:
+            moves = [Move(0.0, 0.1)] * 3 + [Move(18.0, 0.0)]
+            events, published = body.frames(*moves)
+            scan = published["scan"]
+            believed = Pose(0.3, 0.0, 18.0)
+            lag = believed.seen(base.pose)
+            assert not events
+            assert (scan.robot, scan.ranges.tolist()) == ("r1", [1.0])
+            assert scan.mount_angle == pytest.approx(lag.angle, abs=8.0)
+            assert scan.mount_angle < -2.0
+            body.frames(*[Move()] * 8)
+            assert (base.pose.x, base.pose.y) == pytest.approx((0.3, 0.0), abs=0.03)
+            assert base.pose.angle == pytest.approx(18.0, abs=2.0)
+            saved = body.device.save()
+    assert saved["goal"] == pytest.approx([0.3, 0.0, 18.0], abs=0.02)
+    assert base.told[-1] == STILL
+
+
+def test_where_odometry_lies_on_the_map_is_told():
+    with network() as (endpoint, _):
+        heard = []
+        with Base(Network(endpoint)) as base, Body(endpoint, map_frame="map") as body:
+            base.session.subscribe("/tf", types.TRANSFORMS, heard.append)
+            body.frames(Move(), Move(0.0, 0.05), Move(), Move())
+    (told,) = messages().decode(types.TRANSFORMS, heard[-1]).transforms
+    at = told.transform
+    assert (told.header.frame_id, told.child_frame_id) == ("map", "wheels")
+    # The view has the robot at (5, 5), whatever it has driven.
+    assert (at.translation.x, at.translation.y) == pytest.approx((5.0, 5.0 - 0.05), abs=0.02)
+    assert heading(at.rotation) == pytest.approx(90.0, abs=1.0)
+
+
+def test_motors_without_odometry_are_believed():
+    with (
+        network() as (endpoint, _),
+        Base(Network(endpoint)) as base,
+        Body(endpoint, odometry="") as body,
+    ):
+        body.frames(*[Move(0.0, 0.1)] * 5, *[Move()] * 8)
+        place, goal = base.pose, body.device.save()["goal"]
+    assert goal == [pytest.approx(0.5), 0.0, 0.0]
+    assert place.x == pytest.approx(0.5, abs=0.15)
+
+
+def test_one_body_is_not_for_two_robots():
+    device = Ros2Robot("tcp/127.0.0.1:1")
+    both = [TPlace(1.0, 1.0)(action_of(Move(), name, 0.18)) for name in ("r1", "r2")]
+    view = View(0, "eRepresent", both[0] + both[1])
+    with pytest.raises(MisuseError, match='robot = "r1"'):
+        device.show(view)
+    Ros2Robot("tcp/127.0.0.1:1", robot="r2").show(view)
+
+
+@pytest.mark.parametrize("saved", [{}, {"goal": ["x"], "carried_out": 1}, {"goal": [1.0]}])
+def test_what_was_not_saved_is_not_restored(saved):
+    with pytest.raises(MisuseError, match="saved state"):
+        Ros2Robot("tcp/127.0.0.1:1").restore(saved)
+
+
+def test_a_view_that_was_carried_out_is_not_carried_out_again():
+    device = Ros2Robot("tcp/127.0.0.1:1")
+    device.restore({"goal": [1.0, 2.0, 3.0], "carried_out": 7})
+    device.show(View(7, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
+    assert device._ordered is None
+    device.show(View(8, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
+    assert device._ordered.command.forward == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [({"near": 0.0}, "near is 0"), ({"rate": -1.0}, "rate"), ({"cmd_vel": "a//b"}, "cannot name")],
+)
+def test_wrong_options(options, problem):
+    with pytest.raises(MisuseError, match=problem):
+        Ros2Robot("tcp/127.0.0.1:1", **options)
+
+
+def test_without_rosbags_a_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[ros\]'"):
+        types.Messages()

@@ -1,0 +1,230 @@
+"""Topics over a real Zenoh router: scans in, garbage counted, a network that goes and comes."""
+
+import threading
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from minerva_agents.robot.vocabulary import PGoal, PGrid, PMarker, PPath, TPlace
+from minerva_agents.robot.world import vocabulary
+from minerva_bus import WorldInfo
+from minerva_bus.world.services import View
+from minerva_services.ros2 import Ros2, Ros2View
+from minerva_services.ros2 import messages as types
+from minerva_services.ros2.messages import messages
+from minerva_services.ros2.network import Network
+from minerva_services.ros2.session import Session
+from minerva_services.ros2.view import occupancy
+from tests.bridges.ros2_rig import free_endpoint, network, router
+from tests.bus.running import eventually
+
+LAYOUTS = ("rmw_zenoh", "dds")
+INFO = WorldInfo("w", vocabulary, 0, 0.1)
+RANGES = [0.5, 1.0, np.inf, np.nan, 0.01, 12.0]
+
+
+def scan(frame="laser", ranges=RANGES):
+    return messages().make(
+        types.LASER_SCAN,
+        header=messages().header(frame, 1_500_000_000), angle_min=-0.5, angle_max=0.5,
+        angle_increment=0.2, time_increment=0.0, scan_time=0.1, range_min=0.1, range_max=12.0,
+        ranges=np.array(ranges, np.float32), intensities=np.zeros(0, np.float32),
+    )  # fmt: skip
+
+
+def transforms(yaw):
+    make = messages()
+    turned = make.pose(0.0, 0.0, yaw).orientation
+    one = make.make(
+        "geometry_msgs/msg/TransformStamped",
+        header=make.header("base_link", 0), child_frame_id="laser",
+        transform=make.make(
+            "geometry_msgs/msg/Transform", translation=make.vector(-0.04), rotation=turned
+        ),
+    )  # fmt: skip
+    return make.make(types.TRANSFORMS, transforms=[one])
+
+
+class Heard:
+    """What a bridge publishes and emits, while it runs in a thread."""
+
+    def __init__(self, bridge):
+        self.bridge = bridge
+        self.readings = []
+        self.stop = threading.Event()
+        self.thread = threading.Thread(target=bridge.run, args=(self, self.stop), daemon=True)
+
+    def __call__(self, event):
+        raise AssertionError(event)
+
+    def publish(self, topic, reading):
+        self.readings.append((topic, reading))
+
+    def __enter__(self):
+        self.bridge.joined(INFO)
+        self.thread.start()
+        return self
+
+    def __exit__(self, *exc):
+        self.stop.set()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+
+    def until(self, put, topic):
+        """Publish until a reading of a topic comes; that reading."""
+
+        def found():
+            put()
+            return next((one for name, one in self.readings if name == topic), None)
+
+        return eventually(found, f"a reading on {topic}; {self.bridge.report()}")
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_scan_comes_with_its_mount(layout):
+    with network() as (endpoint, _):
+        session = Session(Network(endpoint, layout), "robot")
+        lasting = session.publisher("/tf_static", types.TRANSFORMS, lasting=True)
+        lasting.put(transforms(90.0))
+        laser = session.publisher("scan", types.LASER_SCAN)
+        with Heard(Ros2(endpoint, layout=layout)) as heard:
+            found = heard.until(lambda: laser.put(scan()), "scan")
+        session.close()
+    assert (found.mount_x, found.mount_angle) == (pytest.approx(-0.04), pytest.approx(90.0))
+    assert found.ranges.tolist() == pytest.approx([0.5, 1.0, 12.0, 0.0, 0.0, 12.0])
+    assert (found.first, found.step) == pytest.approx((-28.6479, 11.4592), abs=1e-3)
+    assert (found.robot, found.time, found.range_max) == ("r1", 1.5, 12.0)
+
+
+def test_garbage_and_what_has_no_place_are_counted():
+    with network() as (endpoint, hub):
+        session = Session(Network(endpoint), "robot")
+        laser = session.publisher("scan", types.LASER_SCAN)
+        key = Network(endpoint).key("scan", types.LASER_SCAN, "RIHS01_0")
+        with Heard(Ros2(endpoint)) as heard:
+
+            def counted():
+                hub.put(key, b"\x00\x01\x00\x00garbage")
+                laser.put(scan("nowhere"))
+                report = heard.bridge.report()
+                return report.get("garbage", 0) > 2 and report.get("without a transform", 0) > 2
+
+            eventually(counted, "both are counted")
+            assert not heard.readings
+        session.close()
+
+
+def test_a_network_that_is_not_there_yet_and_one_that_comes_back(capsys):
+    endpoint = free_endpoint()
+    with Heard(Ros2(endpoint, mount="0, 0, 0")) as heard:
+        eventually(lambda: "no ROS 2 network" in capsys.readouterr().out, "it says so")
+        for _ in range(2):
+            heard.readings.clear()
+            hub, _ = router(endpoint)
+            session = Session(Network(endpoint), "robot")
+            laser = session.publisher("scan", types.LASER_SCAN)
+            heard.until(lambda pub=laser: pub.put(scan()), "scan")
+            session.close()
+            hub.close()
+            eventually(lambda: "open" not in heard.bridge.report()["source"], "it is lost")
+        said = capsys.readouterr().out
+    assert said.count("is back") == 2
+    assert said.count("is lost") == 2
+
+
+def test_more_than_can_wait_is_dropped_and_counted():
+    bridge = Ros2("tcp/127.0.0.1:1")
+    from minerva_services.ros2.sensors import _Listening
+
+    source = _Listening(None, bridge)
+    hear = source.hears(types.LASER_SCAN)
+    for _ in range(150):
+        hear(b"")
+    assert bridge.report()["dropped here"] == 50
+
+
+# --- RViz ---
+
+
+class Orders:
+    def __init__(self):
+        self.given = []
+
+    def order(self, event):
+        self.given.append(event)
+
+
+def picture():
+    cells = np.array([[0, 1, 2], [10, 16, 9]], np.int16)
+    places = TPlace(1.0, 1.0)(PMarker("door")) + TPlace(4.0, 1.0)(PMarker("lab"))
+    known = PGrid(cells, 0.5, -1.0, 2.0) + PPath((0.0, 1.0), (0.0, 2.0))
+    return places + known + TPlace(4.0, 1.0)(PGoal())
+
+
+def test_a_grid_as_ros_has_it():
+    cells = np.array([[0, 1, 2], [10, 16, 9]], np.int16)
+    assert occupancy(cells).tolist() == [-1, 0, 0, 0, 100, 100]
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
+    orders = Orders()
+    with network() as (endpoint, _):
+        view = Ros2View(endpoint, layout=layout)
+        view.joined(WorldInfo("w", vocabulary, 0, 0.1, orders))
+        eventually(lambda: view.report()["source"] == "open", "it is open")
+        eventually(lambda: view._publishers, "it publishes")
+        view.show(View(0, "ePicture", picture()))
+        rviz = Session(Network(endpoint, layout), "rviz")
+        grids, ways = [], []
+        rviz.subscribe("map", types.GRID, grids.append, lasting=True)
+        rviz.subscribe("plan", types.PATH, ways.append)
+        eventually(lambda: grids, "the map comes to one who is late")
+        eventually(lambda: view.show(View(1, "ePicture", picture())) or ways, "the plan comes")
+        clicked = rviz.publisher("goal_pose", types.POSE_STAMPED)
+
+        def click(x, y, frame="map"):
+            header, pose = messages().header(frame, 0), messages().pose(x, y)
+            clicked.put(messages().make(types.POSE_STAMPED, header=header, pose=pose))
+
+        eventually(lambda: click(3.6, 1.2) or orders.given, "a goal is an order")
+        assert {one.marker for one in orders.given} == {"lab"}
+        said: list[str] = []
+
+        def refused():
+            click(30.0, 1.0)
+            said.append(capsys.readouterr().out)
+            return "no marker within 2 m" in "".join(said)
+
+        eventually(refused, "it says why not")
+        rviz.close()
+        view.close()
+    grid = messages().decode(types.GRID, grids[-1])
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (2, 3, 0.5)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, 2.0)
+    assert grid.data.tolist() == [-1, 0, 0, 0, 100, 100]
+    way = messages().decode(types.PATH, ways[-1])
+    assert [(one.pose.position.x, one.pose.position.y) for one in way.poses] == [(0, 0), (1, 2)]
+
+
+def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
+    from minerva_services.ros2.network import Attachment
+
+    with network() as (endpoint, hub):
+        session = Session(Network(endpoint), "motors")
+        heard = []
+        subscriber = hub.declare_subscriber("0/cmd_vel/**", heard.append)
+        motors = session.publisher("cmd_vel", types.TWIST)
+        eventually(lambda: motors.put(messages().twist(0.5, 90.0)) or len(heard) > 2, "they come")
+        tokens = [str(one.ok.key_expr) for one in hub.liveliness().get("@ros2_lv/**", timeout=5.0)]
+        subscriber.undeclare()
+        session.close()
+    told = [Attachment.unpacked(one.attachment.to_bytes()) for one in heard]
+    assert [one.sequence - told[0].sequence for one in told] == list(range(len(told)))
+    assert len({one.gid for one in told}) == 1
+    assert any("/NN/%/%/motors" in one for one in tokens)
+    assert any("/MP/%/%/motors/%cmd_vel/geometry_msgs::msg::dds_::Twist_/" in one for one in tokens)
+    twist = messages().decode(types.TWIST, heard[0].payload.to_bytes())
+    assert (twist.linear.x, twist.angular.z) == (0.5, pytest.approx(np.pi / 2))

@@ -1,0 +1,406 @@
+"""Keys, attachments, frames, readings, steering: the parts that need no network."""
+
+import math
+
+import numpy as np
+import pytest
+
+from minerva_agents.robot.vocabulary import PRobot, TMove, TPlace, TRotate
+from minerva_bus import Scene
+from minerva_bus.errors import MisuseError
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
+from minerva_services.ros2.driver import STILL, Care, Driver, State
+from minerva_services.ros2.frames import Frames, Mounting
+from minerva_services.ros2.geometry import Command, MotorGeometry
+from minerva_services.ros2.mounts import mount_of
+from minerva_services.ros2.network import Attachment, Network
+from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.senses import scanned_from, seen_from
+from minerva_services.ros2.steering import Limits, driven
+from minerva_services.ros2.track import Track
+
+SCAN = "sensor_msgs/msg/LaserScan"
+HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
+LIMITS = Limits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
+
+
+# --- keys, tokens, attachments ---
+
+
+def test_the_key_of_a_topic_in_rmw_zenoh():
+    network = Network("tcp/h:7447", domain=5)
+    assert network.key("scan", SCAN, HASH) == f"5/scan/sensor_msgs::msg::dds_::LaserScan_/{HASH}"
+    assert network.pattern("/scan", SCAN) == "5/scan/sensor_msgs::msg::dds_::LaserScan_/*"
+
+
+def test_the_key_of_a_topic_in_dds_is_its_name():
+    assert Network("tcp/h:7447", "dds").key("/scan", SCAN, HASH) == "scan"
+    assert Network("tcp/h:7447", "dds", namespace="/bot1").pattern("scan", SCAN) == "bot1/scan"
+
+
+def test_humble_has_no_hashes():
+    key = Network("tcp/h:7447", humble=True).key("scan", SCAN, HASH)
+    assert key == "0/scan/sensor_msgs::msg::dds_::LaserScan_/TypeHashNotSupported"
+
+
+def test_a_topic_with_a_slash_is_in_no_namespace():
+    network = Network("tcp/h:7447", namespace="bot1")
+    assert network.name("cmd_vel") == "bot1/cmd_vel"
+    assert network.name("/tf_static") == "tf_static"
+
+
+def test_the_tokens_of_a_node_and_its_publisher():
+    network = Network("tcp/h:7447")
+    assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%/motors"
+    token = network.topic_token("abc", "motors", 3, "MP", "a/b", SCAN, HASH, lasting=False)
+    name = "%a%b/sensor_msgs::msg::dds_::LaserScan_"
+    assert token == f"@ros2_lv/0/abc/0/3/MP/%/%/motors/{name}/{HASH}/::,10:,:,:,,"
+
+
+def test_an_attachment_is_that_of_zenohs_own_serializer():
+    ext = pytest.importorskip("zenoh.ext")
+    gid = bytes(range(16))
+    packed = Attachment(7, 1_700_000_000_123_456_789, gid).packed()
+    whole = (ext.Int64(7), ext.Int64(1_700_000_000_123_456_789))
+    assert packed == b"".join(ext.z_serialize(one).to_bytes() for one in (*whole, gid))
+    assert Attachment.unpacked(packed) == Attachment(7, 1_700_000_000_123_456_789, gid)
+
+
+@pytest.mark.parametrize("data", [b"", bytes(32), bytes(33), bytes(34)])
+def test_other_bytes_are_no_attachment(data):
+    with pytest.raises(MisuseError, match="attachment"):
+        Attachment.unpacked(data)
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ({"layout": "dsd"}, "did you mean 'dds'"),
+        ({"router": "robot:7447"}, "tcp/HOST:7447"),
+        ({"domain": 300}, "0 to 232"),
+        ({"namespace": "bot#1"}, "cannot name"),
+    ],
+)
+def test_what_a_network_cannot_be(options, problem):
+    with pytest.raises(MisuseError, match=problem):
+        Network(**{"router": "tcp/h:7447", **options})
+
+
+# --- where sensors sit ---
+
+
+class Told:
+    """A message, as anything that has its attributes."""
+
+    def __init__(self, **fields):
+        self.__dict__.update(fields)
+
+
+def transform(parent, child, x=0.0, y=0.0, z=0.0, roll=0.0, yaw=0.0):
+    half, flip = math.radians(yaw) / 2, math.radians(roll) / 2
+    turned = Told(
+        x=math.sin(flip) * math.cos(half), y=math.sin(flip) * math.sin(half),
+        z=math.cos(flip) * math.sin(half), w=math.cos(flip) * math.cos(half),
+    )  # fmt: skip
+    moved = Told(translation=Told(x=x, y=y, z=z), rotation=turned)
+    return Told(header=Told(frame_id=parent), child_frame_id=child, transform=moved)
+
+
+def frames(*transforms):
+    made = Frames()
+    made.hear(Told(transforms=list(transforms)))
+    return made
+
+
+def near(mount, x, y, angle):
+    return (mount.x, mount.y, mount.angle) == pytest.approx((x, y, angle), abs=1e-9)
+
+
+def test_a_laser_on_a_shelf_on_the_robot():
+    tree = frames(
+        transform("base_link", "shelf", x=-0.1, yaw=90.0), transform("shelf", "laser", x=0.2)
+    )
+    found = tree.mounting("base_link", "laser")
+    assert near(found.mount, -0.1, 0.2, 90.0)
+    assert not found.flipped
+
+
+def test_a_base_that_hangs_on_another_frame():
+    tree = frames(
+        transform("base_footprint", "base_link", x=0.1, yaw=90.0),
+        transform("base_footprint", "laser", x=0.3),
+    )
+    assert near(tree.mounting("base_link", "laser").mount, 0.0, -0.2, -90.0)
+
+
+def test_frames_that_are_not_connected():
+    assert frames(transform("a", "b")).mounting("base_link", "b") is None
+
+
+def test_frames_in_a_circle_end():
+    assert frames(transform("a", "b"), transform("b", "a")).mounting("base_link", "a") is None
+
+
+def test_a_laser_upside_down():
+    found = frames(transform("base_link", "laser", roll=180.0)).mounting("base_link", "laser")
+    assert found.flipped
+    assert near(found.mount, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("text", ["1", "1, 2, x", "1, 2, nan"])
+def test_wrong_mounts(text):
+    with pytest.raises(MisuseError, match="'x, y, degrees'"):
+        mount_of(text)
+
+
+# --- readings as from where the robot is believed to be ---
+
+
+def test_a_scan_of_a_robot_that_lags_behind_is_of_the_same_walls():
+    scan = Scan("", np.array([2.0], np.float32), 0.0, 1.0, 8.0, 0.0, 0.1, 0.0, 90.0)
+    seen = scanned_from(Pose(-0.05, 0.02, -10.0), scan, "r1")
+    at = Pose(-0.05, 0.02, -10.0).then(Pose(0.1, 0.0, 90.0)).then(Pose(x=2.0))
+    again = Pose(seen.mount_x, seen.mount_y, seen.mount_angle).then(Pose(x=2.0))
+    assert (again.x, again.y) == pytest.approx((at.x, at.y))
+    assert seen.robot == "r1"
+
+
+def test_a_sighting_of_a_robot_that_lags_behind():
+    told = Sightings("", (Sighting("door", 2.0, 0.0),), 0.0)
+    (seen,) = seen_from(Pose(0.0, -1.0, 90.0), told, "r1").seen
+    assert (seen.marker, seen.distance, seen.angle) == ("door", pytest.approx(1.0), 90.0)
+
+
+# --- what a string commands ---
+
+
+def commands(scene: Scene):
+    seen = MotorGeometry()
+    interpret(scene, seen)
+    return {name: one.command for name, one in seen.robots.items()}
+
+
+def test_turns_and_moves_within_a_place_are_commands():
+    robot = TRotate(10.0)(TMove(0.5)(PRobot("r1", 0.2)))
+    other = TPlace(3.0, 0.0, 0.0)(PRobot("r2", 0.2))
+    assert commands(TPlace(1.0, 2.0, 30.0)(robot) + other) == {
+        "r1": Command(10.0, 0.5),
+        "r2": Command(),
+    }
+
+
+def test_commands_begin_anew_within_a_place():
+    scene = TMove(9.0)(TPlace(0.0, 0.0, 0.0)(TMove(0.5)(PRobot("r1", 0.2))))
+    assert commands(scene) == {"r1": Command(0.0, 0.5)}
+
+
+def test_a_turn_within_a_move_is_refused():
+    with pytest.raises(MisuseError, match="put TMove within TRotate"):
+        commands(TMove(0.5)(TRotate(10.0)(PRobot("r1", 0.2))))
+
+
+# --- odometry ---
+
+
+def test_poses_between_two():
+    track = Track(fastest=1.0, turning=90.0)
+    track.add(10.0, Pose(0.0, 0.0, 170.0))
+    track.add(12.0, Pose(1.0, 0.0, -170.0))
+    found = track.at(11.0)
+    assert (found.x, found.y) == pytest.approx((0.5, 0.0))
+    assert abs(found.angle) == pytest.approx(180.0)
+    assert track.covers(11.0)
+    assert not track.covers(12.5)
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    track = Track(fastest=1.0, turning=90.0)
+    track.add(1000.0, Pose(0.0, 0.0, 0.0))
+    assert not track.add(3.0, Pose(0.1, 0.0, 0.0))
+    assert track.restarts == 1
+    assert track.at(3.0) == Pose(0.1, 0.0, 0.0)
+
+
+# --- carrying out commands ---
+
+
+class Wheels:
+    """A robot that obeys at once, on a clock of the test's own."""
+
+    STEP = 0.01
+
+    def __init__(self, care=None, limits=LIMITS):
+        self.now, self.pose, self.velocity = 0.0, Pose(), STILL
+        self.driver = Driver(limits, care or Care())
+        self.deaf = False
+        self.wall = math.inf
+        self.fastest = 0.0
+        self.driver.heard(self.now, self.pose, self.now)
+
+    def step(self):
+        told = self.driver.velocity(self.now)
+        if told is not None:
+            self.velocity = told
+        self.fastest = max(self.fastest, abs(self.velocity.speed))
+        moved = driven(self.pose, self.velocity, self.STEP)
+        self.pose = moved if moved.x < self.wall else Pose(self.pose.x, self.pose.y, moved.angle)
+        self.now += self.STEP
+        if not self.deaf:
+            self.driver.heard(self.now, self.pose, self.now)
+        return told
+
+    def carry_out(self, command, seconds=0.1, most=2000):
+        self.driver.begin(command, seconds, self.now)
+        for _ in range(most):
+            self.step()
+            state = self.driver.state(self.now)
+            if state in (State.DONE, State.BLOCKED):
+                return state
+        raise AssertionError(f"{command} is not carried out: {state}")
+
+    def missing(self):
+        return self.driver.goal.seen(self.pose)
+
+
+def test_commands_bring_the_robot_where_they_lead():
+    wheels = Wheels()
+    done = [Command(0.0, 0.05)] * 20 + [Command(18.0, 0.0)] * 5 + [Command(0.0, 0.05)] * 20
+    for command in done:
+        assert wheels.carry_out(command) is State.DONE
+        assert abs(wheels.missing().y) < 0.03
+    for _ in range(15):
+        wheels.carry_out(Command())
+    assert (wheels.pose.x, wheels.pose.y) == pytest.approx((1.0, 1.0), abs=0.02)
+    assert wheels.pose.angle == pytest.approx(90.0, abs=2.0)
+
+
+def test_it_turns_where_the_command_turns():
+    wheels = Wheels(Care(near=0.3))
+    wheels.carry_out(Command(0.0, 0.5))
+    assert wheels.missing().x < -0.25
+    wheels.driver.begin(Command(90.0, 0.5), 0.1, wheels.now)
+    off = 0.0
+    for _ in range(600):
+        wheels.step()
+        wheels.driver.state(wheels.now)
+        off = max(off, min(abs(wheels.pose.y), abs(wheels.pose.x - 0.5)))
+    assert off < 0.03
+    assert (wheels.pose.x, wheels.pose.y) == pytest.approx((0.5, 0.5), abs=0.03)
+
+
+def test_it_never_drives_past_its_goal_and_never_too_fast():
+    wheels = Wheels()
+    for _ in range(10):
+        wheels.carry_out(Command(0.0, 0.2))
+        assert wheels.missing().x < 0.01
+    assert 0.3 < wheels.fastest <= LIMITS.speed
+
+
+def test_a_frame_takes_as_long_as_the_motors_need():
+    wheels = Wheels()
+    wheels.carry_out(Command(0.0, 2.0))
+    assert wheels.now > (2.0 - wheels.driver.care.near) / LIMITS.speed
+    before = wheels.now
+    wheels.carry_out(Command(), seconds=0.5)
+    assert wheels.now - before == pytest.approx(0.5, abs=0.02)
+
+
+def test_what_a_wall_stops_is_told():
+    wheels = Wheels()
+    wheels.wall = 0.4
+    assert wheels.carry_out(Command(0.0, 1.0)) is State.BLOCKED
+    assert wheels.driver.give_up() == pytest.approx(0.6, abs=0.01)
+    assert wheels.driver.goal.x == pytest.approx(wheels.pose.x)
+
+
+def test_a_robot_that_nobody_commands_stops_and_is_left_alone():
+    wheels = Wheels()
+    wheels.driver.begin(Command(0.0, 5.0), 0.1, wheels.now)
+    told = [wheels.step() for _ in range(300)]
+    assert any(one is not None and one.speed > 0 for one in told)
+    stopped = told.index(STILL, 30)
+    assert stopped * wheels.STEP < 0.1 + wheels.driver.care.dead_man + 0.05
+    assert told[-1] is None
+    assert all(one is None or one == STILL for one in told[stopped:])
+
+
+def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
+    wheels = Wheels()
+    wheels.driver.begin(Command(0.0, 5.0), 8.0, wheels.now)
+    for _ in range(30):
+        wheels.step()
+        wheels.driver.state(wheels.now)
+    wheels.deaf = True
+    for _ in range(round(wheels.driver.care.silence / wheels.STEP) + 2):
+        told = wheels.step()
+        state = wheels.driver.state(wheels.now)
+    assert state is State.LOST
+    assert told == STILL
+    wheels.deaf = False
+    for _ in range(1000):
+        wheels.step()
+        if wheels.driver.state(wheels.now) is State.DONE:
+            break
+    assert abs(wheels.missing().x) < 0.11
+
+
+def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
+    wheels = Wheels()
+    wheels.carry_out(Command(0.0, 0.5))
+    for _ in range(10):
+        wheels.carry_out(Command())
+    missing = wheels.missing()
+    wheels.pose = Pose(20.0, -3.0, 45.0)
+    wheels.step()
+    assert wheels.driver.jumps == 1
+    assert (wheels.missing().x, wheels.missing().y) == pytest.approx(
+        (missing.x, missing.y), abs=0.01
+    )
+
+
+def test_a_robot_that_was_switched_on_anew_while_it_was_out_of_sight_stands():
+    wheels = Wheels()
+    for _ in range(10):
+        wheels.carry_out(Command(0.0, 0.5))
+    wheels.now += 600.0
+    wheels.pose = Pose()
+    wheels.step()
+    assert wheels.driver.jumps == 1
+    assert wheels.missing().x > -0.2
+
+
+def test_a_goal_of_another_odometry_is_not_driven_to():
+    driver = Driver(LIMITS, Care())
+    driver.set_goal(Pose(7.0, 3.0, 90.0))
+    driver.heard(0.0, Pose(0.1, 0.0, 0.0), 0.0)
+    assert driver.goal == Pose(0.1, 0.0, 0.0)
+    assert driver.jumps == 1
+
+
+def test_a_goal_of_a_predecessor_is_driven_to():
+    driver = Driver(LIMITS, Care())
+    driver.set_goal(Pose(0.3, 0.0, 0.0))
+    driver.heard(0.0, Pose(0.1, 0.0, 0.0), 0.0)
+    assert driver.goal == Pose(0.3, 0.0, 0.0)
+    assert driver.jumps == 0
+
+
+def test_odometry_that_turns_at_once_has_begun_anew():
+    track = Track(fastest=1.0, turning=90.0)
+    track.add(0.0, Pose(0.0, 0.0, 90.0))
+    assert not track.add(0.1, Pose(0.0, 0.0, 100.0))
+    assert track.add(0.2, Pose())
+
+
+@pytest.mark.parametrize("name", ["speed", "turn", "acceleration", "turn_acceleration"])
+def test_wrong_limits(name):
+    values = dict.fromkeys(("speed", "turn", "acceleration", "turn_acceleration"), 1.0)
+    with pytest.raises(MisuseError, match=f"{name} is 0"):
+        Limits(**(values | {name: 0.0}))
+
+
+def test_mounts_are_what_they_say():
+    assert mount_of(" 0.1, 0, 90") == Mount(0.1, 0.0, 90.0)
+    assert mount_of("") is None
+    assert Mounting(Mount()) == Mounting(Mount(), flipped=False)
