@@ -83,7 +83,7 @@ def _hits(scan: Scan, every: int) -> tuple[Reals, Reals]:
 def _from_centre(scan: Scan, dist: Reals, angle: Reals) -> tuple[Reals, Reals]:
     """The same hits, from the robot's centre and heading."""
     x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
-    angle = angle + turn
+    angle = (angle + turn).astype(np.float64)
     if not (x or y):
         return dist, angle
     heading = np.radians(angle)
