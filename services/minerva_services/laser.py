@@ -77,16 +77,15 @@ def _hits(scan: Scan, every: int) -> tuple[Reals, Reals]:
     ranges, first, step = scan.ranges[::every], float(scan.first), float(scan.step) * every
     # The limit as float32 too, or a beam that reads just the limit might seem to be below it.
     beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    return ranges[beams].astype(np.float64), first + beams * step
+    return ranges[beams].astype(np.float64), first + beams.astype(np.float64) * step
 
 
 def _from_centre(scan: Scan, dist: Reals, angle: Reals) -> tuple[Reals, Reals]:
     """The same hits, from the robot's centre and heading."""
     x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
-    angle = (angle + turn).astype(np.float64)
+    angle = angle + turn
     if not (x or y):
         return dist, angle
     heading = np.radians(angle)
     ahead, left = x + dist * np.cos(heading), y + dist * np.sin(heading)
-    angle[:] = np.degrees(np.arctan2(left, ahead))
-    return np.hypot(ahead, left), angle
+    return np.hypot(ahead, left), np.degrees(np.arctan2(left, ahead))
