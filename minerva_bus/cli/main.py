@@ -99,9 +99,7 @@ def run(
         if world.startswith("--"):
             words, world = [world, *words], ""
         if not world and resume is None:
-            raise MinervaError(
-                "run what? Name a world file or an installed world, or --resume FILE"
-            )
+            context.fail("run what? Name a world file, an installed world or --resume FILE")
         overrides = Overrides(
             options=_options(words),
             settings=tuple(set_ or ()),

@@ -228,6 +228,13 @@ class Composition:
             return False
         return piece.scope is old.scope or (piece.scope == EMPTY and old.scope == EMPTY)
 
+    def become(self, scene: Scene) -> None:
+        """Hold another string; parts of populations that are still there keep their names.
+
+        Raises VocabularyError where two agents share an id.
+        """
+        self._take_apart(packed(scene), self._as_strings())
+
     def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Cut a population anew, in so many parts of these sizes; they get new names."""
         rows = Columns.concatenated([self.parts[name] for name in population])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
@@ -35,20 +37,26 @@ class Core:
     def __init__(self, world: World) -> None:
         self.world = world
         self.phase = Phase.WAITING
-        self.frame: int = 0
+        past = world.past
+        self.frame: int = past.frame
         self.roster = Roster(world.expected)
         self.composition = Composition(world.scene)
         self._distribution = Distribution(world.vocabulary, self.composition)
         self._rearrange = True
-        self._showings: dict[str, Showing] = {}
-        self._saved: dict[str, Any] = {}
+        self._showings = {
+            one: Showing(one, past.frame, last.frame, last.scene)
+            for one, last in world.shown.items()
+        }
+        self._saved: dict[str, Mapping[str, Any]] = dict(past.saved)
         self._sources: dict[str, tuple[str, ...]] = {}
-        self._inbox: dict[str, list[AnyEvent]] = {}
-        self._emitted: list[AnyEvent] = []
+        self._inbox: dict[str, list[AnyEvent]] = {
+            source: list(events) for source, events in past.inbox.items()
+        }
+        self._emitted: list[AnyEvent] = list(past.emitted)
         self._asked_ahead: dict[str, int] = {}
         self._early: dict[str, m.TickReply] = {}
-        self._reached: set[str] = set()
-        self._reaching: set[str] = set()
+        self._reached = past.reached
+        self._reaching = past.reaching
         self._glances: tuple[str, ...] = ()
         self._departed: dict[str, bool] = {}
         self._figures: dict[str, m.Figures] = {}
@@ -73,6 +81,18 @@ class Core:
         self._sent: dict[str, tuple[AnyEvent, ...]] = {}
         self._views: dict[str, dict[str, Scene]] = {}
         self._view_patches: dict[str, dict[str, Patch]] = {}
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """What it needs beside its string to go on from here; to be asked for between frames."""
+        return Checkpoint(
+            self.frame,
+            dict(self._saved),
+            tuple(self._emitted),
+            {source: tuple(events) for source, events in self._inbox.items()},
+            self._reached,
+            self._reaching,
+        )
 
     def _send(self, to: str, message: m.ToMember) -> None:
         self._out.append(s.Send(to, message))

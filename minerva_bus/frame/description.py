@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from minerva_bus.frame.checkpoint import Checkpoint, LastView
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy
@@ -16,6 +18,9 @@ class World:
 
     `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
     limit), when its string is ε, or when every agent of the kinds that send `until` has sent it.
+
+    One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
+    views of before, by visual event type, which coupled devices still have to act on.
     """
 
     name: str
@@ -28,3 +33,5 @@ class World:
     frames: int = 0
     until: str = ""
     expected: frozenset[str] = frozenset()
+    past: Checkpoint = field(default_factory=Checkpoint)
+    shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])

@@ -204,10 +204,12 @@ class Steps(Core):
         for name, events in self._sent.items() if self.world.until else ():
             sent = [event for event in events if event.type == self.world.until]
             for event in sent:
-                self._reached.update(event.senders or () if isinstance(event, Events) else [name])
+                senders = event.senders or () if isinstance(event, Events) else (name,)
+                self._reached = self._reached.union(senders)
             if sent:
                 part = self.composition.parts.get(name)
-                self._reaching.add(part.symbol if part is not None else self.composition.kind(name))
+                kind = part.symbol if part is not None else self.composition.kind(name)
+                self._reaching = self._reaching.union((kind,))
 
     def _until_holds(self) -> bool:
         return bool(self._reached) and all(

@@ -71,6 +71,13 @@ class Begin:
 
 
 @dataclass(frozen=True, slots=True)
+class Seek:
+    """What is played again shall go on with this frame."""
+
+    frame: int
+
+
+@dataclass(frozen=True, slots=True)
 class End:
     """The world shall end now."""
 
@@ -78,7 +85,7 @@ class End:
 
 
 Stimulus: TypeAlias = (
-    FromMember | Appeared | Vanished | GaveUp | Violation | Order | Silent | Begin | End
+    FromMember | Appeared | Vanished | GaveUp | Violation | Order | Silent | Begin | Seek | End
 )
 
 

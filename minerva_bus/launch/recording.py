@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.resuming import Resumed, option_text
 from minerva_bus.launch.worldfile import WorldFile
+
+if TYPE_CHECKING:
+    from minerva_bus.record.description import Description
+    from minerva_bus.record.reader import Record
 
 
 class Recording(Protocol):
@@ -48,23 +54,42 @@ class InFile:
         self, file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None]
     ) -> None:
         from minerva_bus.record.description import Description
+        from minerva_bus.record.reader import Record
+
+        self._algorithm = algorithm
+        if isinstance(file, Resumed):
+            with Record(file.origin) as past:
+                self._record(file, _retold(past.description, file), say, past)
+            return
+        options = {name: option_text(value) for name, value in file.options.items()}
+        began, path = time.time_ns(), str(file.path)
+        told = Description(file.world, file.text, file.rate, options, began=began, path=path)
+        self._record(file, told, say)
+
+    def _record(
+        self,
+        file: WorldFile,
+        told: Description,
+        say: Callable[[str], None],
+        past: Record | None = None,
+    ) -> None:
         from minerva_bus.record.recorder import Recorder
 
-        options = {name: str(value) for name, value in file.options.items()}
-        described = Description(file.world, file.text, file.rate, options, began=time.time_ns())
-        self._algorithm = algorithm
-        self._began = time.monotonic()
+        self._began = time.monotonic() - (time.time_ns() - told.began) / 1e9
         self._recorder = Recorder(
             Path(file.record.path),
-            described,
+            told,
             flush_seconds=file.record.flush,
             durable=file.record.durable,
             say=say,
+            past=past,
         )
 
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over."""
-        self._recorder.frame(done.record, self._algorithm.scene, self._seconds())
+        algorithm = self._algorithm
+        checkpoint = algorithm.checkpoint
+        self._recorder.frame(done.record, algorithm.scene, self._seconds(), checkpoint=checkpoint)
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member, or printed by it."""
@@ -76,6 +101,22 @@ class InFile:
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began
+
+
+def _retold(told: Description, file: WorldFile) -> Description:
+    """What a record says of its world when it goes on, perhaps to another end."""
+    wanted = file.world
+    world = replace(
+        told.world,
+        name=wanted.name,
+        frames=wanted.frames,
+        until=wanted.until,
+        expected=wanted.expected,
+    )
+    options = {name: option_text(value) for name, value in file.options.items()}
+    return replace(
+        told, world=world, file=file.text, rate=file.rate, options=options, path=str(file.path)
+    )
 
 
 def recording(file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None]) -> Recording:

@@ -61,8 +61,10 @@ class Supervisor:
         console: Console,
         began: float,
         profiling: Profiling = NOTHING,
+        coordinator: Callable[..., BusCoordinator] = MeasuringCoordinator,
     ) -> None:
         self._file = file
+        self._make_coordinator = coordinator
         self._profiling = profiling
         self._last_words = LAST_PAGE if profiling.member else LAST_WORDS
         self._console = console
@@ -132,7 +134,12 @@ class Supervisor:
         self._coordinator = fork(
             COORDINATOR,
             lambda: _coordinate(
-                file, Reports(up_write), down_read, self._profiling.frames, self._shared
+                file,
+                Reports(up_write),
+                down_read,
+                self._profiling.frames,
+                self._shared,
+                self._make_coordinator,
             ),
             (down_read, up_write),
             self._lifeline[0],
@@ -500,15 +507,23 @@ def _take_part(process: Process, world: str, endpoint: str, sample: bool, shared
 
 
 def _coordinate(
-    file: WorldFile, reports: Reports, commands: int, profile: bool, shared: bool
+    file: WorldFile,
+    reports: Reports,
+    commands: int,
+    profile: bool,
+    shared: bool,
+    make: Callable[..., BusCoordinator],
 ) -> int:
     import threading
 
     first: list[float] = []
+    members = 0
 
     def frame_done(done: s.FrameDone) -> None:
+        nonlocal members
         record.frame(done)
         if not first:
+            members = len(coordinator.algorithm.roster.here())
             first.append(time.monotonic())
             reports.tell("first_frame")
 
@@ -531,7 +546,7 @@ def _coordinate(
         stopping=lambda: reports.tell("stopping"),
         restart=lambda member: reports.tell("restart", member=member) or "",
     )
-    coordinator = MeasuringCoordinator(
+    coordinator = make(
         file.world,
         watchers,
         rate=file.rate,
@@ -558,7 +573,7 @@ def _coordinate(
         digest=algorithm.scene.digest.hex(),
         reached=algorithm.reached,
         seconds=coordinator.last_frame_at - began if first else 0.0,
-        members=coordinator.most_members,
+        members=max(members, coordinator.most_members),
         figures=dict(ended.figures),
         profile=coordinator.profile(),
     )

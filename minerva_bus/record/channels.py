@@ -16,6 +16,9 @@ STRING: Final = "minerva/string"
 FRAME: Final = "minerva/frame"
 """What happened in a frame: its events in order, and what has changed in the string."""
 
+CHECKPOINT: Final = "minerva/checkpoint"
+"""Before a frame: what is needed beside the string after it to go on from there."""
+
 TIMING: Final = "minerva/timing"
 """How long a frame took."""
 

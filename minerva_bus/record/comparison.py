@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, groupby, islice, zip_longest
 from typing import Any, Final
 
@@ -59,7 +59,8 @@ class Difference:
     """The first frame in which two records differ, and in what; `frame` is None where in none.
 
     `before` says what differed before the first frame, `ended` which record goes on where the
-    other ends. `one` and `other` are the events of the frame that only one of them has.
+    other ends. `one` and `other` are the events of the frame that only one of them has. `sides` are
+    what the two are called.
     """
 
     frame: int | None
@@ -70,6 +71,7 @@ class Difference:
     other: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     more: int = 0
+    sides: tuple[str, str] = ("A", "B")
 
     @property
     def same(self) -> bool:
@@ -95,9 +97,10 @@ class Difference:
         if self.frame is None:
             return [*shown, self.ended or f"the same: {self.frames:,} frames"]
         shown.append(f"frame {self.frame} is the first that differs")
-        shown += _listed("events of A alone", self.one) + _listed("events of B alone", self.other)
+        for side, events in zip(self.sides, (self.one, self.other), strict=True):
+            shown += _listed(f"events of {side} alone", events)
         for agent, changes in groupby(self.changes, lambda change: change.agent):
-            shown += _agent_shown(agent, list(changes))
+            shown += _agent_shown(agent, list(changes), *self.sides)
         if self.more:
             shown.append(f"  and {self.more:,} more differences")
         return shown
@@ -107,12 +110,12 @@ def _listed(title: str, texts: Sequence[str]) -> list[str]:
     return [f"  {title}:", *(f"    {text}" for text in texts)] if texts else []
 
 
-def _agent_shown(agent: str, changes: Sequence[Change]) -> list[str]:
+def _agent_shown(agent: str, changes: Sequence[Change], a: str, b: str) -> list[str]:
     told = f", told {'; '.join(changes[0].told)}" if changes[0].told else ""
     shown = [f"  {agent}{told}"]
     for change in changes:
         what = f"{change.attribute}: " if change.attribute else ""
-        shown.append(f"    {what}{change.one} in A, {change.other} in B")
+        shown.append(f"    {what}{change.one} in {a}, {change.other} in {b}")
     return shown
 
 
@@ -126,7 +129,8 @@ def compare(a: Record, b: Record) -> Difference:
     for one, other in zip_longest(a.frames(), b.frames()):
         if one is None or other is None:
             return Difference(None, count, before, _ended(one, count))
-        if one.number != other.number or one.digest != other.digest or _differ(one, other):
+        same = one.number == other.number and one.digest == other.digest
+        if not same or not same_events(one.events, other.events):
             return _apart(a, b, one, other, count, before)
         count += 1
     return Difference(None, count, before)
@@ -155,11 +159,12 @@ def _ended(one: Frame | None, count: int) -> str:
     return f"the same for {count:,} frames, all that {ended} has; {longer} goes on"
 
 
-def _differ(one: Frame, other: Frame) -> bool:
-    if [plain_event(event) for event in one.events] == [plain_event(e) for e in other.events]:
-        return False
-    pairs = zip_longest(single(one.events), single(other.events))
-    return any(event != counterpart for event, counterpart in pairs)  # however they are held
+def same_events(one: Sequence[AnyEvent], other: Sequence[AnyEvent]) -> bool:
+    """Whether two lists are of the same events in the same order, however they are held."""
+    if [plain_event(event) for event in one] == [plain_event(event) for event in other]:
+        return True
+    pairs = zip_longest(single(one), single(other))
+    return all(event == counterpart for event, counterpart in pairs)
 
 
 def _apart(
@@ -168,19 +173,32 @@ def _apart(
     if one.number != other.number:
         first, missing = min((one.number, "B"), (other.number, "A"))
         return Difference(first, count, (*before, f"frame {first} is missing in {missing}"))
-    changes: list[Change] = []
+    strings = None
     if one.digest != other.digest:
         strings = a.string(one.number + 1), b.string(one.number + 1)
-        changes = list(_changes(*strings, a.description.world.vocabulary, one.events))
-    mine, theirs = list(single(one.events)), list(single(other.events))
+    vocabulary = a.description.world.vocabulary
+    found = apart(vocabulary, one, strings, (one.events, other.events))
+    return replace(found, frames=count, before=before)
+
+
+def apart(
+    vocabulary: Vocabulary,
+    frame: Frame,
+    strings: tuple[Scene, Scene] | None,
+    events: tuple[Sequence[AnyEvent], Sequence[AnyEvent]],
+    sides: tuple[str, str] = ("A", "B"),
+) -> Difference:
+    """In what two runs differ after a frame: in these strings, and in these events of it."""
+    changes = list(_changes(*strings, vocabulary, frame.events)) if strings is not None else []
+    mine, theirs = list(single(events[0])), list(single(events[1]))
     return Difference(
-        one.number,
-        count,
-        before,
+        frame.number,
+        frame.number,
         one=_only(mine, theirs),
         other=_only(theirs, mine),
         changes=tuple(changes[:MOST]),
         more=len(changes[MOST:]),
+        sides=sides,
     )
 
 

@@ -48,6 +48,7 @@ class Description:
     """A world, the text of its file, its options, and what it ran on.
 
     `rate` is in frames per second, 0: as fast as it goes. `began` is in nanoseconds since 1970.
+    `path` is where the world file lay.
     """
 
     world: World
@@ -56,6 +57,7 @@ class Description:
     options: Mapping[str, str] = field(default_factory=dict[str, str])
     versions: Mapping[str, str] = field(default_factory=versions)
     began: int = 0
+    path: str = ""
 
 
 def encode_description(told: Description) -> bytes:
@@ -77,6 +79,7 @@ def encode_description(told: Description) -> bytes:
         "options": dict(told.options),
         "versions": dict(told.versions),
         "began": told.began,
+        "path": told.path,
     }
     return pack(["world", FORMAT, plain])
 
@@ -122,6 +125,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         _pairs(plain["options"], "an option"),
         _pairs(plain["versions"], "a version"),
         whole(plain["began"], "the beginning"),
+        text(plain.get("path", ""), "the path"),
     )
 
 

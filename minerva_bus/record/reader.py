@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.protocol.values import Reader
 from minerva_bus.record import channels as c
+from minerva_bus.record.checkpoints import Step, decode_checkpoint
 from minerva_bus.record.chunks import Chunks
 from minerva_bus.record.description import LIMITS, Description, decode_description
 from minerva_bus.record.edits import edited
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.messages import Frame, decode_frame, decode_string, frame_number
+
+if TYPE_CHECKING:
+    from mcap.records import Message
+
+_END: Final = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +84,13 @@ class Record:
         return self._frames(0)
 
     def _frames(self, chunk: int) -> Iterator[Frame]:
-        began = self.description.began
-        for _, message in self._chunks.messages((c.FRAME,), chunk):
-            seconds = (message.publish_time - began) / c.NANO
+        for place in range(chunk, len(self._chunks.places)):
+            yield from self._frames_in(place)
+
+    def _frames_in(self, chunk: int) -> Iterator[Frame]:
+        for _, message in self._chunks.messages_in(chunk, (c.FRAME,)):
             with self._explained(f"frame {message.sequence}"):
-                frame = decode_frame(message.data, self._reader, seconds)
+                frame = decode_frame(message.data, self._reader, self._seconds(message))
             yield frame
 
     def strings(self, check: bool = False) -> Iterator[tuple[Frame, Scene]]:
@@ -101,6 +111,92 @@ class Record:
             if frame.number >= number:
                 break
         raise RecordError(f"{self.path}: the string of frame {number} is not in it")
+
+    def play(self, number: int) -> Iterator[tuple[Frame, Scene]]:
+        """As `strings`, from the frame of this number on."""
+        start, scene, chunk = self._key_before(number)
+        for frame, after in self._strings(scene, start, chunk, check=False):
+            if frame.number >= number:
+                yield frame, after
+
+    # --- where its world can go on ---
+
+    def end(self) -> tuple[Checkpoint, Scene]:
+        """The checkpoint after the last whole frame, and the string there. Raises RecordError."""
+        number, scene = self.last()
+        return self._checkpoint(number), scene
+
+    def last(self) -> tuple[int, Scene]:
+        """The number after that of the last whole frame, and the string there."""
+        number, scene, chunk = self._key_before(_END)
+        for frame, after in self._strings(scene, number, chunk, check=False):
+            number, scene = frame.number + 1, after
+        return number, scene
+
+    def emitted(self) -> Iterator[tuple[Frame, tuple[AnyEvent, ...] | None]]:
+        """Each frame, with what agents sent in it; None where there are no checkpoints."""
+        known = c.CHECKPOINT in self._chunks.topics.values()
+        step: Step | None = None
+        for topic, message in self._chunks.messages((c.CHECKPOINT, c.FRAME)):
+            with self._explained(topic):
+                if topic == c.CHECKPOINT:
+                    step = decode_checkpoint(message.data, self._reader)
+                    continue
+                frame = decode_frame(message.data, self._reader, self._seconds(message))
+            new = step is not None and step.new.frame == frame.number + 1
+            sent = step.new.emitted if step is not None and new else ()
+            yield frame, sent if known else None
+
+    def _seconds(self, message: Message) -> float:
+        return (message.publish_time - self.description.began) / c.NANO
+
+    def _checkpoint(self, number: int) -> Checkpoint:
+        found = Checkpoint()
+        for step in self._steps(number):
+            found = step.after(found)
+        if found.frame < number:  # Nothing was new in the last frames, and no events wait.
+            found = replace(found, frame=number, emitted=(), inbox={})
+        return found
+
+    def _steps(self, number: int) -> list[Step]:
+        """The checkpoints up to a frame's, from the last whole one on."""
+        found: list[Step] = []
+        for chunk in range(len(self._chunks.places) - 1, -1, -1):
+            some = list(self._steps_in(chunk, number))
+            whole = [place for place, step in enumerate(some) if step.whole]
+            found = some[whole[-1] if whole else 0 :] + found
+            if whole:
+                return found
+        if number:
+            raise RecordError(f"{self.path}: it has no checkpoints, so nothing can go on from it")
+        return found
+
+    def _steps_in(self, chunk: int, number: int) -> Iterator[Step]:
+        for _, message in self._chunks.messages_in(chunk, (c.CHECKPOINT,)):
+            with self._explained("a checkpoint"):
+                if frame_number(message.data) <= number:
+                    yield decode_checkpoint(message.data, self._reader)
+
+    def messages(self, number: int) -> Iterator[tuple[str, Message]]:
+        """Topic and message of all that happened before a frame, as it is in the file."""
+        for topic, message in self._chunks.messages(self._chunks.topics.values()):
+            if topic != c.CHECKPOINT or message.sequence <= number:
+                yield topic, message
+
+    def last_events(self, types: Collection[str]) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
+        """Of each of these event types the last frame that had some, and all of its events."""
+        found: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
+        for chunk in range(len(self._chunks.places) - 1, -1, -1):
+            here: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
+            for frame in self._frames_in(chunk):
+                had = {event.type for event in frame.events}
+                here.update((one, (frame.number, frame.events)) for one in had.intersection(types))
+            found = here | found
+            if found.keys() >= set(types):
+                break
+        return found
+
+    # --- what else is in it ---
 
     def log(self) -> Iterator[LogLine]:
         """The log, in order."""

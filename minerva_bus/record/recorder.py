@@ -20,12 +20,15 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Final
 
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.record.checkpoints import Kept
 from minerva_bus.record.description import Description
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.extra import check_installed
-from minerva_bus.record.writer import RecordWriter, open_for_record
+from minerva_bus.record.reader import Record
+from minerva_bus.record.writer import RecordWriter, open_for_record, part_of, take_name
 
 WAITING: Final = 16
 PATIENCE: Final = 1.0
@@ -40,6 +43,7 @@ class _FrameItem:
     scene: Scene
     seconds: float
     timings: Mapping[str, float]
+    kept: Kept | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +63,9 @@ class Recorder:
 
     `flush_seconds`: so often all that there is reaches the disk. `durable`: every frame does,
     before `frame` returns. `say` hears, within `frame` or `close` and so in the caller's thread,
-    what the people who watch should know. Raises RecordError where the file cannot be begun,
-    and MisuseError where mcap is not installed; later, nothing is raised.
+    what the people who watch should know. `past` is the record after whose end the world goes on:
+    all that is in it comes first, and it may have the same name. Raises RecordError where the file
+    cannot be begun, and MisuseError where mcap is not installed; later, nothing is raised.
     """
 
     def __init__(
@@ -71,6 +76,7 @@ class Recorder:
         flush_seconds: float = 2.0,
         durable: bool = False,
         say: Callable[[str], None] = lambda _: None,
+        past: Record | None = None,
     ) -> None:
         check_installed()
         self.path = path
@@ -81,12 +87,17 @@ class Recorder:
         self._frame: int = 0
         self._flush_seconds = flush_seconds
         self._flush_at = 0.0
-        self._stream = open_for_record(path)
+        self._stream = open_for_record(path if past is None else part_of(path))
         try:
-            self._writer = RecordWriter(self._stream, told)
+            self._writer = RecordWriter(self._stream, told, past)
         except OSError as error:
             _shut(self._stream)
             raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+        except RecordError:
+            _shut(self._stream)
+            raise
+        if past is not None:
+            take_name(path)
         self._items: queue.Queue[_Item | None] = queue.Queue(WAITING)
         self._stuck = False
         self._closed = False
@@ -106,13 +117,20 @@ class Recorder:
         scene: Scene,
         seconds: float,
         timings: Mapping[str, float] = _NONE,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         """Record a frame; `scene` is the string after it, `seconds` the clock since the beginning.
 
-        `timings` are in seconds, by name.
+        `timings` are in seconds, by name. The `checkpoint` is that after the frame; without it, a
+        world cannot go on from there.
         """
         self._frame = record.frame + 1
-        self._put(_FrameItem(record, scene, seconds, timings))
+        try:
+            kept = Kept.of(checkpoint) if checkpoint is not None else None
+        except (TypeError, ValueError, OverflowError) as error:
+            self._failure = self._failure or f"a member saved what is no plain data: {error}"
+        else:
+            self._put(_FrameItem(record, scene, seconds, timings, kept))
         self._tell_failure()
 
     def log(self, member: str, text: str, seconds: float, *, warning: bool = False) -> None:
@@ -191,7 +209,7 @@ class Recorder:
 
     def _write(self, item: _Item) -> None:
         if isinstance(item, _FrameItem):
-            self._writer.frame(item.record, item.scene, item.seconds, item.timings)
+            self._writer.frame(item.record, item.scene, item.seconds, item.timings, item.kept)
         else:
             self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
 

@@ -13,12 +13,14 @@ from minerva_bus import __version__
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.record import channels as c
+from minerva_bus.record.checkpoints import Kept, encode_checkpoint
 from minerva_bus.record.description import Description, encode_description
 from minerva_bus.record.edits import edit_between
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.extra import check_installed
 from minerva_bus.record.messages import encode_frame, encode_string
 from minerva_bus.record.places import placed_kinds, places
+from minerva_bus.record.reader import Record
 from minerva_bus.record.showing import encode_log, encode_maps, encode_poses
 
 if TYPE_CHECKING:
@@ -41,10 +43,11 @@ class RecordWriter:
     """Writes one record. Raises OSError where it cannot be written any more.
 
     `stream` is the file; it is not closed. What was written before the last `flush` can be read
-    whatever happens then: `kept` frames of the `frames` that there are.
+    whatever happens then: `kept` frames of the `frames` that there are. Where the world goes on
+    from where another record ends, `past`, all that is in that one comes first.
     """
 
-    def __init__(self, stream: IO[bytes], told: Description) -> None:
+    def __init__(self, stream: IO[bytes], told: Description, past: Record | None = None) -> None:
         self._stream = stream
         self._told = told
         self._dt = told.world.dt
@@ -52,12 +55,18 @@ class RecordWriter:
         self._since_key = 0
         self._key_bytes = 0
         self._last_shown = -1.0
+        self._kept: Kept | None = None
         self._dirty = False
         self.frames: int = 0
         self.kept: int = 0
         self._writer = _mcap_writer(stream)
         self._channels: dict[str, int] = {}
         self._begin()
+        if past is None:
+            self._put_beginning()
+        else:
+            self._copy(past)
+        self.flush()
 
     def _begin(self) -> None:
         world = self._told.world
@@ -65,15 +74,36 @@ class RecordWriter:
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
         )
-        for topic in (c.WORLD, c.STRING, c.FRAME):
+        for topic in (c.WORLD, c.STRING, c.FRAME, c.CHECKPOINT):
             self._channels[topic] = self._writer.register_channel(topic, "msgpack", 0)
         self._register_shown()
+
+    def _put_beginning(self) -> None:
+        world = self._told.world
         self._put(c.WORLD, encode_description(self._told), 0, 0.0)
         self._put_string(0, 0.0)
         for grid in encode_maps(world.scene, world.vocabulary):
             self._put(c.MAP, grid, 0, 0.0)
         self._show_poses(0, 0.0)
-        self.flush()
+
+    def _copy(self, past: Record) -> None:
+        """Write all that a record has up to where its world goes on, and the string there."""
+        checkpoint, self._scene = past.end()
+        published = self._told.began
+        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
+        for topic, message in past.messages(checkpoint.frame):
+            if topic == c.WORLD or topic not in self._channels:
+                continue
+            self._writer.add_message(
+                self._channels[topic],
+                log_time=message.log_time,
+                publish_time=message.publish_time,
+                data=message.data,
+                sequence=message.sequence,
+            )
+            self.frames += topic == c.FRAME
+            published = message.publish_time
+        self._put_string(checkpoint.frame, (published - self._told.began) / c.NANO)
 
     def _register_shown(self) -> None:
         schemas = {
@@ -88,18 +118,30 @@ class RecordWriter:
             self._channels[topic] = made
 
     def frame(
-        self, record: FrameRecord, scene: Scene, seconds: float, timings: Mapping[str, float]
+        self,
+        record: FrameRecord,
+        scene: Scene,
+        seconds: float,
+        timings: Mapping[str, float],
+        kept: Kept | None = None,
     ) -> None:
-        """Write a frame; `scene` is the string after it."""
+        """Write a frame; `scene` is the string after it, and `kept` the checkpoint there.
+
+        The checkpoint comes first: then a frame that was not cut off has its checkpoint, too.
+        """
         edit = edit_between(self._scene, scene)
         data = encode_frame(record.frame, record.events, edit, record.digest)
         after = record.frame + 1
+        checkpoint = encode_checkpoint(kept, self._kept) if kept is not None else b""
+        if checkpoint:
+            self._put(c.CHECKPOINT, checkpoint, after, seconds, after)
+        self._kept = kept
         self._put(c.FRAME, data, after, seconds, record.frame)
         timing = {"frame": record.frame, "seconds": seconds, **timings}
         self._put(c.TIMING, json.dumps(timing).encode(), after, seconds, record.frame)
         self._scene = scene
         self.frames += 1
-        self._since_key += len(data)
+        self._since_key += len(data) + len(checkpoint)
         if self._since_key > KEY_AFTER * self._key_bytes:
             self._put_string(after, seconds)
         self._show_poses(after, seconds)
@@ -127,6 +169,7 @@ class RecordWriter:
         data = encode_string(frame, self._scene)
         self._put(c.STRING, data, frame, seconds)
         self._since_key, self._key_bytes = 0, len(data)
+        self._kept = None  # The next checkpoint is whole.
 
     def _show_poses(self, frame: int, seconds: float) -> None:
         now = frame * self._dt
@@ -170,8 +213,26 @@ def open_for_record(path: Path) -> IO[bytes]:
     Raises RecordError.
     """
     try:
-        if path.is_file():
-            path.replace(path.with_name(f"{path.stem}.old{path.suffix}"))
+        _keep_old(path)
         return path.open("wb")
     except OSError as error:
         raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def part_of(path: Path) -> Path:
+    """The name of a record that cannot take its own name yet."""
+    return path.with_name(f"{path.stem}.part{path.suffix}")
+
+
+def take_name(path: Path) -> None:
+    """Let the part of a record be the record, as `open_for_record`. Raises RecordError."""
+    try:
+        _keep_old(path)
+        part_of(path).replace(path)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _keep_old(path: Path) -> None:
+    if path.is_file():
+        path.replace(path.with_name(f"{path.stem}.old{path.suffix}"))

@@ -9,6 +9,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.worldfile import Overrides, read_world_file
+from minerva_bus.record.checkpoints import Kept
 from minerva_bus.record.description import Description
 from minerva_bus.record.reader import Record
 from minerva_bus.record.writer import RecordWriter
@@ -20,6 +21,9 @@ WORLDS = {
     "robot": ("robot", {"frames": 12}),
 }
 
+CHECKPOINTS = {}
+"""Those after each frame, by world and seed."""
+
 
 def world_file(world, **overrides):
     path = world if isinstance(world, Path) else find_world(world)
@@ -27,12 +31,15 @@ def world_file(world, **overrides):
 
 
 def run(file, watch):
-    """Run a world file to its end; `watch(record, string after it)` is told of each frame."""
+    """Run a world file to its end.
+
+    `watch(record, string after it, checkpoint there)` is told of each frame.
+    """
     algorithm = FrameAlgorithm(file.world)
 
     def told(instruction):
         if isinstance(instruction, s.FrameDone):
-            watch(instruction.record, algorithm.scene)
+            watch(instruction.record, algorithm.scene, algorithm.checkpoint)
 
     runner = InProcess(algorithm, [one.participant() for one in file.processes], told)
     runner.start()
@@ -50,7 +57,13 @@ def happened(name, seed=None):
     """A run of one of the worlds: its file, and the frames with the strings after them."""
     world, overrides = WORLDS[name]
     file, frames = world_file(world, seed=seed, **overrides), []
-    run(file, lambda record, string: frames.append((record, string)))
+    checkpoints = CHECKPOINTS[name, seed] = []
+
+    def watch(record, string, checkpoint):
+        frames.append((record, string))
+        checkpoints.append(Kept.of(checkpoint))
+
+    run(file, watch)
     return file, frames
 
 
@@ -66,9 +79,9 @@ def bytes_of(name, flush_every=8, finished=True, seed=None):
     file, frames = happened(name, seed)
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
-    for record, string in frames:
+    for (record, string), kept in zip(frames, CHECKPOINTS[name, seed], strict=True):
         writer.log(record.frame, 0.01 * record.frame, "steps", f"begins {record.frame}", False)
-        writer.frame(record, string, 0.01 * record.frame, {"evolve": 0.001})
+        writer.frame(record, string, 0.01 * record.frame, {"evolve": 0.001}, kept)
         if record.frame % flush_every == flush_every - 1:
             writer.flush()
     if finished:

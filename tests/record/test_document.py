@@ -39,7 +39,7 @@ def test_the_messages_are_as_written(tmp_path):
     listed = re.search(r'\["world", 1, \{(.*?)\}\]', DOCUMENT).group(1)
     assert (name, version) == ("world", 1)
     assert list(plain) == listed.split(", ")
-    for topic, count in ((c.FRAME, 5), (c.STRING, 3)):
+    for topic, count in ((c.FRAME, 5), (c.STRING, 3), (c.CHECKPOINT, 8)):
         _, first = next(chunks.messages((topic,)))
         assert len(unpack(first.data)) == count
     chunks.close()

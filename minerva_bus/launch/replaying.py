@@ -1,0 +1,152 @@
+"""Playing a record again, into any view: `minerva replay FILE --view svg`.
+
+The bus, the views and the launcher are those of any world; only the coordinator takes its frames
+from the record. Code of agents is needed for their views alone, and comes with the world file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from minerva_bus.bus.control import answer
+from minerva_bus.bus.coordinator import Watchers
+from minerva_bus.bus.profile import MeasuringCoordinator
+from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.core import Phase
+from minerva_bus.frame.description import World
+from minerva_bus.frame.replaying import ReplayAlgorithm
+from minerva_bus.launch.resuming import completed, differing_vocabulary, find_file, kinds_in
+from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
+from minerva_bus.protocol.keys import checked_name
+from minerva_bus.protocol.plain import mapped, pack, text, unpack, whole
+from minerva_bus.world.kinds import Kinds
+
+if TYPE_CHECKING:
+    from minerva_bus.record.comparison import Difference
+    from minerva_bus.record.description import Description
+
+_REFUSED = ("pub", "order", "restart")
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A record that is played again: its views as a world file, and what makes its coordinator."""
+
+    file: WorldFile
+    coordinator: Callable[..., MeasuringCoordinator]
+
+
+class ReplayCoordinator(MeasuringCoordinator):
+    """Plays a record to the members of a world. Raises RecordError."""
+
+    def __init__(
+        self, path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **how: Any
+    ) -> None:
+        from minerva_bus.record.film import RecordFilm
+        from minerva_bus.record.reader import Record
+
+        told = watchers.listening
+
+        def listening(endpoint: str) -> None:
+            told(endpoint)
+            self.inbox.put(s.Begin())  # Perhaps there is nobody to wait for.
+
+        super().__init__(world, replace(watchers, listening=listening), **how)
+        film = RecordFilm(Record(path))
+        film.wind(world.past.frame)
+        self.film = film
+        self.algorithm: FrameAlgorithm = ReplayAlgorithm(world, film, kinds, stay=stay)
+
+    def _answer(self, query: Any) -> None:
+        try:
+            asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
+            found = self._answered(text(asked.get("ask"), "ask"), asked)
+        except MinervaError as error:
+            found = {"error": str(error)}
+        query.reply(self.keys.control, pack(found))
+
+    def _answered(self, ask: str, asked: Mapping[str, Any]) -> dict[str, Any]:
+        if ask == "seek":
+            return self._seek(whole(asked.get("frame"), "the frame"))
+        if ask in _REFUSED:
+            raise ProtocolError("this is a replay: what has happened stays as it was")
+        return answer(asked, self)
+
+    def _seek(self, frame: int) -> dict[str, Any]:
+        if frame > self.film.end:
+            raise ProtocolError(f"the record ends before frame {self.film.end}, not {frame}")
+        if self.algorithm.phase is not Phase.READY:
+            raise ProtocolError(f"not now: {self.algorithm.phase.value}")
+        self.tell(s.Seek(frame))
+        return {"frame": self.algorithm.frame}
+
+
+def read_replay(
+    path: Path, world: str, overrides: Overrides, *, begin: int = 0, speed: float = 1.0
+) -> Replay:
+    """A record from frame `begin` on, `speed` times as fast as real time; 0: as fast as it goes.
+
+    `world` names its world file, if that has moved. Raises RecordError and WorldFileError, and
+    MinervaError where the world file is of another world or there is no such frame.
+    """
+    from minerva_bus.record.film import RecordFilm
+    from minerva_bus.record.reader import Record
+
+    if not 0 <= speed < float("inf"):
+        raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
+    with Record(path) as record:
+        told = record.description
+        file = _world_file(path, world, told, overrides)
+        film = RecordFilm(record)
+        if not film.end:
+            raise MisuseError(f"{path}: there is no frame in it")
+        if not 0 <= begin < film.end:
+            raise MisuseError(f"{path}: it has the frames 0 to {film.end - 1}, not {begin}")
+        played = replace(told.world, scene=film.wind(begin), past=Checkpoint(begin))
+    played = replace(played, frames=film.end, until="", name=_name(overrides, told))
+    views = file.processes[len(file.processes) - len(overrides.views) :]
+    stay = any(view.make_service is not None and view.make_service().interactive for view in views)
+    shown = replace(
+        file,
+        world=replace(played, expected=frozenset(view.name for view in views)),
+        rate=speed / played.dt,
+        processes=views,
+        record=replace(file.record, path=""),
+        notes=(f"replays {path} from frame {begin}",),
+    )
+    return Replay(shown, partial(ReplayCoordinator, path, kinds_in(file), stay))
+
+
+def _name(overrides: Overrides, told: Description) -> str:
+    return checked_name(overrides.name or f"{told.world.name}-replay", "a world")
+
+
+def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> Difference:
+    """Run λ over a record again; `progress` is told how many frames are done, and of how many.
+
+    Raises RecordError and WorldFileError, and ActivityError where user code raised.
+    """
+    from minerva_bus.record.reader import Record
+    from minerva_bus.record.recomputing import recompute
+
+    with Record(path) as record:
+        file = _world_file(path, world, record.description, Overrides())
+        last = record.last()[0]
+        return recompute(record, kinds_in(file), lambda done: progress(done, last))
+
+
+def _world_file(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
+    """The world file that a record's code comes with."""
+    found = find_file(world, told, f"minerva replay {path} WORLD")
+    file = read_world_file(found, replace(completed(given, told), name=""))
+    what = differing_vocabulary(file.world, told.world)
+    if what:
+        raise MinervaError(f"{path}: it is the record of another world: {what}")
+    return file

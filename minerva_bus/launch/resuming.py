@@ -1,0 +1,212 @@
+"""Going on where a record ends: `minerva run --resume FILE`.
+
+A record has strings, events and checkpoints, but no code: that comes with the world file, which
+must be of the same vocabulary and the same rules. What a command line does not say, the record
+says: options, seed, name, rate and end. Views of the last frames are made anew by θ, which depends
+on nothing but the string and the events (equation 5), for coupled devices act on them in the frame
+that comes next.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from minerva_bus.errors import MinervaError, WorldFileError
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint, LastView
+from minerva_bus.frame.description import World
+from minerva_bus.launch.specs import find_world
+from minerva_bus.launch.table import Table
+from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
+from minerva_bus.protocol.alphabet import plain_vocabulary
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.kinds import Kinds, kinds_of
+from minerva_bus.world.views import visualize
+
+if TYPE_CHECKING:
+    from minerva_bus.record.description import Description
+    from minerva_bus.record.reader import Record
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed(WorldFile):
+    """A world file whose world goes on where the record `origin` ends."""
+
+    origin: Path = field(default_factory=Path)
+
+
+def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
+    """The world of a record, to go on where it ends; `world` names its file, if it has moved.
+
+    Raises RecordError, WorldFileError and SceneError, and MinervaError where the world file is of
+    another world, or the run is over.
+    """
+    from minerva_bus.record.reader import Record
+
+    with Record(path) as record:
+        told = record.description
+        given = completed(overrides, told)
+        wanted = f"minerva run WORLD --resume {path}"
+        file = read_world_file(find_file(world, told, wanted), given)
+        check_same(file.world, told.world, path)
+        checkpoint, scene = record.end()
+        if file.world.until != told.world.until:
+            checkpoint = replace(checkpoint, reached=frozenset(), reaching=frozenset())
+        past = replace(file.world, scene=scene, past=checkpoint, shown=last_views(record, file))
+        check_unfinished(past, path)
+    kept = replace(file.record, path=file.record.path or str(path))
+    notes = (f"goes on from frame {checkpoint.frame} of {path}", *_unused(checkpoint, file))
+    notes += file.notes
+    return Resumed(
+        file.path, past, file.rate, file.processes, file.bus, file.options, notes, kept, file.text,
+        origin=path,
+    )  # fmt: skip
+
+
+def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
+    """Words about what was saved for members that are not in a world file."""
+    for name in sorted(checkpoint.saved.keys() - {process.name for process in file.processes}):
+        yield f"what {name} has saved waits for a member of this name: no process has it"
+
+
+# --- the world file of a record ---
+
+
+def find_file(world: str, told: Description, wanted: str) -> Path:
+    """The world file that a command line names, or that a record was made with.
+
+    `wanted` is how it is named where it has moved. Raises WorldFileError.
+    """
+    if world:
+        return find_world(world)
+    path = Path(told.path)
+    if told.path and path.is_file():
+        return path
+    where = f" {told.path}" if told.path else ""
+    raise WorldFileError(f"the record's world file{where} is not here: name it, {wanted}")
+
+
+def completed(given: Overrides, told: Description) -> Overrides:
+    """What a command line says, and where it says nothing, what the record says.
+
+    A view that is asked for decides about the rate by itself.
+    """
+    world = told.world
+    watched = given.rate is None and given.views
+    return replace(
+        given,
+        options={**_options(told), **given.options},
+        name=given.name or world.name,
+        seed=world.seed if given.seed is None else given.seed,
+        frames=world.frames if given.frames is None else given.frames,
+        until=world.until if given.until is None else given.until,
+        rate=told.rate if given.rate is None and not watched else given.rate,
+    )
+
+
+def _options(told: Description) -> dict[str, str]:
+    """The options of a run that its world file declares, where they are not as it has them."""
+    import tomllib
+
+    try:
+        table = Table(tomllib.loads(told.file), "", told.file, told.path).table("options")
+    except (tomllib.TOMLDecodeError, MinervaError):
+        return {}
+    declared = {name: option_text(value) for name, value in table.rest().items()}
+    return {
+        name: told.options[name]
+        for name, own in declared.items()
+        if name in told.options and told.options[name] != own
+    }
+
+
+def option_text(value: Any) -> str:
+    """An option as a command line would say it: a text as it is, all else as TOML writes it."""
+    return value if isinstance(value, str) else _toml(value)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        pairs = cast("Mapping[str, Any]", value).items()
+        return f"{{{', '.join(f'{json.dumps(key)} = {_toml(one)}' for key, one in pairs)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml, cast('list[Any]', value)))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+def check_same(world: World, recorded: World, path: Path) -> None:
+    """Complain of a world whose frames would be others. Raises MinervaError."""
+    for what in differing(world, recorded):
+        raise MinervaError(f"{path}: it is the record of another world: {what}")
+
+
+def differing(world: World, recorded: World) -> Iterator[str]:
+    """What makes the frames of two worlds differ, beside their strings."""
+    for what in ("seed", "dt", "policy"):
+        mine, theirs = getattr(world, what), getattr(recorded, what)
+        if mine != theirs:
+            mine, theirs = getattr(mine, "value", mine), getattr(theirs, "value", theirs)
+            yield f"{what} {theirs} is recorded, {mine} is wanted"
+    what = differing_vocabulary(world, recorded)
+    if what:
+        yield what
+    if world.order != recorded.order:
+        yield "its order of events is not the one of the world file"
+
+
+def differing_vocabulary(world: World, recorded: World) -> str:
+    """How the vocabularies of two worlds differ, or the empty text."""
+    same = plain_vocabulary(world.vocabulary) == plain_vocabulary(recorded.vocabulary)
+    return "" if same else "its vocabulary is not the one of the world file"
+
+
+def check_unfinished(world: World, path: Path) -> None:
+    """Complain of a run that is over. Raises MinervaError."""
+    algorithm = FrameAlgorithm(world)
+    if algorithm.composition.empty:
+        raise MinervaError(f"{path}: this run is over: its string is empty")
+    if algorithm.reached:
+        raise MinervaError(
+            f"{path}: this run is over: every agent has sent {world.until}; --until '' goes on"
+        )
+    if world.frames and world.past.frame >= world.frames:
+        raise MinervaError(
+            f"{path}: this run is over after {world.past.frame} frames; --frames N goes on to"
+            " frame N, or 0 without end"
+        )
+
+
+# --- views ---
+
+
+def kinds_in(file: WorldFile) -> Kinds:
+    """The agent classes of all processes of a world file."""
+    classes: dict[type[Agent], None] = {}
+    for process in file.processes:
+        classes.update(dict.fromkeys(process.agents))
+    return kinds_of(list(classes))
+
+
+def last_views(record: Record, file: WorldFile) -> dict[str, LastView]:
+    """What the coupled devices of a world have been shown last, by visual event type."""
+    kinds = kinds_in(file)
+    found: dict[str, LastView] = {}
+    for event_type, (frame, events) in sorted(record.last_events(_coupled(file)).items()):
+        mine = [event for event in events if event.type == event_type]
+        shown = visualize(record.string(frame), mine, kinds, frame)
+        found[event_type] = LastView(frame, shown)
+    return found
+
+
+def _coupled(file: WorldFile) -> frozenset[str]:
+    """The visual event types whose views something may follow from."""
+    if any(process.command for process in file.processes):  # Nobody knows what they draw.
+        return frozenset(one.name for one in file.world.vocabulary.events.values() if one.visual)
+    hellos = [process.participant().hello() for process in file.processes]
+    return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)

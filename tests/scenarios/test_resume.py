@@ -1,0 +1,92 @@
+"""A world that goes on from a checkpoint has the future of the one that never stopped."""
+
+from dataclasses import replace
+
+import pytest
+from pond import VOCABULARY, Counter, Fly, Forward, Frog, Lily, Minnow, counters
+from test_any_schedule import FRAMES, SETTINGS, both
+
+from minerva_bus.frame.checkpoint import LastView
+from minerva_bus.testing.memory_bus import MemoryBus
+from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.views import visualize
+
+KINDS = kinds_of([Counter, Fly, Frog, Lily, Minnow])
+
+
+def resumed(world, bus, before, members):
+    """The world of a bus that stands between two frames, on a new one; `before` is its last w."""
+    algorithm, record = bus.algorithm, bus.records[-1]
+    shows = [event for event in record.events if VOCABULARY.events[event.type].visual]
+    view = LastView(record.frame, visualize(before, shows, KINDS, record.frame))
+    past = replace(world, scene=algorithm.scene, past=algorithm.checkpoint, shown={"eShow": view})
+    again = MemoryBus(past, members)
+    again.start()
+    again.run()
+    return again
+
+
+@both
+@pytest.mark.parametrize("stop", range(1, FRAMES))
+def test_it_goes_on_from_any_frame(setting, stop):
+    bus = MemoryBus(setting.world, setting.members)
+    bus.start()
+    bus.run(stop - 1)
+    before = bus.algorithm.scene
+    bus.run(1)
+    assert bus.algorithm.checkpoint.frame == stop
+    digests, ended = setting.undisturbed
+    again = resumed(setting.world, bus, before, setting.members)
+    assert again.digests == digests[stop:]
+    assert again.ended.reason == ended.reason
+
+
+def test_it_needs_no_more_hosts_than_before():
+    setting = SETTINGS["pond"]
+    bus = MemoryBus(setting.world, setting.members)
+    bus.start()
+    bus.run(3)
+    before = bus.algorithm.scene
+    bus.run(1)
+    fewer = {name: one for name, one in setting.members.items() if name != "more"}
+    world = replace(setting.world, expected=frozenset(fewer))
+    assert resumed(world, bus, before, fewer).digests == setting.undisturbed[0][4:]
+
+
+def test_a_coupled_device_acts_on_the_view_of_before():
+    setting = SETTINGS["pond"]
+    bus = MemoryBus(setting.world, setting.members)
+    bus.start()
+    bus.run(4)
+    past = replace(setting.world, scene=bus.algorithm.scene, past=bus.algorithm.checkpoint)
+    blind = MemoryBus(past, setting.members)
+    blind.start()
+    blind.run()
+    assert blind.digests != setting.undisturbed[0][4:]
+
+
+def test_who_has_reached_the_end_needs_not_do_so_again():
+    text = "ACounter#a<n=5> · ACounter#b"
+    bus = counters(text, until="eDone", frames=20)
+    bus.start()
+    bus.run(4)
+    checkpoint = bus.algorithm.checkpoint
+    assert (checkpoint.reached, checkpoint.reaching) == ({"a"}, {"ACounter"})
+    past = replace(bus.algorithm.world, scene=bus.algorithm.scene, past=checkpoint)
+    again = MemoryBus(past, bus.makers)
+    again.start()
+    again.run()
+    bus.run()
+    assert again.ended == bus.ended
+    assert again.ended.reason == "every agent has sent eDone"
+    assert again.digests == bus.digests[4:]
+
+
+def test_what_was_saved_is_what_was_saved_in_the_last_whole_frame():
+    setting = SETTINGS["shoal"]
+    assert isinstance(setting.members["steps"]().service, Forward)
+    bus = MemoryBus(setting.world, setting.members)
+    bus.start()
+    bus.run(3)
+    early = bus.algorithm._early["steps"].saved
+    assert bus.algorithm.checkpoint.saved["steps"] != early
