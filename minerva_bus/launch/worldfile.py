@@ -30,7 +30,7 @@ from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.roster import objection
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.specs import bind, find_agents, find_service, load
+from minerva_bus.launch.specs import SERVICES, bind, entries, find_agents, find_service, load
 from minerva_bus.launch.table import Table
 from minerva_bus.protocol.keys import COORDINATOR, checked_name
 from minerva_bus.world.agent import Agent
@@ -475,7 +475,7 @@ def _view(text: str) -> tuple[str, str, dict[str, Any]]:
     """
     kind, _, rest = text.partition(":")
     first, _, others = rest.partition(":")
-    if first and "=" not in first:
+    if first and "=" not in first and kind not in entries(SERVICES):
         return f"{kind}:{first}", first.lower(), _pairs(others) if others else {}
     return kind, kind, _pairs(rest) if rest else {}
 
