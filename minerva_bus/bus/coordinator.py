@@ -235,10 +235,14 @@ class BusCoordinator:
     def _answer(self, query: zenoh.Query) -> None:
         try:
             asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
+            found = self._answered(asked)
         except MinervaError as error:
-            query.reply(self.keys.control, pack({"error": str(error)}))
-            return
-        query.reply(self.keys.control, pack(answer(asked, self)))
+            found = {"error": str(error)}
+        query.reply(self.keys.control, pack(found))
+
+    def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """The answer to a question. Raises MinervaError where there is none."""
+        return answer(asked, self)
 
     def _log(self, member: str, text: str) -> None:
         self.diary.said(time.time(), member, text)

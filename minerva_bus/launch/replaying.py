@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.bus.control import answer
 from minerva_bus.bus.coordinator import Watchers
 from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
@@ -25,7 +24,7 @@ from minerva_bus.frame.replaying import ReplayAlgorithm
 from minerva_bus.launch.resuming import completed, differing_vocabulary, find_file, kinds_in
 from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
 from minerva_bus.protocol.keys import checked_name
-from minerva_bus.protocol.plain import mapped, pack, text, unpack, whole
+from minerva_bus.protocol.plain import whole
 from minerva_bus.world.kinds import Kinds
 
 if TYPE_CHECKING:
@@ -64,20 +63,13 @@ class ReplayCoordinator(MeasuringCoordinator):
         self.film = film
         self.algorithm: FrameAlgorithm = ReplayAlgorithm(world, film, kinds, stay=stay)
 
-    def _answer(self, query: Any) -> None:
-        try:
-            asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
-            found = self._answered(text(asked.get("ask"), "ask"), asked)
-        except MinervaError as error:
-            found = {"error": str(error)}
-        query.reply(self.keys.control, pack(found))
-
-    def _answered(self, ask: str, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        ask = asked.get("ask")
         if ask == "seek":
             return self._seek(whole(asked.get("frame"), "the frame"))
         if ask in _REFUSED:
             raise ProtocolError("this is a replay: what has happened stays as it was")
-        return answer(asked, self)
+        return super()._answered(asked)
 
     def _seek(self, frame: int) -> dict[str, Any]:
         if frame > self.film.end:
