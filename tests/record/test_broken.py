@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
-from tests.record.running import bytes_of, record_of, strings_of
+from tests.record.recorded_runs import bytes_of, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -11,7 +11,7 @@ from minerva_bus.record.chunks import Chunks
 from minerva_bus.record.recorder import PATIENCE, WAITING
 from minerva_bus.record.tracks import AGENTS
 from minerva_bus.record.writer import KEY_AFTER, SHOWN, SHOWN_EVERY
-from tests.record.running import bytes_of, happened, strings_of
+from tests.record.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
 

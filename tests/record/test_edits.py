@@ -14,7 +14,7 @@ from minerva_bus.record.edits import DEEPEST, edit_between, edited
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings
-from tests.record.running import happened, strings_of
+from tests.record.recorded_runs import happened, strings_of
 
 PStar = Primitive("PStar", size=Metres)
 TMove = Transformation("TMove", dist=Metres)

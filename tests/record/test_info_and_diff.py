@@ -12,7 +12,7 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.writer import RecordWriter
-from tests.record.running import bytes_of, description, happened, strings_of
+from tests.record.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
 

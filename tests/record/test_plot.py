@@ -23,7 +23,7 @@ from minerva_bus.record.errors import RecordError
 from minerva_bus.record.places import places
 from minerva_bus.record.tracks import story_of
 from minerva_bus.record.writer import RecordWriter
-from tests.record.running import bytes_of, happened, record_of, strings_of
+from tests.record.recorded_runs import bytes_of, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -13,7 +13,7 @@ from minerva_bus.record import recorder as module
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
 from minerva_bus.record.recorder import Recorder
-from tests.record.running import description, happened, record_of, strings_of
+from tests.record.recorded_runs import description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -12,7 +12,7 @@ from minerva_bus.record import channels as c
 from minerva_bus.record.description import encode_description
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.writer import RecordWriter
-from tests.record.running import bytes_of, description, happened, record_of, strings_of
+from tests.record.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

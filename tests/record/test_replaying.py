@@ -16,7 +16,7 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.record.film import RecordFilm
 from minerva_bus.record.recomputing import recompute
-from tests.record.running import WORLDS, bytes_of, happened, record_of, world_file
+from tests.record.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
 mcap = pytest.importorskip("mcap")
 

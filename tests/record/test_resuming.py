@@ -20,7 +20,7 @@ from minerva_bus.record.description import LIMITS
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
 from minerva_bus.record.writer import RecordWriter
-from tests.record.running import (
+from tests.record.recorded_runs import (
     CHECKPOINTS,
     ROOT,
     bytes_of,
