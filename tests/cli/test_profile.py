@@ -83,7 +83,7 @@ def test_without_the_sampler_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_tally_sums_within_a_frame_and_counts_only_frames_with_it():
-    tally = Tally()
+    tally = Tally(keep=True)
     for frame in range(100):
         tally.add("seen", 1.0)
         tally.add("seen", float(frame))
