@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import re
 import sys
 from pathlib import Path
@@ -34,7 +33,7 @@ from minerva_services.vision.images import grey_of  # noqa: E402
 from minerva_services.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
 from minerva_services.vision.library import opencv  # noqa: E402
 
-PHOTOS = Path(os.environ.get("MINERVA_TEST_DATA", "no data")) / "markers"
+PHOTOS = Path(__file__).parents[3] / "shared" / "data" / "markers"
 WORLD = WorldInfo("w", Vocabulary.of(), 0, 0.1)
 SEEN = {"dictionary": "6X6_250", "size": SIZE, "fx": FX}
 
@@ -42,7 +41,7 @@ SEEN = {"dictionary": "6X6_250", "size": SIZE, "fx": FX}
 @pytest.fixture
 def photos():
     if not PHOTOS.is_dir():
-        pytest.skip("no photos: MINERVA_TEST_DATA names a directory with markers/*.jpg")
+        pytest.skip("no photos: ../shared/data/markers is not there")
     return PHOTOS
 
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import time
 from collections.abc import Sequence
 from itertools import combinations
@@ -20,7 +19,7 @@ from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.saved import Saved
 from minerva_services.physics.walls import Segments, wall_segments
 
-MAPS = Path(os.environ.get("MINERVA_TEST_DATA", "no data")) / "ros_maps"
+MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
 """Real maps are not part of the project: tests that want them are skipped where they are not."""
 
 TOUCHES = 2e-9
@@ -559,7 +558,7 @@ def test_commands_and_numbers_must_make_sense() -> None:
 def depot() -> NDArray[np.int16]:
     """The depot map: rows along x, columns along y; 0 free, 100 occupied, -1 unknown."""
     if not (MAPS / "depot.pgm").exists():
-        pytest.skip("no depot map: MINERVA_TEST_DATA names a directory with ros_maps/depot.pgm")
+        pytest.skip("no depot map: ../shared/data/ros_maps is not there")
     head, pixels = (MAPS / "depot.pgm").read_bytes().split(b"\n255\n", 1)
     width, height = map(int, head.split()[-2:])
     dark = 1 - np.frombuffer(pixels, np.uint8).reshape(height, width)[::-1].T / 255
