@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from minerva_bus.world.views import visualize
 
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _HOMES = {
     "errors": "MinervaError",
