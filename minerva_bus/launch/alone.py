@@ -223,4 +223,5 @@ class Alone:
             seed=self._file.world.seed,
             startup={},
             figures=dict(ended.figures) if ended is not None else {},
+            before=self._file.world.past.frame,
         )

@@ -10,7 +10,10 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...)."""
+    """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...).
+
+    `before` is how many of the frames ran before this run, which went on from a record.
+    """
 
     world: str
     frames: int
@@ -23,6 +26,7 @@ class Summary:
     seed: int
     startup: Mapping[str, float]
     figures: Mapping[str, Any]
+    before: int = 0
     profile: Mapping[str, Mapping[str, float]] = field(
         default_factory=dict[str, Mapping[str, float]]
     )
@@ -30,7 +34,8 @@ class Summary:
     @property
     def frames_per_second(self) -> float:
         """Frames per second, from the first frame's end to the last one's."""
-        return self.frames / self.wall_seconds if self.wall_seconds > 0 else 0.0
+        ran = self.frames - self.before
+        return ran / self.wall_seconds if self.wall_seconds > 0 else 0.0
 
     def plain(self) -> dict[str, Any]:
         """As one JSON object; a member's figure never takes the place of one of these."""
@@ -58,9 +63,10 @@ class Summary:
 
     def lines(self) -> list[str]:
         """As a person reads it."""
+        earlier = f" ({self.before} before)" if self.before else ""
         shown = [
             f"{self.world}: {self.ended}",
-            f"  {self.frames} frames in {self.wall_seconds:.1f} s"
+            f"  {self.frames} frames{earlier} in {self.wall_seconds:.1f} s"
             f" ({self.frames_per_second:.0f} per second), {self.members} members",
             f"  first frame after {self.first_frame_seconds:.2f} s" + self._startup_shown(),
         ]

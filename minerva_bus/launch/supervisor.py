@@ -11,16 +11,15 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator, Patience, Printed, Status, Watchers
-from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
-from minerva_bus.frame import stimuli as s
+from minerva_bus.launch.children import coordinate, take_part
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.memory import column_bytes, has_room, sweep
-from minerva_bus.launch.profiling import NOTHING, Profiling, profile_of, sampled
-from minerva_bus.launch.recording import check_record, recording
+from minerva_bus.launch.profiling import NOTHING, Profiling
+from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.reports import Lines, Reports, parsed
 from minerva_bus.launch.starters import Child, command, fork
@@ -133,7 +132,7 @@ class Supervisor:
         file = self._file
         self._coordinator = fork(
             COORDINATOR,
-            lambda: _coordinate(
+            lambda: coordinate(
                 file,
                 Reports(up_write),
                 down_read,
@@ -167,7 +166,7 @@ class Supervisor:
             sample = process.name == self._profiling.member
             child = fork(
                 process.name,
-                lambda: _take_part(process, world, endpoint, sample, self._shared),
+                lambda: take_part(process, world, endpoint, sample, self._shared),
                 (),
                 self._lifeline[0],
             )
@@ -456,6 +455,7 @@ class Supervisor:
             seed=self._file.world.seed,
             startup=self._startup,
             figures=ended["figures"],
+            before=self._file.world.past.frame,
             profile=ended["profile"],
         )
         if ended["failed"] and not self._failure:
@@ -493,102 +493,3 @@ def _how(code: int) -> str:
     if code < 0:
         return f"was killed by {signal.Signals(-code).name}"
     return f"ended with exit code {code}"
-
-
-# --- what runs in the children ---
-
-
-def _take_part(process: Process, world: str, endpoint: str, sample: bool, shared: bool) -> int:
-    def tell(line: str) -> None:
-        print(line, flush=True)  # noqa: T201
-
-    member = BusMember(process.participant(), world, endpoint, tell, shared=shared)
-    return sampled(member.run, profile_of(world, process.name)) if sample else member.run()
-
-
-def _coordinate(
-    file: WorldFile,
-    reports: Reports,
-    commands: int,
-    profile: bool,
-    shared: bool,
-    make: Callable[..., BusCoordinator],
-) -> int:
-    import threading
-
-    first: list[float] = []
-    members = 0
-
-    def frame_done(done: s.FrameDone) -> None:
-        nonlocal members
-        record.frame(done)
-        if not first:
-            members = len(coordinator.algorithm.roster.here())
-            first.append(time.monotonic())
-            reports.tell("first_frame")
-
-    def said(member: str, text: str) -> None:
-        record.said(member, text)
-        reports.tell("said", member=member, text=text)
-
-    def status(now: Status) -> None:
-        reports.tell(
-            "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
-            paused=now.paused, waiting=now.waiting, waited=now.waited,
-        )  # fmt: skip
-
-    watchers = Watchers(
-        said=said,
-        status=status,
-        listening=lambda endpoint: reports.tell("listening", endpoint=endpoint),
-        stalled=lambda member, waited: reports.tell("stalled", member=member, waited=waited),
-        frame_done=frame_done,
-        stopping=lambda: reports.tell("stopping"),
-        restart=lambda member: reports.tell("restart", member=member) or "",
-    )
-    coordinator = make(
-        file.world,
-        watchers,
-        rate=file.rate,
-        listen=file.bus.listen,
-        patience=Patience(file.bus.soft, file.bus.hard),
-        shared=shared,
-        keep=profile,
-    )
-    record = recording(
-        file, coordinator.algorithm, lambda text: reports.tell("said", member="record", text=text)
-    )
-    threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
-    try:
-        ended = coordinator.run()
-    finally:
-        record.close()
-    algorithm = coordinator.algorithm
-    began = first[0] if first else time.monotonic()
-    reports.tell(
-        "ended",
-        reason=ended.reason,
-        failed=algorithm.failed,
-        frames=algorithm.frame,
-        digest=algorithm.scene.digest.hex(),
-        reached=algorithm.reached,
-        seconds=coordinator.last_frame_at - began if first else 0.0,
-        members=max(members, coordinator.most_members),
-        figures=dict(ended.figures),
-        profile=coordinator.profile(),
-    )
-    return 0
-
-
-def _obey(commands: int, coordinator: BusCoordinator) -> None:
-    lines = Lines()
-    while data := os.read(commands, 4096):
-        for line in lines.feed(data):
-            word, _, rest = line.partition(" ")
-            if word == "log":
-                member, _, text = rest.partition(" ")
-                coordinator.inbox.put(Printed(member, text))
-            elif word == "gave_up":
-                coordinator.inbox.put(s.GaveUp(rest))
-            elif word == "stop":
-                coordinator.inbox.put(s.End("interrupted"))
