@@ -10,6 +10,7 @@
     {"ask": "step", "frames": 1}          → {"frame": the frame that follows them}
     {"ask": "rate", "rate": 30.0}         → {"rate": ...}
     {"ask": "restart", "member": name}    → {}
+    {"ask": "drain", "member": name}      → {"to": [hosts]}
     {"ask": "logs", "since": 0, ...}      → {"lines": [...]}
 
 A wrong question is answered by {"error": text}.
@@ -128,7 +129,7 @@ def _member(member: Member, wait: float) -> MemberStatus:
         return MemberStatus(member.name, member.state.value, expected=member.expected)
     return MemberStatus(
         name=member.name,
-        state=member.state.value,
+        state="drained" if member.here and member.drained else member.state.value,
         roles=hello.roles,
         service=hello.service,
         kinds=tuple([kind.name for kind in hello.kinds]),
@@ -224,6 +225,23 @@ def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
+def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+    member, roster = text(asked.get("member"), "the member"), running.algorithm.roster
+    offers = roster.offers()
+    if member not in offers:
+        hosts = ", ".join(offers) or "none"
+        raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")
+    others = {name: kinds for name, kinds in offers.items() if name != member}
+    alone = sorted(offers[member].difference(*others.values()))
+    if alone:
+        raise ProtocolError(
+            f"nobody else offers {', '.join(alone)}: attach a host of it first"
+            " (minerva attach module:Class)"
+        )
+    running.tell(s.Drain(member))
+    return {"to": [name for name, kinds in others.items() if kinds & offers[member]]}
+
+
 def _logs(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = text(asked.get("member", ""), "the member")
     lines = running.diary.lines(whole(asked.get("since", 0), "since"), member)
@@ -286,6 +304,7 @@ _ANSWERS: dict[str, Callable[[Running, dict[str, Any]], dict[str, Any]]] = {
     "step": _step,
     "rate": _rate,
     "restart": _restart,
+    "drain": _drain,
     "logs": _logs,
     "stop": _stop,
 }

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.protocol.plain import text
+from minerva_bus.protocol.plain import listed, text
 from minerva_bus.protocol.status import read_lines, read_status
 from minerva_bus.protocol.values import plain_event
 from minerva_bus.world.operator import LogLine, WorldStatus
@@ -49,6 +49,15 @@ class AskingOperator:
     def restart(self, member: str) -> None:
         """Start a process of the world file anew."""
         self._ask("restart", member=member)
+
+    def drain(self, member: str) -> tuple[str, ...]:
+        """Let other hosts take over a host's agents; which hosts."""
+        return tuple(
+            [
+                text(one, "a host")
+                for one in listed(self._ask("drain", member=member).get("to"), "hosts")
+            ]
+        )
 
     def logs(self, since: int = 0, member: str = "") -> tuple[LogLine, ...]:
         """What members have printed and what was said of them."""

@@ -329,6 +329,18 @@ def restart(
 
 
 @app.command()
+def drain(
+    member: Annotated[str, typer.Argument(help="A host of agents.")],
+    world: World = "",
+    connect: Connect = "",
+) -> None:
+    """Empty a host of agents, so that it can be stopped: others take over at a frame's edge."""
+    from minerva_bus.cli.operating import drain_member
+
+    drain_member(member, connect, world)
+
+
+@app.command()
 def logs(
     member: Annotated[str, typer.Argument(help="Only of this member.")] = "",
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with what comes.")] = False,

@@ -55,6 +55,13 @@ def restart_member(member: str, connect: str, world: str) -> None:
         _print(f"{asked.world}: {member} is started anew")
 
 
+def drain_member(member: str, connect: str, world: str) -> None:
+    """Let other hosts take over a host's agents."""
+    with client(connect, world) as asked:
+        others = asked.operator.drain(member)
+        _print(f"{asked.world}: the agents of {member} go to {', '.join(others)}")
+
+
 def _resting(asked: Client) -> int:
     """Wait until the world rests, as it was told to; say for whom it waits if it does not."""
     told: tuple[str, ...] = ()

@@ -41,6 +41,7 @@ class FrameAlgorithm(Attendance):
             m.EvolveReply: self._on_evolve_reply,
             m.Emitted: self._on_emitted,
             s.Order: self._on_order,
+            s.Drain: self._on_drain,
             s.Appeared: self._on_appeared,
             m.Hello: self._on_hello,
             s.Vanished: self._on_vanished,
@@ -168,6 +169,12 @@ class FrameAlgorithm(Attendance):
             self._send(taker.name, m.Orders((order.event,)))
         if not takers:
             self._inbox.setdefault("~order", []).append(order.event)
+
+    def _on_drain(self, told: s.Drain) -> None:
+        member = self.roster.get(told.member)
+        if member.here and not member.drained:
+            member.drained = self._rearrange = True
+            self._say(member.name, "is emptied: its agents go to other hosts")
 
     # --- steps 5 and 6: hosts answer ---
 

@@ -58,6 +58,7 @@ class Member:
     """One member as the coordinator knows it.
 
     `expected`: the world file names it, so the world waits for it until it is given up.
+    `drained`: it shall host no agents that another one can.
     `dropped`: how many of its events came when too many waited already.
     `figures`: how it does, as it says itself.
     `greeted`: the hello is of the process that is there now, not of one before it.
@@ -70,6 +71,7 @@ class Member:
     greeted: bool = False
     last_reply: int = -1
     late: int = 0
+    drained: bool = False
     dropped: int = 0
     figures: Figures = field(default_factory=dict[str, bool | int | float | str])
 

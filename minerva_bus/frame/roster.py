@@ -74,7 +74,7 @@ class Roster:
     def introduce(self, member: Member, hello: Hello) -> None:
         """A member has said who it is."""
         self._attending = None
-        member.hello, member.greeted = hello, True
+        member.hello, member.greeted, member.drained = hello, True, False
 
     @property
     def attending(self) -> Attending:
@@ -108,9 +108,18 @@ class Roster:
         return self.attending.awaited
 
     def offers(self) -> dict[str, frozenset[str]]:
-        """The hosts that are here and the kinds that each offers."""
-        hellos = [member.hello for member in self.here() if member.hello is not None]
-        return {hello.member: _kinds(hello) for hello in hellos if hello.kinds}
+        """The hosts that are here and the kinds that each offers.
+
+        One that is drained offers only what nobody else does.
+        """
+        hosts = {m.name: _kinds(m.hello) for m in self.here() if m.hello is not None}
+        kept = [kinds for name, kinds in hosts.items() if not self._members[name].drained]
+        others = frozenset[str]().union(*kept)
+        offers = {
+            name: kinds - others if self._members[name].drained else kinds
+            for name, kinds in hosts.items()
+        }
+        return {name: kinds for name, kinds in offers.items() if kinds}
 
     def awaited_kinds(self) -> frozenset[str]:
         """The kinds that hosts offer which are away for a moment."""

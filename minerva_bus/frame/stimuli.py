@@ -56,6 +56,13 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
+class Drain:
+    """A host shall be emptied: others take its agents over at the next frame's edge."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
 class Silent:
     """Time has passed: those who are being waited for are late, or gone without a report."""
 
@@ -85,7 +92,17 @@ class End:
 
 
 Stimulus: TypeAlias = (
-    FromMember | Appeared | Vanished | GaveUp | Violation | Order | Silent | Begin | Seek | End
+    FromMember
+    | Appeared
+    | Vanished
+    | GaveUp
+    | Violation
+    | Order
+    | Drain
+    | Silent
+    | Begin
+    | Seek
+    | End
 )
 
 

@@ -29,6 +29,8 @@ def told(what: object) -> str:  # noqa: C901
             return f"ended: {reason} {dict(figures) or ''}".rstrip()
         case s.Appeared(member) | s.Vanished(member):
             return f"{member} {type(what).__name__.lower()}"
+        case s.Drain(member):
+            return f"drain {member}"
         case s.GaveUp(member):
             return f"{member} is given up"
         case s.Violation(member, reason):

@@ -145,6 +145,10 @@ class Operator(Protocol):
         """Start a process of the world file anew."""
         ...
 
+    def drain(self, member: str) -> Sequence[str]:
+        """Let other hosts take over the agents of a host; which hosts."""
+        ...
+
     def logs(self, since: int = 0, member: str = "") -> Sequence[LogLine]:
         """What members have printed and what was said of them, after the line `since`."""
         ...

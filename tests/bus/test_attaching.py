@@ -214,6 +214,31 @@ def test_the_death_of_the_coordinator_is_noticed_by_those_who_are_attached(tmp_p
             assert "is gone" in member.text
 
 
+def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
+    path = write_world(tmp_path, frames=120, rate=50)
+    alone = minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json")
+    with World(path, "--json") as world, world.client() as asked:
+        world.runs("steps", "walkers")
+        asked.operator.pause()
+        done = here(tmp_path, "drain", "walkers")
+        assert done.returncode == 2
+        assert "nobody else offers AWalker" in done.stderr
+        assert "'steps' hosts no agents" in here(tmp_path, "drain", "steps").stderr
+        with attach(world, "yard:Walker", "help"):
+            takes_part(world, "help")
+            done = here(tmp_path, "drain", "walkers")
+            assert done.stdout == f"{world.name}: the agents of walkers go to help\n"
+            assert world.members()["walkers"]["state"] == "drained"
+            before = world.members()["walkers"]["last_reply"]
+            asked.operator.step(20)
+            eventually(lambda: not asked.operator.status().left, "frames without it")
+            assert world.members()["walkers"]["last_reply"] <= before + 1
+            assert world.members()["help"]["last_reply"] > before + 10
+            asked.operator.resume()
+            found = world.summary()
+    assert found["digest"] == json.loads(alone.stdout)["digest"]
+
+
 def test_a_host_that_helps_for_a_while_leaves_no_trace_in_the_string(tmp_path):
     path = write_world(tmp_path, frames=200, rate=50)
     alone = minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json")
