@@ -59,7 +59,7 @@ class Lidar(Generator, lockstep=False):
     """Publishes turns of a lidar."""
 
     def __init__(self, topic: str, beams: int, hertz: float) -> None:
-        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.publishes = (topic,)
         self._beams, self._hertz = beams, hertz
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
@@ -86,7 +86,7 @@ class Stamps(Generator):
     """Tells the coordinator from when the readings of this frame are."""
 
     def __init__(self, topic: str, event: EventType) -> None:
-        self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.topics = (topic,)
         self._event = event
 
     def generates(self) -> tuple[str, ...]:

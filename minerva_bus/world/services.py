@@ -96,8 +96,8 @@ class Emit(Protocol):
 class Service:
     """Base of generators and devices: a process of a world that is no agent."""
 
-    topics: ClassVar[tuple[str, ...]] = ()
-    publishes: ClassVar[tuple[str, ...]] = ()
+    topics: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     takes: str = "newest"
     """Of readings that come faster than frames, "newest" counts, or "all" that have come."""
 

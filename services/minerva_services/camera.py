@@ -35,8 +35,7 @@ class Camera(Generator, events=("eCamera",)):
         nth: int = 1,
     ) -> None:
         self.takes, self.nth = takes, nth
-        # Which topic is up to each world, so this one hides its class's.
-        self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.topics = (topic,)
         self._event = event
 
     def generates(self) -> tuple[str, ...]:

@@ -47,8 +47,7 @@ class Laser(Generator, events=("eLaser",)):
         if every < 1:
             raise MisuseError(f"laser: every is {every}; expected a number of beams from 1")
         self.takes, self.nth = takes, nth
-        # Which topic is up to each world, so this one hides its class's.
-        self.topics = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.topics = (topic,)
         self._event = event
         self._every = every
 

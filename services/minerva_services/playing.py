@@ -132,7 +132,7 @@ def _from(offset: float, readings: Iterator[Recorded]) -> Iterator[Recorded]:
 class Playing(Bridge):
     """A bridge whose source is a recording in a file. Raises MisuseError."""
 
-    reconnects: ClassVar[bool] = False
+    reconnects = False
     source_option: ClassVar[str] = "file"
 
     def __init__(self, file: str, pace: Pace) -> None:

@@ -12,7 +12,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import closing
-from typing import ClassVar, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.batch import AnyEvent
@@ -53,7 +53,7 @@ class Bridge(Generator, lockstep=False):
     it passes over with `count`. `source` names it for people.
     """
 
-    reconnects: ClassVar[bool] = True
+    reconnects: bool = True
     """Whether a source that has failed is opened anew."""
 
     source: str = "its source"

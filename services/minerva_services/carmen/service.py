@@ -50,7 +50,7 @@ class Carmen(Playing, lockstep=False):
         self._robot, self._range_max = robot, range_max
         self._mounting = Mounting(mount_x, mount_y, mount_angle)
         # Which topics is up to each world, so these hide the class's.
-        self.publishes = tuple(dict.fromkeys(one for one in (scan, odometry, pose) if one))  # pyright: ignore[reportAttributeAccessIssue]
+        self.publishes = tuple(dict.fromkeys(one for one in (scan, odometry, pose) if one))
 
     def recording(self) -> CarmenLog:
         return CarmenLog(

@@ -49,7 +49,7 @@ class Nmea(Bridge):
         if not 0 < error < float("inf"):
             raise MisuseError(f"nmea: error is {error}; expected metres above 0")
         self.source = f"the receiver at {port}"
-        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.publishes = (topic,)
         self._port, self._baud, self._topic = port, baud, topic
         self._error, self._robot = error, robot
         self._days, self._second = 0.0, 0.0

@@ -88,9 +88,8 @@ class Ros2(Bridge):
         self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
         for name, _, _ in self._wanted.values():
             self._network.name(name)
-        # Which topics there are is up to each world, so this one hides its class's.
         topics = sorted({topic for _, topic, _ in self._wanted.values()})
-        self.publishes = tuple(topics)  # pyright: ignore[reportAttributeAccessIssue]
+        self.publishes = tuple(topics)
 
     def _makers(
         self, scan: str, odometry: str, image: str, compressed: str, battery: str, detections: str

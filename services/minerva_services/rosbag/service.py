@@ -48,7 +48,7 @@ class Rosbag(Playing, lockstep=False):
         self._mounting = Mounting(mount_x, mount_y, mount_angle)
         if self._topics:
             # Which topics is up to each world, so these hide the class's.
-            self.publishes = tuple(sorted(set(self._topics.values())))  # pyright: ignore[reportAttributeAccessIssue]
+            self.publishes = tuple(sorted(set(self._topics.values())))
 
     def recording(self) -> Bag:
         return Bag(Path(self.source), self.pass_over, self._robot, self._mounting, self._topics)

@@ -67,7 +67,7 @@ class Rplidar(Bridge):
         if not 0 < range_max < float("inf"):
             raise MisuseError(f"rplidar: range_max is {range_max}; expected metres above 0")
         self.source = f"the lidar at {port}"
-        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.publishes = (topic,)
         self._port, self._baud, self._mode, self._topic = port, baud, mode, topic
         self._scan = Scan(
             robot,

@@ -55,8 +55,7 @@ class Sound(Device, draws=("ePicture",)):
         if samples not in _RATES:
             raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 in a second")
         self.every = every
-        # Which views to draw is up to each world, so this one hides its class's.
-        self.draws = _event_types(draws)  # pyright: ignore[reportAttributeAccessIssue]
+        self.draws = _event_types(draws)
         self._path = wav_path(path)
         self._named = _names(voice), _names(aim)
         self._tuning = _tuning(high, low, octave, samples)

@@ -47,8 +47,7 @@ class Svg(Device, draws=("ePicture",)):
         if width not in _WIDTHS:
             raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
         self.every = every
-        # Which views to draw is up to each world, so this one hides its class's.
-        self.draws = _event_types(draws)  # pyright: ignore[reportAttributeAccessIssue]
+        self.draws = _event_types(draws)
         self._path = svg_path(path)
         self._keeps_all = frames
         self._makes_png = png

@@ -54,8 +54,8 @@ class Markers(Generator):
         self._look = Look(dictionary, size, names_of(names), calibration, fx, fy, cx, cy)
         self.takes, self.nth = takes, nth
         # Which topics is up to each world, so these hide the class's.
-        self.topics = (images,)  # pyright: ignore[reportAttributeAccessIssue]
-        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.topics = (images,)
+        self.publishes = (topic,)
         self._counts: Counter[str] = Counter()
 
     def joined(self, world: WorldInfo) -> None:

@@ -89,8 +89,8 @@ class Vision(Bridge, lockstep=False):
         if not self._live and not Path(source).exists():
             raise MisuseError(f"vision: there is no file or folder {source!r}; check its name")
         # Of these it is up to each world, so they hide the class's.
-        self.reconnects = self._live  # pyright: ignore[reportAttributeAccessIssue]
-        self.publishes = (topic,)  # pyright: ignore[reportAttributeAccessIssue]
+        self.reconnects = self._live
+        self.publishes = (topic,)
 
     def joined(self, world: WorldInfo) -> None:
         self._eye = Eye(self._look, self.count)

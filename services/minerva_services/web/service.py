@@ -60,8 +60,7 @@ class Web(Device, draws=("ePicture",)):
         if not 0 < rate <= 1000:
             raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views a second")
         self.rate = rate
-        # Which views to draw is up to each world, so this one hides its class's.
-        self.draws = _event_types(draws)  # pyright: ignore[reportAttributeAccessIssue]
+        self.draws = _event_types(draws)
         self._host = host
         self._port = port
         self._click = click

@@ -34,7 +34,6 @@ class WindowDevice(Device):
 
     def __init__(self, showing: Showing, draws: str = "ePicture") -> None:
         self.showing = showing
-        # Which views to draw is up to each world, so this one hides its class's.
         self.draws = event_types(showing.service, draws)
         self.every, self.rate = showing.asks_every, showing.rate
         self.interactive = showing.medium is Medium.WINDOW
