@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.world.readings import Mount
+from minerva_services.bridging.transforms import matrix_of
 
 Matrix = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class Frames:
         """Take a TFMessage's transforms."""
         for one in message.transforms:
             parent, child = _bare(one.header.frame_id), _bare(one.child_frame_id)
-            self._parents[child] = parent, _matrix(one.transform)
+            self._parents[child] = parent, matrix_of(one.transform)
 
     def matrix(self, base: str, frame: str) -> Matrix | None:
         """The transform from a frame to the base, 4 x 4; None where they are not connected."""
@@ -66,16 +67,3 @@ class Frames:
 
 def _bare(frame: str) -> str:
     return frame.lstrip("/")
-
-
-def _matrix(transform: Any) -> Matrix:
-    moved, turned = transform.translation, transform.rotation
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), moved.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), moved.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), moved.z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.world.readings import CENTRE, Mount
+from minerva_services.bridging.transforms import matrix_of
 
 BASE: Final = "base_link"
 _OPTICAL: Final = "optical_frame"
@@ -27,7 +28,7 @@ class Frames:
     def learn(self, transforms: Iterable[Any]) -> None:
         """Take the transforms of a message; a later one replaces an earlier one."""
         for one in transforms:
-            matrix = _matrix(one.transform)
+            matrix = matrix_of(one.transform)
             if np.isfinite(matrix).all():
                 self._parents[_name(one.child_frame_id)] = _name(one.header.frame_id), matrix
 
@@ -57,17 +58,3 @@ def _name(frame: str) -> str:
 
 def _last(frame: str) -> str:
     return frame.rpartition("/")[2]
-
-
-def _matrix(transform: Any) -> NDArray[np.float64]:
-    """A geometry_msgs/Transform as (4, 4)."""
-    turned, moved = transform.rotation, transform.translation
-    x, y, z, w = turned.x, turned.y, turned.z, turned.w
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), moved.x],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), moved.y],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), moved.z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )

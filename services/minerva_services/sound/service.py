@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.listing import event_types, names_in
 from minerva_services.sound.performance import Performance
 from minerva_services.sound.roles import roles
 from minerva_services.sound.tuning import Tuning
@@ -55,9 +56,9 @@ class Sound(Device, draws=("ePicture",)):
         if samples not in _RATES:
             raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 in a second")
         self.every = every
-        self.draws = _event_types(draws)
+        self.draws = event_types("sound", draws)
         self._path = wav_path(path)
-        self._named = _names(voice), _names(aim)
+        self._named = names_in(voice), names_in(aim)
         self._tuning = _tuning(high, low, octave, samples)
         self._samples = samples
         self._playing: Performance | None = None
@@ -93,14 +94,3 @@ def _tuning(high: float, low: float, octave: float, samples: int) -> Tuning:
     if not 0.0 < octave < math.inf:
         raise MisuseError(f"sound: octave is {octave:g}; expected metres above 0")
     return Tuning(float(high), float(low), float(octave))
-
-
-def _event_types(listed: str) -> tuple[str, ...]:
-    types = _names(listed)
-    if not types:
-        raise MisuseError(f"sound: draws is {listed!r}; expected visual event types, as ePicture")
-    return types
-
-
-def _names(listed: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(one.strip() for one in listed.split(",") if one.strip()))

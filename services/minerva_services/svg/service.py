@@ -10,6 +10,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.listing import event_types
 from minerva_services.svg.document import svg_document
 from minerva_services.svg.files import numbered, prepare_folder, svg_path, write_whole
 from minerva_services.svg.page import Page, frame_of
@@ -47,7 +48,7 @@ class Svg(Device, draws=("ePicture",)):
         if width not in _WIDTHS:
             raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
         self.every = every
-        self.draws = _event_types(draws)
+        self.draws = event_types("picture", draws)
         self._path = svg_path(path)
         self._keeps_all = frames
         self._makes_png = png
@@ -92,10 +93,3 @@ class Svg(Device, draws=("ePicture",)):
             return
         write_whole(path, png(document))
         self._written = path
-
-
-def _event_types(listed: str) -> tuple[str, ...]:
-    types = tuple(dict.fromkeys(one.strip() for one in listed.split(",") if one.strip()))
-    if not types:
-        raise MisuseError(f"picture: draws is {listed!r}; expected visual event types, as ePicture")
-    return types

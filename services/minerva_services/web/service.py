@@ -12,6 +12,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.listing import event_types
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -60,7 +61,7 @@ class Web(Device, draws=("ePicture",)):
         if not 0 < rate <= 1000:
             raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views a second")
         self.rate = rate
-        self.draws = _event_types(draws)
+        self.draws = event_types("web", draws)
         self._host = host
         self._port = port
         self._click = click
@@ -152,10 +153,3 @@ class Web(Device, draws=("ePicture",)):
                 f"web: click is {self._click!r}; expected an event type of {world.world} whose"
                 " only datum is a text"
             )
-
-
-def _event_types(listed: str) -> tuple[str, ...]:
-    types = tuple(dict.fromkeys(one.strip() for one in listed.split(",") if one.strip()))
-    if not types:
-        raise MisuseError(f"web: draws is {listed!r}; expected visual event types, as ePicture")
-    return types

@@ -11,6 +11,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.listing import event_types
 from minerva_services.window.beams import Scans
 from minerva_services.window.caption import caption
 from minerva_services.window.hands import Hands
@@ -165,13 +166,3 @@ class WindowDevice(Device):
         status = self._watch.status if self._watch is not None else None
         subtitle = caption(frame, self._world.dt, status, self.hands.doing)
         return self._world.world, subtitle, self._watch.notice if self._watch is not None else ""
-
-
-def event_types(service: str, listed: str) -> tuple[str, ...]:
-    """Event types from a text with commas between them. Raises MisuseError for none."""
-    types = tuple(dict.fromkeys(one.strip() for one in listed.split(",") if one.strip()))
-    if not types:
-        raise MisuseError(
-            f"{service}: draws is {listed!r}; expected visual event types, as ePicture"
-        )
-    return types
