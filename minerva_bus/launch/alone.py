@@ -25,7 +25,7 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.world.services import Generator
+from minerva_bus.world.services import Generator, Service
 
 NAP = 0.01
 ANSWERED_WITHIN = 1.0
@@ -52,6 +52,7 @@ class Alone:
         self._asked: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
         self._thread = threading.get_ident()
         self._pulsed: dict[str, float] = {}
+        self._pulsing: list[tuple[str, Service]] = []
         self._said: SimpleQueue[tuple[Participant, Any]] = SimpleQueue()
         self._outlets: dict[str, Outlet] = {}
         self._stop = threading.Event()
@@ -72,8 +73,13 @@ class Alone:
         try:
             runner.start()
             self._run_freely(participants)
+            self._pulsing = [
+                (one.name, one.service)
+                for one in participants
+                if one.service is not None and one.service.pulse_every
+            ]
             while runner.ended is None:
-                self._turn(participants)
+                self._turn()
         except KeyboardInterrupt:
             reason = "interrupted"
             runner.tell(s.End(reason))
@@ -93,10 +99,10 @@ class Alone:
 
     # --- one turn: a frame, or a nap until it is due ---
 
-    def _turn(self, participants: list[Participant]) -> None:
+    def _turn(self) -> None:
         self._serve()
         self._hear()
-        self._pulse(participants)
+        self._pulse()
         now = time.monotonic()
         if self._due is None or self._due > now:
             time.sleep(NAP if self._due is None else min(self._due - now, NAP))
@@ -106,10 +112,10 @@ class Alone:
         self.tell(s.Begin(self._glances.due(now, rates) if rates else ()))
         self.repace()
 
-    def _pulse(self, participants: list[Participant]) -> None:
+    def _pulse(self) -> None:
         now = time.monotonic()
-        for name, service in [(one.name, one.service) for one in participants if one.service]:
-            if service.pulse_every and now >= self._pulsed.get(name, 0.0) + service.pulse_every:
+        for name, service in self._pulsing:
+            if now >= self._pulsed.get(name, 0.0) + service.pulse_every:
                 self._pulsed[name] = now
                 service.pulse()
                 if service.leaves():
