@@ -1,0 +1,87 @@
+"""From which values a parameter may take one: a range, a choice, or all of its type."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from minerva_bus.errors import GrammarError, MisuseError, SceneError
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.scene import Value
+from minerva_bus.grammar.types import Type
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """All numbers from `low` to `high`, in the parameter's unit; both included."""
+
+    low: float
+    high: float
+
+    @property
+    def width(self) -> float:
+        """How far apart the ends are."""
+        return self.high - self.low
+
+    def nearest(self, number: Any) -> Any:
+        """The number of the range that is nearest to one."""
+        return min(max(number, self.low), self.high)
+
+
+@dataclass(frozen=True, slots=True)
+class OneOf:
+    """These values and no others."""
+
+    values: tuple[Value, ...]
+
+
+Domain: TypeAlias = Range | OneOf | None
+
+
+def parse_domain(text: str, kind: Type, owner: str) -> Range | OneOf:
+    """`-2:2` or `slow,fast` for a parameter of a type; numbers may have units (`-90deg:1rad`).
+
+    Raises MisuseError that begins with `owner`.
+    """
+    try:
+        low, colon, high = text.partition(":")
+        if colon and kind.kind in ("real", "int"):
+            return _range(_value(low, kind), _value(high, kind))
+        return OneOf(_values(text, kind))
+    except Unfit as unfit:
+        raise MisuseError(f"{owner}={text}: expected {unfit}") from None
+
+
+def _range(low: Any, high: Any) -> Range:
+    if not low <= high:
+        raise Unfit("the lower end before the upper one")
+    if high - low == float("inf"):
+        raise Unfit("ends that are not that far apart")
+    return Range(low, high)
+
+
+def _values(text: str, kind: Type) -> tuple[Value, ...]:
+    """Values with commas between, as a list in a string has them; texts also without quotes."""
+    try:
+        return tuple([kind.fit(one) for one in _read(f"[{text}]")])
+    except SceneError:
+        return tuple([_value(one, kind) for one in text.split(",")])
+
+
+def _value(text: str, kind: Type) -> Value:
+    text = text.strip()
+    if kind.kind == "text" and not text.startswith('"'):
+        return kind.fit(text)
+    try:
+        return kind.fit(_read(text))
+    except SceneError:
+        raise Unfit(f"a value of the type {kind}, not {text!r}") from None
+
+
+def _read(text: str) -> Any:
+    """The one value that a text stands for in a string. Raises SceneError."""
+    nodes = parse(f"PAny<any={text}>").nodes
+    if len(nodes) != 1 or len(nodes[0].values) != 1:
+        raise GrammarError(f"{text!r} is not one value")
+    return nodes[0].values[0]

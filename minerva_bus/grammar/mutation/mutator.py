@@ -1,0 +1,105 @@
+"""Strings from strings: which operator, how often, and that what comes out is of L(M)."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Final
+
+import numpy as np
+
+from minerva_bus.grammar.mutation import operators as op
+from minerva_bus.grammar.mutation.operators import Material, Mutant, Operator
+from minerva_bus.grammar.mutation.places import Extent, extent
+from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.scene import Scene
+
+Stream = np.random.Generator
+
+OPERATORS: Final[Mapping[str, Operator]] = {
+    "perturb": op.perturb,
+    "replace": op.replace,
+    "insert": op.insert,
+    "delete": op.delete,
+    "duplicate": op.duplicate,
+    "swap": op.swap,
+}
+WEIGHTS: Final[Mapping[str, float]] = {
+    "perturb": 8,
+    "replace": 1,
+    "insert": 1,
+    "delete": 1.5,
+    "duplicate": 1,
+    "swap": 1,
+}
+LONGEST: Final = Extent(nodes=1000, depth=50)
+TRIES: Final = 16
+NESTED: Final = 3
+"""Strings within values of strings mutate down to this level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mutator:
+    """Makes valid strings of valid strings, that is, of strings which `targets.vocabulary` checked.
+
+    `limit` is how long and deep they grow; a string that is more than that already does not grow.
+    Weights say how often each operator is tried. The same stream makes the same mutants.
+    """
+
+    targets: Targets
+    limit: Extent = LONGEST
+    weights: Mapping[str, float] = field(default_factory=lambda: WEIGHTS)
+
+    def mutated(self, scene: Scene, chance: Stream) -> Mutant:
+        """The string with one mutation; the very string where none could be made of it."""
+        return self._mutated(scene, chance, 0)
+
+    def crossed(self, scene: Scene, other: Scene, chance: Stream) -> Mutant:
+        """The string with something of another one; the very string where nothing fits."""
+        given = self._material(scene, chance, 0)
+        for _ in range(TRIES):
+            crossing = op.cross if chance.random() < 0.5 else op.blend
+            made = crossing(given, other)
+            if made is not None and self._fits(made.scene, scene) and made.scene != scene:
+                return self._checked(made)
+        return Mutant(scene, "")
+
+    def scattered(self, scene: Scene, chance: Stream) -> Mutant:
+        """Any string that mutations of this one lead to: parameters anew, and some mutations."""
+        made = op.scatter(self._material(scene, chance, 0))
+        for _ in range(int(chance.geometric(0.4))):
+            made = Mutant(self.mutated(made.scene, chance).scene, made.how)
+        return self._checked(made)
+
+    def _mutated(self, scene: Scene, chance: Stream, level: int) -> Mutant:
+        given = self._material(scene, chance, level)
+        for _ in range(TRIES):
+            made = OPERATORS[self._drawn(chance)](given)
+            if made is not None and self._fits(made.scene, scene) and made.scene != scene:
+                return self._checked(made)
+        return Mutant(scene, "")
+
+    def _drawn(self, chance: Stream) -> str:
+        names = list(self.weights)
+        ends = list(accumulate(self.weights[name] for name in names))
+        return names[bisect_right(ends, chance.random() * ends[-1])]
+
+    def _material(self, scene: Scene, chance: Stream, level: int) -> Material:
+        def inner(value: Scene, stream: Stream) -> Scene:
+            if level >= NESTED:
+                return value
+            return (
+                Mutator(Targets(self.targets.vocabulary), self.limit, self.weights)
+                ._mutated(value, stream, level + 1)
+                .scene
+            )
+
+        return Material(scene, self.targets, self.limit, chance, inner)
+
+    def _fits(self, made: Scene, before: Scene) -> bool:
+        return extent(made).within(self.limit.joined(extent(before)))
+
+    def _checked(self, made: Mutant) -> Mutant:
+        return Mutant(self.targets.vocabulary.check(made.scene), made.how)

@@ -1,0 +1,39 @@
+"""Ids of agents that a mutation adds: each in a string has one of its own."""
+
+from __future__ import annotations
+
+import re
+from itertools import count
+
+from minerva_bus.grammar.scene import AgentNode, Node, Scene, rebuild, rescoped
+
+_COPY = re.compile(r"-[0-9]+$")
+
+
+def copy_id(name: str, taken: set[str]) -> str:
+    """The id itself where it is free, or else `name-2`, `name-3`, ... whichever is free first."""
+    if name not in taken:
+        return name
+    stem = _COPY.sub("", name) or name
+    return next(one for n in count(2) if (one := f"{stem}-{n}") not in taken)
+
+
+def new_id(symbol: str, taken: set[str]) -> str:
+    """An id for a new agent of a kind: `fox1`, `fox2`, ... of AFox."""
+    stem = symbol[1:].lower() or "a"
+    return next(one for n in count(1) if (one := f"{stem}{n}") not in taken)
+
+
+def with_own_ids(nodes: Scene, taken: set[str]) -> Scene:
+    """The string with an id of its own for each agent whose id is taken; they join the taken."""
+
+    def leave(node: Node, scope: Scene) -> Node:
+        if not isinstance(node, AgentNode):
+            return rescoped(node, scope)
+        name = copy_id(node.id, taken)
+        taken.add(name)
+        if name == node.id:
+            return rescoped(node, scope)
+        return AgentNode(node.symbol, name, node.names, node.values, scope)
+
+    return rebuild(nodes, leave)

@@ -1,0 +1,196 @@
+"""The operators: each makes another string of one, or None where it finds nothing to do.
+
+What they add has ids of its own; what they take leaves at least one node in the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from minerva_bus.grammar.mutation.naming import with_own_ids
+from minerva_bus.grammar.mutation.nodes import new_node, with_value, with_value_at
+from minerva_bus.grammar.mutation.places import Extent, Place, ids_of, places, put, scope_of
+from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.mutation.values import Inner, drawn, one_of, perturbed
+from minerva_bus.grammar.printer import head, value_text
+from minerva_bus.grammar.scene import EMPTY, FigureNode, Node, Scene, Value, scene_of, with_scope
+
+Stream = np.random.Generator
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A string and how it came to be: `PEye.left 1 → 1.25`."""
+
+    scene: Scene
+    how: str
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What an operator works on: a string, what may change in it, and by which chance."""
+
+    scene: Scene
+    targets: Targets
+    limit: Extent
+    chance: Stream
+    inner: Inner
+
+    def all(self) -> list[Place]:
+        """Every node that an operator may look at."""
+        return places(self.scene, self.limit.depth)
+
+    def movable(self) -> list[Place]:
+        """The nodes that may come and go."""
+        return [one for one in self.all() if self.targets.whole(one)]
+
+    def one_of(self, found: Sequence[Place]) -> Place | None:
+        """One of some places, by chance."""
+        return one_of(found, self.chance) if found else None
+
+    def new(self, scope: Scene = EMPTY, without: Scene = EMPTY) -> Node:
+        """A node of a symbol that may be new here."""
+        return new_node(self.scene, self.targets, scope, without, self.chance)
+
+    def with_own_ids(self, nodes: Scene, without: Scene = EMPTY) -> Scene:
+        """Nodes from elsewhere, fit to stand here in the place of some others."""
+        return with_own_ids(nodes, ids_of(self.scene) - ids_of(without))
+
+
+Operator: TypeAlias = Callable[[Material], Mutant | None]
+
+
+def perturb(given: Material) -> Mutant | None:
+    """One parameter takes another value near its own, of its type and in its domain."""
+    found = [
+        (place, n, one, domain)
+        for place in given.all()
+        for n, one, domain in given.targets.fields(place)
+    ]
+    if not found:
+        return None
+    place, n, one, domain = one_of(found, given.chance)
+    old = place.node.values[n]
+    new = perturbed(one.type, domain, old, given.chance, given.inner)
+    if new is old:
+        return None
+    told = f"{_name(place.node)}.{one.name} {_short(old)} → {_short(new)}"
+    return Mutant(put(given.scene, place, [with_value(place.node, n, new)]), told)
+
+
+def replace(given: Material) -> Mutant | None:
+    """A new node of any symbol takes the place of one, and its scope where it has one."""
+    place = given.one_of(given.movable())
+    if place is None or not given.targets.symbols:
+        return None
+    kept = scope_of(place.node)
+    node = given.new(kept, scene_of(place.node))
+    if isinstance(node, FigureNode) and kept:
+        return None  # That would be more of a deletion.
+    return Mutant(put(given.scene, place, [node]), f"{_name(place.node)} becomes {_name(node)}")
+
+
+def insert(given: Material) -> Mutant | None:
+    """A new node comes to stand beside one, within its scope, or around it."""
+    if not given.targets.symbols:
+        return None
+    place = given.one_of(given.movable())
+    if place is None:
+        node = given.new()
+        free = not given.targets.all
+        return Mutant(given.scene + scene_of(node), f"{_name(node)} is new") if free else None
+    choice = given.chance.integers(3)
+    if choice == 0:
+        around = given.new(scene_of(place.node))
+        if not isinstance(around, FigureNode):
+            return Mutant(put(given.scene, place, [around]), f"{_name(around)} round a node")
+    node = given.new()
+    told = f"{_name(node)} is new"
+    if choice == 1 and not isinstance(place.node, FigureNode):
+        inside = with_scope(place.node, place.node.scope + scene_of(node))
+        return Mutant(put(given.scene, place, [inside]), told)
+    return Mutant(put(given.scene, place, [place.node, node]), told)
+
+
+def delete(given: Material) -> Mutant | None:
+    """A node goes, with its scope or without."""
+    place = given.one_of(given.movable())
+    if place is None:
+        return None
+    kept = scope_of(place.node).nodes if given.chance.random() < 0.5 else ()
+    if place.parent is None and not kept and len(given.scene) == 1:
+        return None
+    return Mutant(put(given.scene, place, kept), f"{_name(place.node)} goes")
+
+
+def duplicate(given: Material) -> Mutant | None:
+    """A node comes to stand beside itself, with all that is in it."""
+    place = given.one_of(given.movable())
+    if place is None:
+        return None
+    copy = given.with_own_ids(scene_of(place.node))
+    return Mutant(put(given.scene, place, [place.node, *copy.nodes]), f"{_name(place.node)} twice")
+
+
+def swap(given: Material) -> Mutant | None:
+    """Two nodes change places, neither of them within the other."""
+    found = given.movable()
+    one, other = given.one_of(found), given.one_of(found)
+    if one is None or other is None or one is other:
+        return None
+    first, second = sorted((one, other), key=lambda place: place.path)
+    if second.path[: first.depth] == first.path:
+        return None
+    there = put(given.scene, second, [first.node])  # The later first: the earlier path stays.
+    again = next(p for p in places(there, first.depth) if p.path == first.path)
+    told = f"{_name(first.node)} and {_name(second.node)} change places"
+    return Mutant(put(there, again, [second.node]), told)
+
+
+def cross(given: Material, other: Scene) -> Mutant | None:
+    """A node of another string takes the place of one here, of its symbol if there is one."""
+    place = given.one_of(given.movable())
+    donors = [one for one in places(other, given.limit.depth) if given.targets.whole(one)]
+    if place is None or not donors:
+        return None
+    alike = [one for one in donors if one.node.symbol == place.node.symbol]
+    donor = given.one_of(alike or donors)
+    assert donor is not None
+    taken = given.with_own_ids(scene_of(donor.node), scene_of(place.node))
+    told = f"{_name(donor.node)} of another"
+    return Mutant(put(given.scene, place, taken.nodes), told)
+
+
+def blend(given: Material, other: Scene) -> Mutant | None:
+    """Of each parameter that may change, either string's value; where both have such a node."""
+    theirs = {(one.path, one.node.symbol): one.node for one in places(other, given.limit.depth)}
+    scene = given.scene
+    for place in given.all():
+        donor = theirs.get((place.path, place.node.symbol))
+        for n, _, _ in given.targets.fields(place) if donor is not None else ():
+            if donor is not None and given.chance.random() < 0.5:
+                scene = with_value_at(scene, place.path, n, donor.values[n])
+    return None if scene is given.scene else Mutant(scene, "values of another")
+
+
+def scatter(given: Material) -> Mutant:
+    """Every parameter that has a domain is drawn anew from it."""
+    scene = given.scene
+    for place in given.all():
+        for n, one, domain in given.targets.fields(place):
+            if domain is not None:
+                scene = with_value_at(scene, place.path, n, drawn(one.type, domain, given.chance))
+    return Mutant(scene, "drawn anew")
+
+
+def _name(node: Node) -> str:
+    return head(node).partition("<")[0]
+
+
+def _short(value: Value) -> str:
+    text = f"{value:.4g}" if isinstance(value, float) else value_text(value)
+    return text if len(text) <= 24 else text[:23] + "…"

@@ -1,0 +1,107 @@
+"""Where nodes stand in a string, and the string with something else there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from minerva_bus.grammar.scene import (
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    Scene,
+    rescoped,
+    walk,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A node of a string: the how manyth it is in the scope of its parent, and how deep."""
+
+    node: Node
+    index: int
+    parent: Place | None = None
+    depth: int = 1
+
+    @property
+    def path(self) -> tuple[int, ...]:
+        """The indices from the outermost node to this one."""
+        return tuple([one.index for one in self.upwards()])[::-1]
+
+    def upwards(self) -> Iterator[Place]:
+        """The place itself, the one around it, and so on outwards."""
+        one: Place | None = self
+        while one is not None:
+            yield one
+            one = one.parent
+
+
+def places(scene: Scene, deepest: int) -> list[Place]:
+    """Every node of a string down to a depth, left to right, outer ones before inner ones."""
+    found: list[Place] = []
+    stack = _within(scene, None, deepest)
+    while stack:
+        place = stack.pop()
+        found.append(place)
+        if not isinstance(place.node, FigureNode):
+            stack += _within(place.node.scope, place, deepest)
+    return found
+
+
+def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
+    depth = 1 if parent is None else parent.depth + 1
+    if depth > deepest:
+        return []
+    nodes = enumerate(scene.nodes)
+    return [Place(node, index, parent, depth) for index, node in nodes][::-1]
+
+
+def put(scene: Scene, place: Place, nodes: Sequence[Node]) -> Scene:
+    """The string with these nodes in the place of one; nodes elsewhere are shared."""
+    for one in place.upwards():
+        around = one.parent
+        siblings = (scene if around is None else scope_of(around.node)).nodes
+        made = Scene((*siblings[: one.index], *nodes, *siblings[one.index + 1 :]))
+        if around is None:
+            return made
+        nodes = (rescoped(around.node, made),)
+    return scene
+
+
+def scope_of(node: Node) -> Scene:
+    """A node's scope; ε for a figure, which has none."""
+    return EMPTY if isinstance(node, FigureNode) else node.scope
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """How many nodes a string has, and how deep they stand."""
+
+    nodes: int
+    depth: int
+
+    def within(self, other: Extent) -> bool:
+        """Whether neither is more than the other's."""
+        return self.nodes <= other.nodes and self.depth <= other.depth
+
+    def joined(self, other: Extent) -> Extent:
+        """The greater of each."""
+        return Extent(max(self.nodes, other.nodes), max(self.depth, other.depth))
+
+
+def extent(scene: Scene) -> Extent:
+    """The extent of a string."""
+    nodes = depth = deepest = 0
+    for opens, node in walk(scene):
+        nodes += opens
+        deepest = max(deepest, depth + 1) if opens else deepest
+        if not isinstance(node, FigureNode):
+            depth += 1 if opens else -1
+    return Extent(nodes, deepest)
+
+
+def ids_of(scene: Scene) -> set[str]:
+    """The ids of all agents of a string."""
+    return {node.id for opens, node in walk(scene) if opens and isinstance(node, AgentNode)}

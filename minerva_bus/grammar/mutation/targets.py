@@ -1,0 +1,147 @@
+"""Which nodes and parameters of a string may mutate, and within which bounds.
+
+ABug                  every ABug: it may be replaced, deleted, copied; its state may change
+ABug.speed            this attribute of every ABug, and nothing else of it
+ABug.speed=0:2        from 0 to 2; numbers may have units
+ABug.gait=walk,run    one of these
+ABug#b1.speed=0:2     of one agent; `#b1` alone is it too
+ABug/TMount/PEye      every PEye right within a TMount right within an ABug; `*` is any node
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.mutation.domains import Domain, parse_domain
+from minerva_bus.grammar.mutation.places import Place
+from minerva_bus.grammar.scene import AGENT_ID, AgentNode, Node
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+ANY: Final = "*"
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Nodes, from the outermost step to their own, or one parameter of theirs."""
+
+    steps: tuple[str, ...]
+    parameter: str = ""
+    domain: Domain = None
+
+    def meets(self, place: Place) -> bool:
+        """Whether a node stands where this target says."""
+        around = place.upwards()
+        for step in reversed(self.steps):
+            one = next(around, None)
+            if one is None or not _is(one.node, step):
+                return False
+        return True
+
+
+def _is(node: Node, step: str) -> bool:
+    symbol, mark, name = step.partition("#")
+    if mark and not (isinstance(node, AgentNode) and node.id == name):
+        return False
+    return symbol in ("", ANY, node.symbol)
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """What may mutate in the strings of a vocabulary; without any target, everything."""
+
+    vocabulary: Vocabulary
+    all: tuple[Target, ...] = ()
+
+    def whole(self, place: Place) -> bool:
+        """Whether a node may go, come or move as a whole."""
+        return not self.all or any(not one.parameter and one.meets(place) for one in self.all)
+
+    def fields(self, place: Place) -> Iterator[tuple[int, Field, Domain]]:
+        """The parameters of a node that may change, by place, with their domains."""
+        for n, one in enumerate(self.vocabulary.fields(place.node.symbol).all):
+            found = self._domain(place, one.name)
+            if found is not None:
+                yield n, one, found.domain
+
+    def _domain(self, place: Place, name: str) -> Target | None:
+        """The target that lets a parameter change: the one that says most of it."""
+        if not self.all:
+            return _EVERYTHING
+        met = [one for one in self.all if one.parameter in ("", name) and one.meets(place)]
+        return max(met, key=_exactness, default=None)
+
+    @property
+    def symbols(self) -> Sequence[str]:
+        """The symbols of which new nodes may come."""
+        words = self.vocabulary
+        every = [*words.primitives, *words.transformations, *words.kinds]
+        named = {_symbol(one) for one in self.all if not one.parameter}
+        return every if not self.all else [one for one in every if one in named]
+
+    def domain(self, symbol: str, name: str) -> Domain:
+        """The domain of a parameter of a new node, wherever it will stand."""
+        of_it = [one for one in self.all if (_symbol(one), one.parameter) == (symbol, name)]
+        return max(of_it, key=_exactness).domain if of_it else None
+
+
+_EVERYTHING: Final = Target((ANY,))
+
+
+def _symbol(target: Target) -> str:
+    return target.steps[-1].partition("#")[0]
+
+
+def _exactness(target: Target) -> tuple[bool, bool, int]:
+    return bool(target.parameter), target.domain is not None, len(target.steps)
+
+
+def parse_targets(texts: Sequence[str], vocabulary: Vocabulary) -> Targets:
+    """Targets as a command line names them; see above. Raises MisuseError."""
+    return Targets(vocabulary, tuple([_target(text, vocabulary) for text in texts]))
+
+
+def _target(text: str, vocabulary: Vocabulary) -> Target:
+    place, equals, values = text.partition("=")
+    path, dot, name = place.partition(".")
+    steps = tuple([step.strip() for step in path.split("/")])
+    for step in steps:
+        _check_step(text, step, vocabulary)
+    if not dot:
+        if equals:
+            raise MisuseError(f"{text!r}: values are of a parameter, as in {path}.NAME={values}")
+        return Target(steps)
+    kind = _type_of(text, steps[-1], name.strip(), vocabulary)
+    if not equals:
+        return Target(steps, name.strip())
+    if kind is None:
+        raise MisuseError(f"{text!r}: say of which symbol {name} is, to bound it: SYMBOL.{name}")
+    return Target(steps, name.strip(), parse_domain(values, kind.type, place))
+
+
+def _check_step(text: str, step: str, vocabulary: Vocabulary) -> None:
+    symbol, mark, name = step.partition("#")
+    if mark and AGENT_ID.fullmatch(name) is None:
+        raise MisuseError(f"{text!r}: #{name} is no id of an agent")
+    if symbol not in (("", ANY) if mark else (ANY,)):
+        try:
+            vocabulary.fields(symbol)
+        except Unfit as unfit:
+            raise MisuseError(f"{text!r}: {unfit}") from None
+
+
+def _type_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field | None:
+    """The field that a target names; None where its symbol stays open."""
+    symbol = step.partition("#")[0]
+    if symbol in ("", ANY):
+        return None
+    fields = vocabulary.fields(symbol)
+    if name not in fields.names:
+        known = nearest(name, list(fields.names))
+        has = ", ".join(fields.names) or "none"
+        raise MisuseError(f"{text!r}: {symbol} has no {name!r}{known}; it has {has}")
+    return next(one for one in fields.all if one.name == name)

@@ -1,0 +1,75 @@
+"""The best string in a file: as a string (.mnv), or as the world file with it in it (.toml)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.errors import MisuseError, WorldFileError
+from minerva_bus.grammar.printer import text
+from minerva_bus.grammar.scene import Scene, scene_of
+from minerva_bus.launch.overrides import toml_value
+from minerva_bus.launch.worldfile import WorldFile
+
+ENDINGS = (".mnv", ".toml")
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What a command line said of the world, so that the file needs no command line."""
+
+    settings: tuple[str, ...] = ()
+    options: frozenset[str] = frozenset()
+    frames: int | None = None
+
+
+def check_place(path: Path) -> None:
+    """Raises MisuseError where a string cannot be saved in a file of this name."""
+    if path.suffix not in ENDINGS:
+        raise MisuseError(f"{path}: a string is saved in {' or '.join(ENDINGS)}")
+    if not path.parent.is_dir():
+        raise MisuseError(f"{path}: there is no folder {path.parent}")
+    if path.suffix == ".toml":
+        _tomlkit()
+
+
+def save(scene: Scene, path: Path, file: WorldFile, given: Given) -> None:
+    """Save a string. Raises MisuseError and WorldFileError."""
+    lines = "\n· ".join([text(scene_of(node)) for node in scene.nodes]) or "ε"
+    content = lines + "\n" if path.suffix == ".mnv" else _world(lines, file, given)
+    try:
+        path.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise WorldFileError(f"{path}: {error.strerror}") from None
+
+
+def _world(lines: str, file: WorldFile, given: Given) -> str:
+    """The text of the world file with another string; all else stays as it is written."""
+    if "${" in lines:
+        raise WorldFileError("the string has ${ in a text, which a world file would fill in: .mnv")
+    kit = _tomlkit()
+    document = kit.parse(file.text)
+    about = document["world"]
+    about.pop("scene", None)
+    about["string"] = kit.string(lines, multiline=True)
+    about["seed"] = file.world.seed
+    if given.frames is not None:
+        about["frames"] = given.frames
+    for name in sorted(given.options & file.options.keys()):
+        document["options"][name] = file.options[name]
+    for setting in given.settings:
+        place, _, value = setting.partition("=")
+        process, _, key = place.partition(".")
+        document["process"][process][key] = toml_value(value)
+    return str(kit.dumps(document))
+
+
+def _tomlkit() -> Any:
+    try:
+        import tomlkit
+    except ImportError:
+        raise MisuseError(
+            "saving a world file needs tomlkit: pip install 'minerva-bus[evolve]'"
+        ) from None
+    return tomlkit

@@ -1,0 +1,48 @@
+"""How the pictures of studies look. Needs the extra `plot`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.record.style import DOTS, STYLE
+
+PALE: Final = "#cfd4da"
+BEST: Final = "#d9641e"
+COLORS: Final = ("#2f6f8f", BEST, "#4f8049", "#b3205f", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
+ENDINGS: Final = (".png", ".svg", ".pdf")
+
+_STYLE: Final = {**STYLE, "axes.titlesize": 11, "svg.hashsalt": "minerva"}
+
+
+def check_picture(path: Path) -> None:
+    """Raises MisuseError where no picture can be drawn into a file of this name."""
+    if path.suffix not in ENDINGS:
+        raise MisuseError(f"{path}: a picture is a {', '.join(ENDINGS)}")
+    if not path.parent.is_dir():
+        raise MisuseError(f"{path}: there is no folder {path.parent}")
+    try:
+        import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError:
+        raise MisuseError("pictures need matplotlib: pip install 'minerva-bus[plot]'") from None
+
+
+def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
+    """Let something be painted on a figure of a size in inches, and save it.
+
+    Raises MisuseError where it cannot be.
+    """
+    check_picture(path)
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):  # pyright: ignore
+        figure: Any = Figure(figsize=size, dpi=DOTS, layout="constrained")
+        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
+        paint(figure)
+        try:
+            figure.savefig(path, facecolor="white")
+        except OSError as error:
+            raise MisuseError(f"{path}: the picture cannot be written: {error}") from None

@@ -1,0 +1,130 @@
+"""One run of a world for a study: over the bus as `minerva run` has it, or in this process."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.profile import MeasuringCoordinator
+from minerva_bus.bus.watchers import Watchers
+from minerva_bus.errors import WorldFileError, WorldStopped
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.launch.alone import Alone
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.supervisor import Supervisor
+from minerva_bus.launch.watching import WatchSettings
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.study.outcome import Outcome
+
+LOCAL = "tcp/127.0.0.1:0"
+
+
+def prepared(file: WorldFile) -> WorldFile:
+    """The world as it can run beside others like it, as fast as it goes, and fail at once.
+
+    Raises WorldFileError for a world without an end, or with processes on other machines.
+    """
+    elsewhere = [one.name for one in file.processes if one.elsewhere]
+    if elsewhere:
+        raise WorldFileError(f"{file.path}: {elsewhere[0]} runs elsewhere, and so no study can")
+    if not file.world.frames and not file.world.until:
+        raise WorldFileError(f"{file.path}: the world has no end; --frames N sets one")
+    return replace(
+        file,
+        rate=0.0,
+        processes=tuple([replace(one, restarts=0) for one in file.processes]),
+        bus=replace(file.bus, listen=LOCAL),
+        record=replace(file.record, path=""),
+        watch=WatchSettings(),
+    )
+
+
+def run_trial(file: WorldFile, in_process: bool) -> Outcome:
+    """Run a prepared world to its end. Raises MinervaError where it fails.
+
+    Nothing of it is seen by others: it claims its name in a folder of its own.
+    """
+    return _alone(file) if in_process else _over_the_bus(file)
+
+
+def _over_the_bus(file: WorldFile) -> Outcome:
+    with tempfile.TemporaryDirectory(prefix="world-") as folder:
+        os.environ["MINERVA_RUNTIME_DIR"] = folder
+        end = Path(folder) / "end"
+
+        def make(world: World, watchers: Watchers, **settings: Any) -> BusCoordinator:
+            return _witness(end, world, watchers, **settings)
+
+        supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
+        summary = supervisor.run()
+        if supervisor.failure:
+            raise WorldStopped(supervisor.failure)
+        told = json.loads(end.read_text(encoding="utf-8"))
+    return _outcome(file, summary, told["string"], told["events"])
+
+
+def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> BusCoordinator:
+    """A coordinator that leaves its last string and the number of its events in a file."""
+    counts: Counter[str] = Counter()
+
+    def frame_done(done: s.FrameDone) -> None:
+        _count(counts, done.events)
+        watchers.frame_done(done)
+
+    def stopping() -> None:
+        told = {"string": str(coordinator.algorithm.scene), "events": counts}
+        end.write_text(json.dumps(told), encoding="utf-8")
+        watchers.stopping()
+
+    watching = replace(watchers, frame_done=frame_done, stopping=stopping)
+    coordinator = MeasuringCoordinator(world, watching, **settings)
+    return coordinator
+
+
+class _Counting(Alone):
+    """A world in one process that counts its events."""
+
+    def __init__(self, file: WorldFile) -> None:
+        super().__init__(file, Console(quiet=True), time.monotonic())
+        self.events: Counter[str] = Counter()
+
+    def _watch(self, instruction: s.Instruction) -> None:
+        super()._watch(instruction)
+        if isinstance(instruction, s.FrameDone):
+            _count(self.events, instruction.events)
+
+
+def _alone(file: WorldFile) -> Outcome:
+    alone = _Counting(file)
+    summary = alone.run()
+    if alone.algorithm.failed:
+        raise WorldStopped(summary.ended)
+    return _outcome(file, summary, str(alone.algorithm.scene), alone.events)
+
+
+def _outcome(file: WorldFile, summary: Summary, text: str, events: dict[str, int]) -> Outcome:
+    return Outcome(
+        scene=file.world.vocabulary.read(text, f"{file.path}: the last string"),
+        frames=summary.frames,
+        digest=summary.digest,
+        ended=summary.ended,
+        reached=summary.reached,
+        events=dict(sorted(events.items())),
+        figures=dict(sorted(summary.figures.items())),
+    )
+
+
+def _count(counts: Counter[str], events: Iterable[AnyEvent]) -> None:
+    for event in events:
+        counts[event.type] += len(event) if isinstance(event, Events) else 1

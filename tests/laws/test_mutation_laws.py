@@ -1,0 +1,88 @@
+"""Mutations lead from L(M) into L(M), whatever the string, the vocabulary and the stream."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from minerva_bus.grammar.mutation.mutator import OPERATORS, Mutator
+from minerva_bus.grammar.mutation.places import Extent, extent, ids_of
+from minerva_bus.grammar.mutation.targets import Targets
+from minerva_bus.grammar.scene import agents
+from minerva_bus.testing.strategies import strings_of, vocabularies
+
+law = settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
+SMALL = Extent(nodes=12, depth=4)
+
+pairs = vocabularies().flatmap(
+    lambda v: st.tuples(st.just(v), strings_of(v), strings_of(v), st.integers(0, 1 << 32))
+)
+
+
+def check(vocabulary, made, *before):
+    """It is in canonical form, reads back, has unique ids, and grew no more than it may."""
+    assert vocabulary.check(made) is made
+    assert vocabulary.read(str(made)) == made
+    assert len(ids_of(made)) == len(list(agents(made)))
+    allowed = SMALL
+    for one in before:
+        allowed = allowed.joined(extent(one))
+    assert extent(made).within(allowed)
+
+
+@law
+@given(pairs)
+def test_a_mutated_string_is_valid(drawn):
+    vocabulary, w, _, seed = drawn
+    mutator = Mutator(Targets(vocabulary), SMALL)
+    chance = np.random.default_rng(seed)
+    for _ in range(8):
+        made = mutator.mutated(w, chance).scene
+        check(vocabulary, made, w)
+        w = made
+
+
+@law
+@given(pairs, st.sampled_from(sorted(OPERATORS)))
+def test_each_operator_alone_makes_valid_strings(drawn, operator):
+    vocabulary, w, _, seed = drawn
+    mutator = Mutator(Targets(vocabulary), SMALL, {operator: 1})
+    chance = np.random.default_rng(seed)
+    for _ in range(3):
+        made = mutator.mutated(w, chance).scene
+        check(vocabulary, made, w)
+        w = made
+
+
+@law
+@given(pairs)
+def test_crossed_and_scattered_strings_are_valid(drawn):
+    vocabulary, w, v, seed = drawn
+    mutator = Mutator(Targets(vocabulary), SMALL)
+    chance = np.random.default_rng(seed)
+    for _ in range(3):
+        check(vocabulary, mutator.crossed(w, v, chance).scene, w)
+        check(vocabulary, mutator.scattered(w, chance).scene, w)
+
+
+@law
+@given(pairs)
+def test_the_same_stream_makes_the_same_mutants(drawn):
+    vocabulary, w, v, seed = drawn
+    mutator = Mutator(Targets(vocabulary), SMALL)
+
+    def made():
+        chance = np.random.default_rng(seed)
+        return [mutator.mutated(w, chance), mutator.crossed(w, v, chance)]
+
+    assert [(str(one.scene), one.how) for one in made()] == [
+        (str(one.scene), one.how) for one in made()
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_a_million_mutations_are_valid():
+    from benchmarks.mutations import mutate_many
+
+    assert mutate_many(1_000_000, seed=1).wrong == 0
