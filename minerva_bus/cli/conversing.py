@@ -1,0 +1,40 @@
+"""`minerva conversation`: who said what to whom in a record, as a sequence diagram."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from minerva_bus.cli.saying import say
+from minerva_bus.errors import MinervaError
+from minerva_bus.record.conversation import Exchange, check_drawable, exchange_of
+from minerva_bus.record.reader import Record
+
+
+def show_conversation(file: Path, conversation: str, output: Path | None, json_too: bool) -> None:
+    """Print a record's messages as Mermaid or JSON, or draw them into a file.
+
+    Raises RecordError, and MinervaError for a file that cannot be written.
+    """
+    if output is not None and output.suffix.lower() not in (".svg", ".mmd"):
+        raise MinervaError(f"{output}: a conversation is drawn into a .svg or a .mmd")
+    with Record(file) as record:
+        exchange = exchange_of(record, conversation)
+        if output is not None or not json_too:
+            check_drawable(record, exchange)
+    if output is not None:
+        _write(output, exchange)
+    if json_too:
+        say(json.dumps(exchange.plain()))
+    else:
+        say(exchange.mermaid().rstrip() if output is None else str(output))
+
+
+def _write(output: Path, exchange: Exchange) -> None:
+    from minerva_bus.record.sequence import draw
+
+    text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise MinervaError(f"{output} cannot be written: {error.strerror}") from None

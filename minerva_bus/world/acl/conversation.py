@@ -1,0 +1,154 @@
+"""Where an agent stands with another: one figure of a string that is part of the agent's state.
+
+Conversations are in the string, as everything is that an agent knows. So they are recorded,
+compared and resumed as the agent is, and go with it from one process to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Default
+from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
+from minerva_bus.grammar.symbols import Primitive
+from minerva_bus.grammar.types import Type
+from minerva_bus.world.acl.message import NEVER, answered_to
+from minerva_bus.world.acl.protocols import PROTOCOLS, START, Protocol, Role
+
+PConversation = Primitive(
+    "PConversation",
+    id=str,
+    protocol=Type("text", words=tuple(PROTOCOLS)),
+    role=Type("text", words=tuple(Role)),
+    peer=str,
+    state=Default(str, START),
+    deadline=Default(int, NEVER),
+    content=Default(str, ""),
+    reply_with=Default(str, ""),
+    to=Default(tuple[str, ...], ()),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Conversation:
+    """A conversation with one other agent, as its figure in the string says.
+
+    `content` and `reply_with` are those of what `peer` said last, `to` whom answers go to.
+    `deadline` is the last frame in which the next act counts, -1 where there is none.
+    """
+
+    id: str
+    protocol: str
+    role: str
+    peer: str
+    state: str = START
+    deadline: int = NEVER
+    content: str = ""
+    reply_with: str = ""
+    to: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(figure: FigureNode) -> Conversation:
+        """The one that a figure describes."""
+        return Conversation(**figure.parameters)
+
+    @property
+    def string(self) -> Scene:
+        """The figure that describes it, as a string."""
+        return PConversation(*(getattr(self, name) for name in PConversation.fields.names))
+
+    @property
+    def rules(self) -> Protocol:
+        """Its protocol's table."""
+        return PROTOCOLS[self.protocol]
+
+    @property
+    def over(self) -> bool:
+        """Whether it has come to one of its ends."""
+        return self.rules.ends(self.state)
+
+    @property
+    def mine(self) -> bool:
+        """Whether it is this side's turn."""
+        return Role(self.role) in self.rules.turns.get(self.state, ())
+
+    def expired(self, frame: int) -> bool:
+        """Whether its deadline has passed."""
+        return NEVER < self.deadline < frame
+
+    def said(self, act: str, deadline: int = NEVER) -> Conversation | None:
+        """After this side has said something; None where it may not."""
+        state = self.rules.after(self.state, Role(self.role), act)
+        return replace(self, state=state, deadline=deadline) if state else None
+
+    def heard(self, message: Event) -> Conversation | None:
+        """After the other side has said something; None where it may not."""
+        state = self.rules.after(self.state, Role(self.role).other, message.performative)
+        if not state or message.protocol not in ("", self.protocol):
+            return None
+        return replace(
+            self,
+            state=state,
+            deadline=message.reply_by,
+            content=message.content,
+            reply_with=message.reply_with,
+            to=answered_to(message),
+        )
+
+
+class Conversations:
+    """Those of one agent, in the order in which they began. Immutable; `scene` is their string."""
+
+    __slots__ = ("scene",)
+
+    def __init__(self, scene: Scene = EMPTY) -> None:
+        self.scene = scene
+
+    def __iter__(self) -> Iterator[Conversation]:
+        return map(Conversation.of, self._figures())
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+    def find(self, id: str, peer: str) -> Conversation | None:
+        """The conversation of an id with an agent."""
+        figure = self._figure(id, peer)
+        return None if figure is None else Conversation.of(figure)
+
+    def keep(self, *some: Conversation) -> Conversations:
+        """With these as they are now: in the places of what they were, else at the end.
+
+        Those that are over are left out.
+        """
+        kept = self
+        for one in some:
+            kept = kept._with(one)
+        return kept
+
+    def drop(self, one: Conversation) -> Conversations:
+        """Without this one."""
+        old = self._figure(one.id, one.peer)
+        return Conversations(Scene(tuple([node for node in self.scene if node is not old])))
+
+    def _with(self, one: Conversation) -> Conversations:
+        if one.over:
+            return self.drop(one)
+        old = self._figure(one.id, one.peer)
+        if old is None:
+            return Conversations(self.scene + one.string)
+        (new,) = one.string
+        return Conversations(Scene(tuple([new if node is old else node for node in self.scene])))
+
+    def _figure(self, id: str, peer: str) -> FigureNode | None:
+        for figure in self._figures():
+            parameters = figure.parameters
+            if parameters["id"] == id and parameters["peer"] == peer:
+                return figure
+        return None
+
+    def _figures(self) -> Iterator[FigureNode]:
+        for node in self.scene:
+            if isinstance(node, FigureNode) and node.symbol == PConversation.name:
+                yield node

@@ -1,0 +1,50 @@
+"""Agents that stand in the string for those that live elsewhere, such as on another platform.
+
+Whoever wants to say something to one of them sends a message to the agent that stands for it. That
+keeps what it was told last as figures, and shows them: a bridge is a device whose geometric system
+is one of messages, as an MQTT broker is (α of `PMail` is to send it). What those outside say comes
+as events of the bridge, in the name of the agent that stands for them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Default
+from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
+from minerva_bus.world.acl.message import NEVER, eMessage
+from minerva_bus.world.agent import Agent, on, view
+from minerva_bus.world.moment import Moment
+
+eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e
+
+TOutside = Transformation("TOutside", id=str)
+
+_parameters: dict[str, Any] = {
+    one.name: one.type if one.default is None else Default(one.type, one.default)
+    for one in eMessage.fields.all
+}
+PMail = Primitive("PMail", frame=int, sender=str, **_parameters)
+
+
+class Outside(Agent, symbol="AOutside"):
+    """Stands for an agent that lives elsewhere; `mail` is what it was told in `frame`."""
+
+    frame: int = NEVER
+    mail: Scene = EMPTY
+
+    @on("eMessage")
+    def take(self, message: Event, moment: Moment) -> None:
+        """Keep a message until there is another frame with messages."""
+        if message.sender == self.id:
+            return
+        if self.frame != moment.number:
+            self.frame, self.mail = moment.number, EMPTY
+        self.mail += PMail(self.frame, message.sender, *message.values)
+
+    @view("eMail")
+    def show(self, event: Event) -> Scene:
+        """That it is there, and what it was told last."""
+        return TOutside(self.id)(self.mail)

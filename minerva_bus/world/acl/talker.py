@@ -1,0 +1,187 @@
+"""Agents that converse: a base class that keeps conversations in their state.
+
+    class Clerk(Talker, symbol="AClerk"):
+        @on("eWish")
+        def ask(self, wish, moment):
+            self.open(moment, REQUEST, ["printer"], wish.text, reply_by=moment.number + 20)
+
+        def heard(self, message, conversation, moment):
+            if conversation and conversation.state == "refused":
+                ...
+
+Whoever says what when is the protocols' business (world/acl/protocols.py); what an agent answers,
+and what it does, is its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.world.acl.acts import ACTS, Act
+from minerva_bus.world.acl.conversation import Conversation, Conversations
+from minerva_bus.world.acl.hearing import hear, numbered
+from minerva_bus.world.acl.message import NEVER, eMessage, reply
+from minerva_bus.world.acl.protocols import EXPIRED, START, Protocol, Role
+from minerva_bus.world.agent import Agent, on
+from minerva_bus.world.moment import Moment
+
+
+class Talker(Agent):
+    """An agent with conversations: `talks` is their string, `opened` counts those it began."""
+
+    talks: Scene = EMPTY
+    opened: int = 0
+
+    def heard(
+        self, message: Event, conversation: Conversation | None, moment: Moment
+    ) -> Scene | None:
+        """λ for a message that has come; what it returns is as for any activity.
+
+        `conversation` is as it stands after the message, None where there is none: a message
+        without a protocol, or from outside of the string. Where its state is `not-understood`, one
+        side has not understood the other, and it is over; where `expired`, this came too late.
+        """
+        return None
+
+    @on("eMessage")
+    def listen(self, message: Event, moment: Moment) -> Scene | None:
+        """Take a message into its conversation, answer what is not understood, and be told."""
+        found = hear(Conversations(self.talks), self.id, message, moment.number)
+        self.talks = found.conversations.scene
+        if found.answer is not None:
+            moment.emit(found.answer)
+        return self.heard(message, found.conversation, moment) if found.told else None
+
+    # --- speaking ---
+
+    def open(
+        self,
+        moment: Moment,
+        protocol: Protocol,
+        to: Iterable[str],
+        content: str = "",
+        *,
+        act: Act | str = "",
+        reply_by: int = NEVER,
+        **parameters: Any,
+    ) -> str:
+        """Begin a conversation with each of these agents, and return the id that they share.
+
+        `act` is the first, where the protocol has several (QUERY: `query-if` or `query-ref`).
+        `parameters` are those of `eMessage`. Raises MisuseError.
+        """
+        receivers = sorted(set(to))
+        if not receivers or self.id in receivers:
+            raise MisuseError(f"#{self.id} opens a {protocol.name} with others, at least one")
+        self.opened += 1
+        name, first = numbered(self.id, self.opened), str(act) or protocol.opening
+        begun = [
+            _said(Conversation(name, protocol.name, Role.INITIATOR, peer), first, reply_by)
+            for peer in receivers
+        ]
+        self._keep(*begun)
+        given: dict[str, Any] = {
+            "protocol": protocol.name,
+            "conversation_id": name,
+            "reply_by": reply_by,
+        }
+        moment.emit(eMessage(first, content, receivers=receivers, **(given | parameters)))
+        return name
+
+    def say(
+        self,
+        moment: Moment,
+        conversation: Conversation,
+        act: Act | str,
+        content: str = "",
+        *,
+        reply_by: int = NEVER,
+        **parameters: Any,
+    ) -> Conversation:
+        """Say something in a conversation, which is returned as it stands after that.
+
+        Raises MisuseError where its protocol does not allow it, or it is over.
+        """
+        known = self.conversation(conversation.id, conversation.peer)
+        after = _said(known or replace(conversation, state=EXPIRED), str(act), reply_by)
+        self._keep(after)
+        given: dict[str, Any] = {
+            "protocol": after.protocol,
+            "conversation_id": after.id,
+            "in_reply_to": after.reply_with,
+            "reply_by": reply_by,
+        }
+        to = after.to or (after.peer,)
+        moment.emit(eMessage(act, content, receivers=to, **(given | parameters)))
+        return after
+
+    def answer(
+        self, moment: Moment, message: Event, act: Act | str, content: str = "", **more: Any
+    ) -> None:
+        """Answer a message that belongs to no conversation. Raises MisuseError without a sender."""
+        moment.emit(reply(message, act, content, **more))
+
+    def award(
+        self,
+        moment: Moment,
+        bids: Iterable[Conversation],
+        best: Conversation,
+        content: str = "",
+        **parameters: Any,
+    ) -> None:
+        """Accept the best of the proposals of a contract net, and reject the others."""
+        for bid in bids:
+            if bid.peer == best.peer:
+                self.say(moment, bid, Act.ACCEPT_PROPOSAL, content, **parameters)
+            else:
+                self.say(moment, bid, Act.REJECT_PROPOSAL)
+
+    # --- what there is ---
+
+    def conversation(self, id: str, peer: str) -> Conversation | None:
+        """The conversation of an id with an agent; None where it is over or never was."""
+        return Conversations(self.talks).find(id, peer)
+
+    def conversations(
+        self, protocol: Protocol | None = None, *, id: str = "", state: str = "", role: str = ""
+    ) -> list[Conversation]:
+        """Those that are under way, in the order in which they began."""
+        return [
+            one
+            for one in Conversations(self.talks)
+            if (protocol is None or one.protocol == protocol.name)
+            and id in ("", one.id)
+            and state in ("", one.state)
+            and role in ("", one.role)
+        ]
+
+    def expire(self, moment: Moment) -> list[Conversation]:
+        """End those whose deadline has passed, and return them, their state `expired`.
+
+        To be called in whatever the agent does in each frame: no message comes of silence.
+        """
+        kept = Conversations(self.talks)
+        gone = [one for one in kept if one.expired(moment.number)]
+        for one in gone:
+            kept = kept.drop(one)
+        self.talks = kept.scene
+        return [replace(one, state=EXPIRED) for one in gone]
+
+    def _keep(self, *some: Conversation) -> None:
+        self.talks = Conversations(self.talks).keep(*some).scene
+
+
+def _said(one: Conversation, act: str, deadline: int) -> Conversation:
+    """The conversation after its own side has spoken. Raises MisuseError."""
+    if act not in ACTS:
+        raise MisuseError(f"there is no communicative act {act!r}{nearest(act, list(ACTS))}")
+    after = one.said(act, deadline)
+    if after is None:
+        where = "cannot begin with" if one.state == START else f"is {one.state}: it does not allow"
+        raise MisuseError(f"{one.protocol} {one.id} with #{one.peer} {where} {act} by {one.role}")
+    return after

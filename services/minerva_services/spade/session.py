@@ -1,0 +1,167 @@
+"""Connections of agents of the world to an XMPP server; used in one thread."""
+
+# slixmpp and SPADE leave most types open.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportMissingTypeStubs=false
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_services.bridging import SourceError
+
+if TYPE_CHECKING:
+    from spade.message import Message
+
+CONNECTED_WITHIN: Final = 15.0
+TURN: Final = 0.05
+GOODBYE: Final = 1.0
+NOTHING: Final = " "
+"""The body of a message without content: one without a body is not told to SPADE's agents."""
+
+
+def check_library() -> None:
+    """Raises MisuseError where SPADE is not installed."""
+    if find_spec("spade") is None:  # To import it takes seconds, for which no frame shall wait.
+        raise MisuseError("spade: it needs SPADE: pip install 'minerva-bus[spade]'")
+
+
+class Server(NamedTuple):
+    """Where the server is (port 0: as DNS says), and how it is spoken to."""
+
+    host: str
+    port: int
+    verify: bool
+    register: bool
+
+
+class Letter(NamedTuple):
+    """A message as it goes through XMPP."""
+
+    sender: str
+    to: str
+    body: str
+    thread: str
+    metadata: Mapping[str, str]
+
+
+class Session:
+    """The agents of some JIDs, connected to a server.
+
+    `read` lets `send` put letters on the wire, and gives what `receive` makes of those that come.
+    Raises SourceError, here where the server cannot be reached or refuses somebody.
+    """
+
+    def __init__(
+        self,
+        server: Server,
+        passwords: Mapping[str, str],
+        outbox: deque[Letter],
+        receive: Callable[[Letter], Event | None],
+    ) -> None:
+        logging.getLogger("slixmpp").setLevel(logging.CRITICAL)
+        self._outbox, self._receive = outbox, receive
+        self._inbox: deque[Letter] = deque()
+        self._wrong = ""
+        self._leaves = False
+        self._loop = asyncio.new_event_loop()
+        asyncio.set_event_loop(self._loop)
+        self._clients: dict[str, Any] = {}
+        self._ready: set[str] = set()
+        try:
+            for jid, password in passwords.items():
+                self._clients[jid] = self._client(server, jid, password)
+            self._connect(server)
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, stop: threading.Event) -> Iterator[Event | None]:
+        """What comes, until `stop` is set. Raises SourceError where the server is lost."""
+        while not stop.is_set():
+            while self._outbox:
+                self._send(self._outbox.popleft())
+            self._turn(TURN)
+            while self._inbox:
+                yield self._receive(self._inbox.popleft())
+            yield None
+
+    def close(self) -> None:
+        """Send what still waits, and hang up."""
+        self._leaves = True
+        if not self._wrong:
+            while self._outbox:
+                self._send(self._outbox.popleft())
+        gone = [client.disconnect(wait=0.2) for client in self._clients.values()]
+        if gone:
+            self._loop.run_until_complete(asyncio.wait(gone, timeout=GOODBYE))
+        left = asyncio.all_tasks(self._loop)
+        for task in left:
+            task.cancel()
+        self._loop.run_until_complete(asyncio.gather(*left, return_exceptions=True))
+        self._loop.close()
+        asyncio.set_event_loop(None)
+
+    def _client(self, server: Server, jid: str, password: str) -> Any:
+        from spade.xmpp_client import XMPPClient
+
+        client = XMPPClient(jid, password, server.verify, server.register)
+        client.add_event_handler("session_start", lambda _: self._ready.add(jid))
+        client.add_event_handler("failed_all_auth", lambda _: self._fail(f"it refuses {jid}"))
+        client.add_event_handler("connection_failed", lambda why: self._fail(f"{why}"))
+        client.add_event_handler("disconnected", lambda _: self._fail(f"{jid} is disconnected"))
+        client.add_event_handler("message", self._on_message)
+        return client
+
+    def _connect(self, server: Server) -> None:
+        for client in self._clients.values():
+            client.connect(server.host or None, server.port or None)
+        until = time.monotonic() + CONNECTED_WITHIN
+        while len(self._ready) < len(self._clients):
+            self._turn(TURN)
+            if time.monotonic() > until:
+                missing = sorted(self._clients.keys() - self._ready)
+                raise SourceError(f"spade: the XMPP server does not let {missing[0]} in")
+
+    def _turn(self, seconds: float) -> None:
+        self._loop.run_until_complete(asyncio.sleep(seconds))
+        if self._wrong:
+            raise SourceError(f"spade: the XMPP server is lost: {self._wrong}")
+
+    def _fail(self, why: str) -> None:
+        if not self._leaves:
+            self._wrong = self._wrong or why
+
+    def _send(self, letter: Letter) -> None:
+        from spade.message import Message
+
+        client = self._clients[letter.sender]
+        body = letter.body or NOTHING
+        message = Message(
+            letter.to, letter.sender, body, letter.thread or None, dict(letter.metadata)
+        )
+        message.prepare(client).send()
+
+    def _on_message(self, stanza: Any) -> None:
+        from spade.message import Message
+
+        if stanza["type"] not in ("chat", "normal"):
+            return
+        message: Message = Message.from_node(stanza)  # type: ignore[assignment]
+        self._inbox.append(
+            Letter(
+                str(message.sender),
+                str(message.to),
+                "" if message.body in (None, NOTHING) else message.body,
+                message.thread or "",
+                dict(message._metadata),
+            )
+        )

@@ -1,0 +1,56 @@
+"""A contract net with a hundred bidders, in a whole world."""
+
+from minerva_bus.grammar.scene import agents
+from tests.acl.auction import auction
+
+
+def state(string, who):
+    return next(dict(one.state) for one in agents(string) if one.id == who)
+
+
+def test_it_ends_by_its_deadline_although_one_never_answers():
+    strings, _ = auction()
+    seller = state(strings[-1], "s")
+    assert seller["awarded"] == 1 + 5 + 1
+    assert seller["silent"] == 2
+    assert seller["ended"] == "done"
+    assert seller["talks"] == type(strings[0])()
+
+
+def test_the_cheapest_gets_it_and_all_others_are_told():
+    strings, messages = auction()
+    seller = state(strings[-1], "s")
+    prices = {
+        event.sender: float(event.content)
+        for frame, event in messages
+        if event.performative == "propose" and frame <= 7
+    }
+    assert len(prices) == 98
+    assert seller["winner"] == min(prices, key=lambda who: (prices[who], who))
+    lost = [one for one in agents(strings[-1]) if one.symbol == "ABidder" and one.state["lost"]]
+    assert len(lost) == 98  # All but the winner and the silent one; the late one is among them.
+
+
+def test_a_late_bid_is_rejected_as_such():
+    _, messages = auction()
+    (late,) = [
+        event
+        for _, event in messages
+        if event.performative == "reject-proposal" and event.content == "too late"
+    ]
+    assert late.receivers == ("b1",)
+
+
+def test_the_silent_one_still_holds_the_call_and_nobody_else_does():
+    strings, _ = auction()
+    holding = [one.id for one in agents(strings[-1]) if one.state["talks"]]
+    assert holding == ["b0"]
+
+
+def test_the_same_string_on_one_host_and_on_three():
+    one, three = auction(1), auction(3)
+    assert [w.digest for w in one[0]] == [w.digest for w in three[0]]
+
+
+def test_another_seed_has_another_winner():
+    assert state(auction(1, 6)[0][-1], "s")["price"] != state(auction()[0][-1], "s")["price"]

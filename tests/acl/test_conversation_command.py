@@ -1,0 +1,190 @@
+"""`minerva conversation`: what a record's agents have said to one another, as a diagram."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from minerva_bus import Agent, EventType, Vocabulary
+from minerva_bus.cli.conversing import show_conversation
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame.description import World
+from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.record.conversation import MOST
+from minerva_bus.record.description import Description
+from minerva_bus.record.errors import RecordError
+from minerva_bus.world.acl import MESSAGES, eMessage
+from tests.acl.auction import WORLD, auction
+
+mcap = pytest.importorskip("mcap")
+
+ROOT = Path(__file__).resolve().parents[2]
+eStep = EventType("eStep")
+
+
+class Rock(Agent, symbol="ARock"):
+    pass
+
+
+def said(act, sender, *receivers, content="", conversation="", **more):
+    return eMessage(
+        act, content, sender=sender, receivers=receivers, conversation_id=conversation, **more
+    )
+
+
+TALK = [
+    (0, eStep()),
+    (3, said("cfp", "boss", "b", "c", content="two; <lines>\n#1", conversation="boss/1")),
+    (4, said("refuse", "c", "boss", conversation="boss/1", content="no")),
+    (4, said("propose", "b", "boss", conversation="boss/1", content="7")),
+    (5, said("inform", "c", content="hello all", protocol="x")),
+    (6, said("inform", "", "c", content="from people", reply_by=9)),
+    (7, said("inform", "c", "c", content="a note", conversation="c/1")),
+]
+
+
+@pytest.fixture
+def record(tmp_path):
+    """Writes a record of these events, each with its frame."""
+
+    def write(events):
+        from minerva_bus.record.writer import RecordWriter
+
+        vocabulary = Vocabulary.of(*MESSAGES, eStep, Rock)
+        world = World("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)
+        stream = io.BytesIO()
+        writer = RecordWriter(stream, Description(world, "", 0.0, {}, began=10**18))
+        for frame in sorted({frame for frame, _ in events}):
+            those = tuple(event for when, event in events if when == frame)
+            told = FrameRecord(frame, those, {}, world.scene.digest)
+            writer.frame(told, world.scene, 0.0, {})
+        writer.finish()
+        path = tmp_path / "run.mcap"
+        path.write_bytes(stream.getvalue())
+        return path
+
+    return write
+
+
+def test_mermaid(record, capsys):
+    show_conversation(record(TALK), "", None, False)
+    assert capsys.readouterr().out.splitlines() == [
+        "sequenceDiagram",
+        "    participant a0 as boss",
+        "    participant a1 as b",
+        "    participant a2 as c",
+        "    participant a3 as everybody",
+        "    participant a4 as somebody outside",
+        "    Note over a0,a4: frame 3",
+        "    a0->>a1: cfp: two#59; #60;lines#62; #35;1",
+        "    a0->>a2: cfp: two#59; #60;lines#62; #35;1",
+        "    Note over a0,a4: frame 4",
+        "    a2->>a0: refuse: no",
+        "    a1->>a0: propose: 7",
+        "    Note over a0,a4: frame 5",
+        "    a2->>a3: inform: hello all",
+        "    Note over a0,a4: frame 6",
+        "    a4->>a2: inform: from people (by frame 9)",
+        "    Note over a0,a4: frame 7",
+        "    a2->>a2: inform: a note",
+    ]
+
+
+def test_one_conversation(record, capsys):
+    show_conversation(record(TALK), "boss/1", None, True)
+    told = json.loads(capsys.readouterr().out)
+    assert told["agents"] == ["boss", "b", "c"]
+    assert [one["performative"] for one in told["messages"]] == ["cfp", "refuse", "propose"]
+    assert told["messages"][0]["receivers"] == ["b", "c"]
+    assert told["messages"][0]["content"] == "two; <lines>\n#1"
+
+
+def test_svg(record, tmp_path, capsys):
+    output = tmp_path / "talk.svg"
+    show_conversation(record(TALK), "", output, False)
+    assert capsys.readouterr().out == f"{output}\n"
+    root = ET.fromstring(output.read_text(encoding="utf-8"))
+    texts = ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"boss", "b", "c", "everybody", "frame 3", "frame 7"} <= set(texts)
+    assert any(one.endswith("cfp: two; <lines> #1") for one in texts)
+    width, height = (float(root.get(name)) for name in ("width", "height"))
+    for line in root.iter("{http://www.w3.org/2000/svg}line"):
+        assert 0 <= float(line.get("x2")) <= width
+        assert 0 <= float(line.get("y2")) <= height
+
+
+def test_mermaid_into_a_file(record, tmp_path):
+    output = tmp_path / "talk.mmd"
+    show_conversation(record(TALK), "c/1", output, False)
+    assert output.read_text(encoding="utf-8").startswith("sequenceDiagram\n")
+
+
+def test_a_record_in_which_nobody_speaks(record):
+    with pytest.raises(RecordError, match="no agent says anything"):
+        show_conversation(record([(0, eStep())]), "", None, False)
+
+
+def test_a_conversation_that_is_not_there(record):
+    with pytest.raises(RecordError, match=r"did you mean 'boss/1'.*there are boss/1, c/1"):
+        show_conversation(record(TALK), "bos/1", None, False)
+    alone = record([(0, said("inform", "a", "b"))])
+    with pytest.raises(RecordError, match="no conversation 'x'; no message names one"):
+        show_conversation(alone, "x", None, False)
+
+
+def test_too_many_for_a_picture(record, capsys):
+    many = record(
+        [(n, said("inform", "a", "b", conversation=f"a/{n % 20}")) for n in range(MOST + 1)]
+    )
+    with pytest.raises(RecordError, match=r"choose one with --conversation: .* and 12 more"):
+        show_conversation(many, "", None, False)
+    show_conversation(many, "", None, True)
+    assert len(json.loads(capsys.readouterr().out)["messages"]) == MOST + 1
+
+
+@pytest.mark.parametrize("name", ["talk.png", "talk"])
+def test_other_pictures_are_refused(record, tmp_path, name):
+    with pytest.raises(MinervaError, match=r"a \.svg or a \.mmd"):
+        show_conversation(record(TALK), "", tmp_path / name, False)
+
+
+def test_where_nothing_can_be_written(record, tmp_path):
+    with pytest.raises(MinervaError, match="cannot be written: No such file"):
+        show_conversation(record(TALK), "", tmp_path / "nowhere" / "x.svg", False)
+
+
+def test_no_record_at_all(tmp_path):
+    with pytest.raises(MinervaError, match=r"no\.mcap"):
+        show_conversation(tmp_path / "no.mcap", "", None, False)
+
+
+def test_a_contract_net_goes_on_from_its_record(tmp_path, capsys):
+    (tmp_path / "auction.toml").write_text(WORLD, encoding="utf-8")
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in ("", "services", "agents")),
+        "MINERVA_RUNTIME_DIR": str(tmp_path / "run"),
+    }
+
+    def minerva(*words):
+        done = subprocess.run(
+            [sys.executable, "-m", "minerva_bus", *words],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=100,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run = ["--in-process", "--json"]
+    minerva("run", "auction.toml", "--frames", "4", "--record", "a.mcap", *run)
+    again = json.loads(minerva("run", "--resume", "a.mcap", "--frames", "40", *run))["digest"]
+    assert again == auction()[0][-1].digest.hex()
+    show_conversation(tmp_path / "a.mcap", "s/1", None, True)
+    assert json.loads(capsys.readouterr().out)["title"] == "auction: s/1, fipa-contract-net"
