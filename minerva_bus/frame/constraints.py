@@ -1,0 +1,57 @@
+"""Where agents may live: what a world file's [placement] says, over the hosts that are here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import TypeAlias
+
+Offers: TypeAlias = Mapping[str, frozenset[str]]
+"""The kinds of agents that each host offers to evolve, by the host's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Where agents of one kind may live.
+
+    `only`: on the hosts whose names fit one of these patterns (`*` and `?`); empty: on any.
+    `near`: on hosts of the same machine as the member of this name.
+    """
+
+    only: tuple[str, ...] = ()
+    near: str = ""
+
+    def allows(self, host: str, machines: Mapping[str, str]) -> bool:
+        """Whether such agents may live on a host; `machines` has the machine of each member."""
+        if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
+            return False
+        return not self.near or machines.get(self.near, "") == machines.get(host)
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Rules by kind, and how many agents a host takes at most; 0: any number."""
+
+    rules: Mapping[str, Rule] = field(default_factory=dict[str, Rule])
+    agents_per_host: int = 0
+
+    @property
+    def neighbours(self) -> frozenset[str]:
+        """The members near which agents have to live."""
+        return frozenset(rule.near for rule in self.rules.values() if rule.near)
+
+    def allowed(self, offers: Offers, machines: Mapping[str, str]) -> dict[str, frozenset[str]]:
+        """What hosts offer, without what the rules forbid; a host that is left with nothing too."""
+        if not self.rules:
+            return dict(offers)
+        return {host: self._left(host, kinds, machines) for host, kinds in offers.items()}
+
+    def _left(
+        self, host: str, kinds: frozenset[str], machines: Mapping[str, str]
+    ) -> frozenset[str]:
+        return frozenset(
+            kind
+            for kind in kinds
+            if kind not in self.rules or self.rules[kind].allows(host, machines)
+        )

@@ -1,0 +1,175 @@
+"""Norms: what agents may do, where and how often, enforced while the world runs (section 1).
+
+A norm is about events of some types, or about what agents become. Its condition, in the language
+of grammar/condition.py, says what it forbids. Beside the attributes of the agent it may name
+
+    was.x       what an agent's attribute was before the frame      norms on what agents become
+    event.x     a datum of the event                                norms on events
+    #id.x       an attribute of a certain agent as the frame began  both
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final, cast
+
+from minerva_bus.errors import VocabularyError
+from minerva_bus.grammar.condition import Condition, Scope, parse_condition
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.symbols import AgentKind, EventType
+from minerva_bus.grammar.terms import sort_of_kind
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+SOURCE: Final = "~norms"
+"""The source of sanctions, and the name under which checkpoints keep how often what was done."""
+
+WAS: Final = "was."
+EVENT: Final = "event."
+
+
+class Then(Enum):
+    """What follows where a norm is broken.
+
+    REFUSE    it does not happen: an event reaches nobody, an agent stands still in this frame
+    SANCTION  it happens, and who did it gets an event in the next frame
+    COUNT     it happens, and is counted
+    """
+
+    REFUSE = "refuse"
+    SANCTION = "sanction"
+    COUNT = "count"
+
+
+@dataclass(frozen=True, slots=True)
+class Norm:
+    """One norm.
+
+    It `applies` to agents of these kinds and to what members of these names generate; none: to all.
+    It is about events of the types `on`; none: about what agents become. It forbids what fulfils
+    both `when` and `where`, beyond the `most` times in `per` frames that each may do it. With
+    `sanction`, who breaks it gets this event in the next frame, also where it is refused.
+    """
+
+    name: str
+    applies: tuple[str, ...] = ()
+    on: tuple[str, ...] = ()
+    when: str = ""
+    where: str = ""
+    most: int = 0
+    per: int = 1
+    then: Then = Then.REFUSE
+    sanction: Event | None = None
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What is forbidden: all of these."""
+        return tuple([parse_condition(one) for one in (self.when, self.where) if one.strip()])
+
+    @property
+    def refuses(self) -> bool:
+        """Whether what breaks it does not happen."""
+        return self.then is Then.REFUSE
+
+    def holds(self, state: Mapping[str, Any]) -> bool:
+        """Whether it forbids what is so."""
+        return all(one.holds(state) for one in self.conditions)
+
+    def concerns(self, *names: str) -> bool:
+        """Whether it applies to one of a kind, or to a member."""
+        return not self.applies or any(name in self.applies for name in names)
+
+
+def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, source: str) -> None:
+    """Whether some whom a norm concerns can fulfil a condition of it at all.
+
+    `w` is the initial string, in which agents that are named by their ids must be. Raises
+    VocabularyError with a caret.
+    """
+    named = {agent.id: agent.symbol for agent in agents(w)} if "#" in text else {}
+    others = {one: vocabulary.kinds[symbol] for one, symbol in named.items()}
+    scopes = [_scope(kind, about, others) for kind, about in _concerned(norm, vocabulary)]
+    parse_condition(text, source).check(scopes, source)
+
+
+def _concerned(
+    norm: Norm, vocabulary: Vocabulary
+) -> Iterator[tuple[AgentKind | None, EventType | None]]:
+    """Who may be judged, and what for."""
+    kinds: list[AgentKind | None] = [
+        kind for name, kind in vocabulary.kinds.items() if norm.concerns(name)
+    ]
+    if norm.on and any(one not in vocabulary.kinds for one in norm.applies):
+        kinds.append(None)
+    for about in [vocabulary.events[one] for one in norm.on] or [None]:
+        for kind in kinds or [None]:
+            yield kind, about
+
+
+def _scope(
+    kind: AgentKind | None, about: EventType | None, others: Mapping[str, AgentKind]
+) -> Scope:
+    """The names that a norm may use of an agent of a kind, and of what it does."""
+    own = kind.fields.all if kind is not None else ()
+    sorts = {one.name: one for one in own}
+    if about is None:
+        sorts |= {WAS + one.name: one for one in own}
+    else:
+        sorts |= {EVENT + one.name: one for one in about.fields.all}
+    sorts |= {f"#{id}.{one.name}": one for id, other in others.items() for one in other.fields.all}
+    who = kind.name if kind is not None else "a generator"
+
+    def sort_of(name: str) -> str:
+        return sort_of_kind(sorts[name].type.kind) if name in sorts else ""
+
+    return Scope(f"{who} with {about.name}" if about is not None else who, list(sorts), sort_of)
+
+
+def sanction_of(norm: str, declared: EventType, data: Mapping[str, Any]) -> Event:
+    """The event that who breaks a norm gets; a datum `norm` has its name if nothing else.
+
+    Raises MisuseError and VocabularyError.
+    """
+    given = {"norm": norm, **data} if "norm" in declared.fields.names else data
+    if declared.visual:
+        raise VocabularyError(f"{declared.name} is visual, and no agent evolves by it")
+    return cast("Event", declared(**given))
+
+
+class Book:
+    """How often each norm has been broken, and who did lately what it limits."""
+
+    def __init__(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what was `saved`."""
+        self.broken: dict[str, int] = dict(saved.get("broken", {}))
+        self._lately: dict[str, dict[str, list[int]]] = {
+            norm: {who: list(frames) for who, frames in of.items()}
+            for norm, of in saved.get("lately", {}).items()
+        }
+
+    def breaks(self, norm: Norm, who: str, frame: int) -> bool:
+        """Note that somebody does what a norm forbids, or limits; whether that breaks it."""
+        if norm.most:
+            lately = self._lately.setdefault(norm.name, {})
+            frames = [one for one in lately.get(who, ()) if one > frame - norm.per]
+            broken = len(frames) >= norm.most
+            if not (broken and norm.refuses):
+                frames.append(frame)
+            lately[who] = frames[-norm.most :]
+            if not broken:
+                return False
+        self.broken[norm.name] = self.broken.get(norm.name, 0) + 1
+        return True
+
+    def saved(self, norms: tuple[Norm, ...], frame: int) -> dict[str, Any]:
+        """What is needed to go on from a frame, as plain data; what counts no more is left out."""
+        lately: dict[str, dict[str, list[int]]] = {}
+        for norm in norms:
+            of = self._lately.get(norm.name, {})
+            kept = {who: of[who] for who in sorted(of) if of[who][-1:] > [frame - norm.per]}
+            if kept:
+                lately[norm.name] = kept
+        self._lately = {norm: dict(of) for norm, of in lately.items()}
+        return {"broken": dict(sorted(self.broken.items())), "lately": lately}

@@ -1,0 +1,281 @@
+"""Norms, enforced while the world runs (section 1): who may do what, where, and how often."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from pond import host, service
+from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eShout, states, street
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.stimuli import Begin, FrameDone, Order
+from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.testing.memory_bus import MemoryBus
+from minerva_bus.world.norms import SOURCE, Norm, Then
+
+KINDS = (One, Light, Passer)
+SHOUT = replace(FINE, name="quiet", on=("eShout",))
+CROWD = One.many("r", 150, x=np.arange(150.0) / 10, speed=np.arange(150.0) / 50)
+
+
+def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
+    """A run: its frames' events and strings, and the algorithm."""
+    members = {f"runners-{n}": host(f"runners-{n}", *kinds) for n in range(hosts)}
+    members["steps"] = service("steps", Steps)
+    found = []
+    algorithm = FrameAlgorithm(street(scene, norms, members, frames=frames, **rest))
+
+    def watch(told):
+        if isinstance(told, FrameDone):
+            found.append((told.events, algorithm.scene))
+
+    runner = InProcess(algorithm, [make() for make in members.values()], watch)
+    runner.start()
+    for stimulus in before:
+        runner.tell(stimulus)
+    while runner.ended is None:
+        runner.tell(Begin())
+    return found, algorithm, runner.ended.figures
+
+
+def happened(frames, event_type, sender=None):
+    """How many events of a type there were in each frame, of one sender or all."""
+    return [
+        sum(e.type == event_type and sender in (None, e.sender) for e in single(events))
+        for events, _ in frames
+    ]
+
+
+# --- norms on events ---
+
+
+def test_a_refused_event_reaches_nobody():
+    w = "ARunner#a · ARunner#b"
+    without, _, _ = live(w, ())
+    loud = Norm("loud", on=("eShout",), when="event.loud > 1.5")
+    frames, _, figures = live(w, (loud,))
+    refused = sum(one.loud > 1.5 for events, _ in without for one in events if one.type == "eShout")
+    assert refused > 2
+    assert figures == {"norm_loud": refused}
+    assert sum(happened(without, "eShout")) - sum(happened(frames, "eShout")) == refused
+    assert all(one.loud <= 1.5 for events, _ in frames for one in events if one.type == "eShout")
+    heard = [
+        sum(state["heard"] for state in states(run[-1][1]).values()) for run in (without, frames)
+    ]
+    assert heard[0] > heard[1]
+
+
+def test_it_is_about_the_sender_as_it_is_when_the_event_would_be_told():
+    w = "ARunner#slow<speed=-9> · ARunner#fast<speed=9>"
+    frames, _, _ = live(w, (Norm("n", on=("eShout",), when="speed > 5"),), frames=3)
+    senders = {one.sender for events, _ in frames for one in events if one.type == "eShout"}
+    assert senders == {"slow"}
+
+
+def test_a_sanctioned_event_happens_and_its_sender_is_fined_in_the_next_frame():
+    frames, _, _ = live("ARunner#a", (SHOUT,), frames=4)
+    assert happened(frames, "eShout") == [0, 1, 1, 1]
+    fines = [one for events, _ in frames for one in events if one.type == "eFine"]
+    assert fines == [eFine(5, "fine", receivers=["a"])] * 2
+    assert happened(frames, "eFine") == [0, 0, 1, 1]
+    assert states(frames[-1][1])["a"]["fined"] == 10
+
+
+@pytest.mark.parametrize(("applies", "boos"), [((), 0), (("steps",), 0), (("ARunner",), 4)])
+def test_what_a_generator_may_send(applies, boos):
+    norm = Norm("hush", applies, on=("eBoo",))
+    frames, _, figures = live("APasser#p · ARunner#a", (norm,))
+    assert sum(happened(frames, "eBoo")) == boos
+    assert figures == ({} if boos else {"norm_hush": 4})
+
+
+def test_what_people_may_send():
+    order = Order(eShout(1.0))
+    for norms, count in (((), 1), ((Norm("n", (SOURCE[:0] + "~order",), on=("eShout",)),), 0)):
+        frames, _, _ = live("APasser#p", norms, before=[order])
+        assert sum(happened(frames, "eShout")) == count
+
+
+def test_so_many_times_in_so_many_frames():
+    """Shouts come in frames 1, 2, 3, ...; of three frames running the third is one too many."""
+    norm = Norm("seldom", on=("eShout",), most=2, per=3)
+    frames, _, _ = live("ARunner#a", (norm,), frames=10)
+    assert happened(frames, "eShout", "a") == [0, 1, 1, 0, 1, 1, 0, 1, 1, 0]
+    allowed, _, _ = live("ARunner#a", (replace(norm, then=Then.COUNT),), frames=10)
+    assert happened(allowed, "eShout", "a") == [0, *[1] * 9]
+
+
+def test_how_often_is_each_ones_own():
+    norm = Norm("once", on=("eShout",), most=1, per=100)
+    frames, _, _ = live("ARunner#a · ARunner#b", (norm,), frames=5)
+    assert happened(frames, "eShout", "a") == happened(frames, "eShout", "b") == [0, 1, 0, 0, 0]
+
+
+# --- norms on what agents become ---
+
+
+def test_a_refused_agent_stands_still_and_is_not_heard():
+    w = "ARunner#a<speed=30> · ARunner#b<speed=-9>"
+    frames, _, figures = live(w, (Norm("limit", when="speed > 20"),), frames=5)
+    assert states(frames[-1][1])["a"] == states(VOCABULARY.read(w))["a"]
+    assert states(frames[-1][1])["b"]["x"] < -20
+    assert {one.sender for events, _ in frames for one in events if one.type == "eShout"} == {"b"}
+    assert figures == {"norm_limit": 5}
+
+
+def test_what_it_was_before_counts_too():
+    norm = Norm("line", when="was.x < 10 and x >= 10")
+    frames, _, _ = live("ARunner#a<x=5, speed=4> · ARunner#b<x=11>", (norm,))
+    assert states(frames[-1][1])["a"]["x"] < 10 < states(frames[-1][1])["b"]["x"]
+
+
+def test_another_agents_state_counts_too():
+    """Nobody moves where the light was red as the frame began."""
+    norm = Norm("red", ("ARunner",), when="#light.green == false")
+    frames, _, _ = live("ALight#light · ARunner#a<speed=2>", (norm,), frames=9)
+    xs = [0.0, *(states(scene)["a"]["x"] for _, scene in frames)]
+    lights = [True, *(states(scene)["light"]["green"] for _, scene in frames)]
+    assert lights[:6] == [True, True, True, False, False, True]
+    assert [xs[n] != xs[n + 1] for n in range(9)] == lights[:9]
+
+
+def test_an_agent_that_is_gone_says_nothing_of_anybody():
+    norm = Norm("red", ("ARunner",), when="#light.green == false")
+    frames, _, _ = live("ARunner#a", (norm,), frames=2)
+    assert states(frames[-1][1])["a"]["x"]
+
+
+def test_a_newborn_that_may_not_be_is_not_born_and_its_parent_stands_still():
+    w = "ARunner#a<births=1, speed=-9>"
+    free, _, _ = live(w, (), frames=20)
+    assert len(states(free[-1][1])) > 1
+    frames, _, figures = live(w, (Norm("young", when="births == 0"),), frames=20)
+    assert {tuple(states(scene)) for _, scene in frames} == {("a",)}
+    end = [states(scene)["a"] for _, scene in frames]
+    assert {state["births"] for state in end} == {1}
+    stood = sum(one["x"] == two["x"] for one, two in pairwise(end))
+    assert 0 < stood == figures["norm_young"]
+
+
+def test_a_sanction_follows_also_where_it_is_refused():
+    norm = Norm("limit", when="speed > 20", sanction=eFine(7, "limit"))
+    frames, _, _ = live("ARunner#a<x=-300, speed=20>", (norm,), frames=12)
+    fined = [states(scene)["a"]["fined"] for _, scene in frames if "a" in states(scene)]
+    assert 0 in fined
+    assert 7 in fined
+
+
+def test_an_agent_that_does_not_change_is_not_judged():
+    assert live("APasser#p · ARunner#a", (Norm("n", ("APasser",), when="boos < 99"),))[2] == {
+        "norm_n": 4
+    }
+
+
+def test_an_agent_within_another_stands_still_with_it():
+    w = "ARunner#a<speed=1>(ARunner#b<speed=30>)"
+    frames, _, _ = live(w, (Norm("limit", when="speed > 20"),), frames=4)
+    assert states(frames[-1][1]) == states(VOCABULARY.read(w))
+
+
+def test_the_first_norm_that_refuses_leaves_nothing_for_the_others():
+    norms = (Norm("one", when="speed > 20"), Norm("two", when="speed > 10"))
+    assert live("ARunner#a<speed=30>", norms, frames=5)[2] == {"norm_one": 5}
+    norms = (replace(norms[0], then=Then.COUNT), norms[1])
+    assert live("ARunner#a<speed=30>", norms, frames=1)[2] == {"norm_one": 1, "norm_two": 1}
+
+
+def test_it_is_said_once():
+    members = {"runners": host("runners", *KINDS), "steps": service("steps", Steps)}
+    bus = MemoryBus(street("ARunner#a<speed=30>", (Norm("limit", when="speed > 20"),)), members)
+    bus.start()
+    bus.run()
+    said = [line for line in bus.said if "limit" in line]
+    assert len(said) == 1
+    assert "limit is broken by #a in frame 0: refused" in said[0]
+
+
+# --- the string is the same, whoever runs it, and however it is held ---
+
+ALL = (
+    Norm("limit", ("ARunner",), when="speed > 2.8 and was.speed < 2.8", sanction=eFine(2, "limit")),
+    Norm("often", ("ARunner",), when="speed > 1.5", most=2, per=4),
+    Norm("babies", when="births > 1", then=Then.SANCTION, sanction=eFine(9, "babies")),
+    Norm("far", where="x >= 20 and x <= 30", when="#light.green == true", then=Then.COUNT),
+    Norm("loud", on=("eShout",), when="event.loud > 2 or speed < 0", sanction=eFine(1, "loud")),
+    Norm("seldom", ("ARunner",), on=("eShout",), most=2, per=5, then=Then.SANCTION,
+         sanction=eFine(3, "seldom")),
+)  # fmt: skip
+STRING = CROWD + VOCABULARY.read("ALight#light")
+
+
+def digests(run):
+    return [scene.digest for _, scene in run[0]], run[2]
+
+
+@pytest.fixture(scope="module")
+def alone():
+    run = live(STRING, ALL, (One, Light))
+    assert set(run[2]) == {f"norm_{norm.name}" for norm in ALL}
+    assert isinstance(run[1].scene.pieces[0], Columns)
+    assert {":" in one for one in states(run[1].scene)} == {True, False}
+    assert len([one for one in states(run[1].scene) if ":" not in one]) < 151
+    return digests(run)
+
+
+@pytest.mark.parametrize("hosts", [1, 2])
+@pytest.mark.parametrize("form", [One, Many])
+def test_one_by_one_is_all_at_once_on_any_number_of_hosts(alone, form, hosts):
+    assert digests(live(STRING, ALL, (form, Light), hosts)) == alone
+
+
+def test_a_few_that_are_no_columns_live_as_those_that_are():
+    """With births among them, and twice as many hosts: 20 agents stay separate, 40 do not."""
+    runs = []
+    for count in (20, 40):
+        crowd = One.many("r", count, x=np.arange(1.0 * count), speed=np.arange(1.0 * count) % 3)
+        other = Norm("shouts", on=("eShout",))
+        runs.append(live(Scene(crowd.nodes), (other, *ALL[:3]), (One, Light), frames=5)[0][-1][1])
+    few, many = map(states, runs)
+    first = [one for one in many if int(one[1:].split(":")[0]) < 20]
+    assert {one: many[one] for one in first} == few
+
+
+def test_it_goes_on_from_any_frame(alone):
+    members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
+    world = street(STRING, ALL, members)
+    for stop in (2, 5):
+        bus = MemoryBus(world, members)
+        bus.start()
+        bus.run(stop)
+        checkpoint = bus.algorithm.checkpoint
+        again = MemoryBus(replace(world, scene=bus.algorithm.scene, past=checkpoint), members)
+        again.start()
+        again.run()
+        assert again.digests == [one.hex() for one in alone[0]][stop:]
+        assert again.ended.figures == alone[1]
+
+
+def test_another_coordinator_goes_on_from_the_journal(alone):
+    members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
+    bus = MemoryBus(street(STRING, ALL, members), members)
+    bus.start()
+    bus.run(5)
+    bus.kill_coordinator()
+    bus.run()
+    assert bus.digests[-1] == alone[0][-1].hex()
+    assert bus.ended.figures == alone[1]
+
+
+def test_a_host_that_dies_changes_nothing(alone):
+    members = {"runners-0": host("runners-0", One, Light), "steps": service("steps", Steps)}
+    bus = MemoryBus(street(STRING, ALL, members), members)
+    bus.start()
+    for _ in range(3):
+        bus.run(2)
+        bus.restart("runners-0")
+    bus.run()
+    assert bus.digests == [one.hex() for one in alone[0]]
