@@ -1,0 +1,58 @@
+"""Who is turned away before a link comes about: nothing tells of them but Zenoh's log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+LEVELS: Final = "off,zenoh_link_tls=warn,zenoh_link_quic=warn"
+_OF_LINKS: Final = (b" zenoh_link_tls::", b" zenoh_link_quic::")
+_COLOURS: Final = re.compile(rb"\x1b\[[0-9;]*m")
+NOTHING: Final = "only looked whether somebody listens"
+_REASONS: Final = (
+    ("handshake eof", NOTHING),
+    ("no certificate", "had no certificate"),
+    ("expired", "had a certificate that has expired"),
+    ("UnknownIssuer", "had a certificate of another authority"),
+    ("BadSignature", "had a certificate of another authority"),
+    ("DecryptError", "knew another authority than this world's"),
+    ("UnknownCA", "knew another authority than this world's"),
+    ("BadCertificate", "did not take this world's certificate"),
+    ("corrupt message", "did not speak TLS"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TurnedAway:
+    """Somebody has not been let in, and why."""
+
+    reason: str
+
+
+def turned_away(tell: Callable[[TurnedAway], None]) -> Callable[[bytes], bytes]:
+    """What hears lines of the log: it tells of all who are turned away, and returns the rest."""
+
+    def hear(lines: bytes) -> bytes:
+        return b"".join([line for line in lines.splitlines(keepends=True) if not told(line)])
+
+    def told(line: bytes) -> bool:
+        reason = reason_in(line)
+        if reason and reason != NOTHING:
+            tell(TurnedAway(reason))
+        return bool(reason)
+
+    return hear
+
+
+def reason_in(line: bytes) -> str:
+    """Why somebody was turned away, as a line of the log has it; else the empty text."""
+    plain = _COLOURS.sub(b"", line)
+    for mark in _OF_LINKS:
+        _, found, rest = plain.partition(mark)
+        if found:
+            said = rest.decode(errors="replace").partition(": ")[2]
+            known = [told for sign, told in _REASONS if sign in said]
+            return known[0] if known else said.partition(". Hint")[0].strip()
+    return ""

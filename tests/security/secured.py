@@ -1,0 +1,93 @@
+"""A secured world and those who would like to be in it."""
+
+import re
+import sys
+import threading
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import MEMBERS, World, eventually, write_world
+
+from minerva_bus.bus.client import Client
+from minerva_bus.bus.credentials import Credentials
+from minerva_bus.bus.member import BusMember
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.keys import Keys
+from minerva_bus.launch.keys_certificates import Wanted
+
+BUS = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
+
+
+def keyed_world(folder, issue, bus="", members=MEMBERS, **world):
+    """A world file with keys beside it; `issue` has what is wanted, by name."""
+    keys = Keys(folder / "keys")
+    keys.init()
+    for name, wanted in issue.items():
+        keys.issue(name, Wanted(**wanted))
+    return write_world(folder, members, bus=BUS + bus, **world), keys
+
+
+def secured_endpoint(world):
+    """Where others than its own processes find a world."""
+    line = world.says("coordinator │ listens at tls/")
+    return re.search(r"listens at (\S+);", line).group(1)
+
+
+def stolen(folder, name, roles=()):
+    """What the files of a name are good for, whatever became of it."""
+    return Credentials(
+        name, folder / "ca.pem", folder / f"{name}.pem", folder / f"{name}.key", frozenset(roles)
+    )
+
+
+class Joined:
+    """A member in a thread of this process."""
+
+    def __init__(self, world, endpoint, own, service=None, agents=(), kind=BusMember):
+        self.told, self.result, self.over = [], None, threading.Event()
+        participant = Participant(own.name, service, agents)
+        self.member = kind(participant, world.name, endpoint, self.told.append, own=own)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        try:
+            self.result = self.member.run()
+        except BaseException as error:
+            self.result = error
+        self.over.set()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        self.member.leave()
+        self._thread.join(10)
+
+    def ends(self):
+        return eventually(lambda: self.result is not None and str(self.result), "it ends")
+
+
+def status(world):
+    with world.client() as asked:
+        return asked.operator.status()
+
+
+def present(world, name):
+    eventually(lambda: world.members().get(name, {}).get("state") == "present", f"{name} is in")
+
+
+def refused(world, who):
+    return status(world).refused.get(who, 0)
+
+
+def goes_on(world):
+    assert world.process.poll() is None, world.text
+    before = status(world).frame
+    eventually(lambda: status(world).frame > before + 3, "the world goes on")
+
+
+__all__ = [
+    "Client", "Joined", "Keys", "Wanted", "World", "eventually", "goes_on", "keyed_world",
+    "present", "refused", "secured_endpoint", "status", "stolen",
+]  # fmt: skip

@@ -1,0 +1,114 @@
+"""The rules for Zenoh: what nobody may say, whoever else there is."""
+
+import zenoh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from minerva_bus.bus.access import access_control
+from minerva_bus.bus.credentials import HUB, ROLES, ROUTER, Rights
+from minerva_bus.protocol.keys import COORDINATOR, Keys, asking_key, control_key
+
+KEYS = Keys("w")
+MEMBERS = sorted(set(ROLES) - {HUB, ROUTER})
+TOPICS = st.frozensets(st.sampled_from(["scan", "image"]))
+NAMES = st.sampled_from(["a", "b", "ab", "a.b", "coordinato", "steps-1"])
+RIGHTS = st.builds(
+    Rights, NAMES, st.frozensets(st.sampled_from(MEMBERS), min_size=1), topics=TOPICS,
+    revoked=st.booleans(),
+)  # fmt: skip
+MANY = st.lists(RIGHTS, unique_by=lambda one: one.name, max_size=4)
+
+
+def may(access, name, flow, message, key):
+    """What Zenoh makes of it: something is let through where a rule's key includes its key."""
+    wanted = zenoh.KeyExpr(key)
+    of_name = {
+        rule
+        for policy in access["policies"]
+        if name in policy["subjects"]
+        for rule in policy["rules"]
+    }
+    return any(
+        rule["id"] in of_name
+        and flow in rule["flows"]
+        and message in rule["messages"]
+        and any(zenoh.KeyExpr(one).includes(wanted) for one in rule["key_exprs"])
+        for rule in access["rules"]
+    )
+
+
+@given(MANY)
+@settings(max_examples=30)
+def test_nobody_speaks_as_another(many):
+    access = access_control(KEYS, many, [])
+    for one in many:
+        others = {other.name for other in many} - {one.name} | {COORDINATOR, "*"}
+        for key in (KEYS.all, KEYS.tick, KEYS.evolve, KEYS.record, KEYS.view("e"),
+                    KEYS.to(one.name), "**", f"{KEYS.base}/**", KEYS.epoch(9)):  # fmt: skip
+            assert not may(access, one.name, "ingress", "put", key)
+        for other in others:
+            assert not may(access, one.name, "ingress", "put", KEYS.sent_by(other))
+            assert not may(access, one.name, "ingress", "liveliness_token", KEYS.alive(other))
+            assert not may(access, one.name, "ingress", "put", KEYS.topic("scan", other))
+            for key in (control_key("w", other), asking_key("w", other), control_key("w")):
+                assert not may(access, one.name, "ingress", "query", key)
+        for key in (
+            "**",
+            f"{KEYS.base}/**",
+            KEYS.sent_by("*"),
+            f"{KEYS.base}/to/*",
+            KEYS.alive("*"),
+        ):
+            assert not may(access, one.name, "ingress", "declare_subscriber", key)
+        assert not may(access, one.name, "ingress", "declare_queryable", control_key("w"))
+
+
+@given(MANY)
+@settings(max_examples=30)
+def test_everybody_does_what_its_roles_allow(many):
+    access = access_control(KEYS, many, [])
+    for one in many:
+
+        def has(*roles, one=one):
+            return one.may(*roles)
+
+        name, there = one.name, not one.revoked
+        topic = KEYS.topic("scan", name)
+        confined = not one.topics or "scan" in one.topics
+        expected = [
+            ("ingress", "put", KEYS.sent_by(name), there),
+            ("ingress", "liveliness_token", KEYS.alive(name), there),
+            ("ingress", "declare_subscriber", KEYS.to(name), there),
+            ("egress", "put", KEYS.all, there),
+            ("egress", "declare_subscriber", KEYS.sent_by("*"), there),
+            ("ingress", "put", topic, has("generator") and confined),
+            ("ingress", "declare_subscriber", KEYS.tick, has("generator")),
+            ("egress", "put", KEYS.evolve, has("agent")),
+            ("egress", "put", KEYS.view("eShow"), has("view")),
+            ("egress", "put", KEYS.record, has("view", "operator")),
+            ("ingress", "query", asking_key("*", name), there),
+            ("egress", "reply", asking_key("w", name), there),
+            ("ingress", "query", control_key("w", name), has("operator")),
+        ]
+        for flow, message, key, allowed in expected:
+            assert may(access, name, flow, message, key) == allowed, (flow, message, key)
+
+
+@given(MANY, st.booleans())
+@settings(max_examples=30)
+def test_no_id_is_unknown_and_none_is_there_twice(many, carrier):
+    """Zenoh takes unknown ids without a word."""
+    many = [
+        *many, Rights("mid", frozenset({ROUTER})), Rights(COORDINATOR, frozenset({HUB}))
+    ]  # fmt: skip
+    access = access_control(KEYS, many, ["unixsock-stream"], carrier=carrier)
+    assert access["default_permission"] == "deny"
+    for what in ("rules", "subjects"):
+        ids = [one["id"] for one in access[what]]
+        assert len(ids) == len(set(ids))
+        used = {id for policy in access["policies"] for id in policy[what]}
+        assert used == set(ids)
+    named = {id for policy in access["policies"] for id in policy["subjects"]}
+    expected = {one.name for one in many if not one.revoked and one.name != COORDINATOR}
+    assert named == expected | {"by unixsock-stream"} | ({COORDINATOR} if carrier else set())
+    zenoh.Config().insert_json5("access_control", str(access).replace("True", "true"))

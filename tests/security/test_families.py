@@ -1,0 +1,349 @@
+"""One certificate for any number of members: hosts-a, hosts-b ... come in by that of hosts-*."""
+
+import json
+import signal
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from minerva_bus.bus.access import access_control
+from minerva_bus.bus.credentials import Rights, covers, overlap, rights_of
+from minerva_bus.bus.session import open_client
+from minerva_bus.errors import BusError, KeysError
+from minerva_bus.launch.border import Border, security
+from minerva_bus.protocol.keys import Keys as WorldKeys
+from tests.bus import yard
+from tests.bus.running import Run, here, summary
+from tests.security.secured import (
+    Client,
+    Joined,
+    Keys,
+    Wanted,
+    World,
+    eventually,
+    goes_on,
+    keyed_world,
+    present,
+    refused,
+    stolen,
+)
+from tests.security.test_access import may
+
+HOST = {"roles": ("agent",), "family": True}
+ISSUED = {
+    "hosts": {**HOST, "kinds": ("AWalker",)},
+    "gauges": {"roles": ("generator",), "topics": ("battery",), "family": True},
+    "hostsx": {"roles": ("agent",)},
+}
+STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefghijklmnop"))
+STARTS = st.text("ab-", min_size=1, max_size=4)
+COMMON_NAMES = STARTS | STARTS.map(lambda start: f"{start}-*")
+
+
+# --- names ---
+
+
+@given(COMMON_NAMES, COMMON_NAMES, st.text("ab-", max_size=6))
+def test_names_overlap_where_somebody_could_come_in_by_both(one, other, member):
+    """Zenoh's own opinion of key expressions is the judge."""
+    chunks = [zenoh.KeyExpr(name.replace("*", "$*")) for name in (one, other)]
+    assert overlap(one, other) == overlap(other, one) == chunks[0].intersects(chunks[1])
+    if member:
+        assert covers(one, member) == chunks[0].intersects(zenoh.KeyExpr(member))
+
+
+@given(st.sets(COMMON_NAMES, max_size=4), st.text("ab-", min_size=1, max_size=6))
+def test_whose_a_name_is_has_one_answer_and_what_was_revoked_goes_first(names, member):
+    rights = {name: Rights(name, frozenset({"agent"}), revoked="b" in name) for name in names}
+    found = [one for name, one in rights.items() if covers(name, member)]
+    held = rights_of(member, rights)
+    assert (held is None) == (found == [])
+    assert held is None or held in found
+    assert held is None or held.revoked == any(one.revoked for one in found)
+
+
+@pytest.mark.parametrize("role", ["agent", "generator", "view", "operator"])
+def test_the_rules_are_for_all_names_of_a_family_and_no_other(role):
+    keys, family = WorldKeys("w"), Rights("hosts-*", frozenset({role}))
+    access = access_control(keys, [family, Rights("hostsx", frozenset({"view"}))], [])
+    for name, its in (("hosts-a", True), ("hosts-a-b.c", True), ("hosts", False),
+                      ("hostsx", False), ("other", False), ("coordinator", False)):  # fmt: skip
+        asked = [
+            ("ingress", "put", keys.sent_by(name)),
+            ("ingress", "liveliness_token", keys.alive(name)),
+            ("ingress", "declare_subscriber", keys.to(name)),
+            ("ingress", "query", f"minerva/w/ask/{name}"),
+        ]
+        if role == "generator":
+            asked.append(("ingress", "put", keys.topic("scan", name)))
+        if role == "operator":
+            asked.append(("ingress", "query", f"minerva/w/control/{name}"))
+        for flow, message, key in asked:
+            assert may(access, "hosts-*", flow, message, key) == its, key
+            assert not may(access, "hostsx", flow, message, key) or name == "hostsx"
+    assert not may(access, "hosts-*", "ingress", "put", keys.sent_by("hosts-a/b"))
+
+
+# --- certificates ---
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    keys = Keys(tmp_path_factory.mktemp("families") / "keys")
+    keys.init()
+    keys.issue("hosts", Wanted(**ISSUED["hosts"]))
+    keys.issue("lone-a", Wanted(("view",)))
+    return keys
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("hosts-a", "--role", "view"), "hosts-a and hosts-* have names in common"),
+        (("hosts-a", "--role", "view", "--family"), "hosts-a-* and hosts-* have names in common"),
+        (("lone", "--role", "view", "--family"), "lone-* and lone-a have names in common"),
+        (("hosts", "--role", "agent"), "--renew makes another"),
+        (("hosts", "--role", "agent", "--renew"), "hosts-* is renewed with --family"),
+        (("lone-a", "--role", "view", "--renew", "--family"), "lone-a is renewed without --family"),
+        (("mid", "--role", "router", "--family"), "there is one of each name, not a family"),
+        (("coordinator", "--role", "coordinator", "--family", "--renew"), "not a family"),
+    ],
+)
+def test_a_family_is_issued_where_its_names_are_nobody_s(folder, words, said):
+    before = folder.stamp()
+    done = here(folder.folder.parent, "keys", "issue", *words)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert said in done.stderr
+    assert folder.stamp() == before
+
+
+def test_names_that_only_begin_alike_are_others(folder):
+    assert folder.issue("hostsx", Wanted(("view",))).rights.name == "hostsx"
+    renewed = folder.issue("hosts", Wanted(**ISSUED["hosts"]), renew=True)
+    assert (renewed.rights.name, renewed.rights.kinds) == ("hosts-*", {"AWalker"})
+
+
+def test_it_is_listed_as_a_family(folder):
+    assert "hosts-*" in here(folder.folder.parent, "keys", "list").stdout
+    told = json.loads(here(folder.folder.parent, "keys", "list", "--json").stdout)
+    listed = {one["name"]: one["family"] for one in told}
+    assert (listed["hosts"], listed["lone-a"], listed["coordinator"]) == (True, False, False)
+
+
+def test_one_of_a_family_shows_the_family_s_certificate_under_its_own_name(folder):
+    for own in (folder.credentials("hosts-b"), folder.credentials("hosts-b", "hosts")):
+        assert (own.name, own.certificate.name, own.key.name) == (
+            "hosts-b", "hosts.pem", "hosts.key",
+        )  # fmt: skip
+    assert folder.credentials(bearer="hosts").name.startswith("hosts-")
+    with pytest.raises(KeysError, match=r"of the family hosts-\*: other is none of it"):
+        folder.credentials("other", "hosts")
+    with pytest.raises(KeysError, match="no certificate of 'other'"):
+        folder.credentials("other")
+
+
+def test_a_folder_in_which_a_name_is_two_s_lets_nobody_in(folder, tmp_path):
+    keys = Keys(tmp_path / "keys")
+    keys.init()
+    keys.issue("a-b", Wanted(("view",)))
+    aside = (keys.folder / "a-b.pem").rename(tmp_path / "a-b.pem")
+    keys.issue("a", Wanted(("agent",), family=True))
+    aside.rename(keys.folder / "a-b.pem")
+    with pytest.raises(KeysError, match=r"a-\* and a-b have names in common: revoke one of them"):
+        keys.rights()
+    keys.revoke("a-*")
+    assert keys.rights()["a-*"].revoked
+    with pytest.raises(KeysError, match="revoked, and nobody is called so again"):
+        keys.issue("a", Wanted(("agent",), family=True), renew=True)
+
+
+def test_no_family_has_names_of_a_world_s_own_processes(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
+    tmp_path.chmod(0o700)
+    border = Border(folder.folder)
+    assert security(border, "w", ["hosts", "lone-a", "hostsy"]) is not None
+    with pytest.raises(KeysError, match=r"hosts-\* lets others speak as hosts-2, a process that"):
+        security(border, "w", ["steps", "hosts-2"])
+
+
+# --- a world ---
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    path, _ = keyed_world(tmp_path_factory.mktemp("fam"), ISSUED, string=STRING, frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        yield world
+
+
+def evolves(world, name):
+    def answered():
+        return world.members().get(name, {}).get("last_reply", -1)
+
+    before = answered()
+    eventually(lambda: answered() > before + 5, f"{name} has agents")
+
+
+def left(world, name):
+    eventually(lambda: world.members().get(name, {}).get("state") == "left", f"{name} is out")
+
+
+def attach(world, door, name):
+    who = ("--connect", door, "--world", world.name, "--keys", "keys/hosts.pem", "--name", name)
+    return Run(world.folder, "attach", "yard:Walker", *who)
+
+
+def test_two_of_a_family_attach_and_evolve_agents_and_one_leaves(world, door, keys):
+    with (
+        attach(world, door, "hosts-a") as one,
+        Joined(world, door, keys.credentials("hosts-7d9f8b6c5-x2x7k"), agents=(yard.Walker,)),
+    ):
+        for name in ("hosts-a", "hosts-7d9f8b6c5-x2x7k"):
+            present(world, name)
+            evolves(world, name)
+        one.kill(signal.SIGTERM)
+        assert one.ends() == 0, one.text
+        left(world, "hosts-a")
+        evolves(world, "hosts-7d9f8b6c5-x2x7k")
+        goes_on(world)
+
+
+def test_who_is_none_of_the_family_does_not_come_in_by_its_certificate(world, door, keys):
+    with attach(world, door, "other") as run:
+        assert run.ends() == 2
+        assert "is of the family hosts-*: other is none of it (--name hosts-other)" in run.text
+    base, names = f"minerva/{world.name}", ("hosts", "hostsx", "other", "steps", "coordinator")
+    heard = []
+    with (
+        open_client("inside", world.endpoint()) as inside,
+        open_client("hosts-z", door, own=keys.credentials("hosts-z")) as session,
+    ):
+        kept = inside.declare_subscriber(f"{base}/**", lambda one: heard.append(str(one.key_expr))
+                                         if one.payload.to_bytes() == b"evil" else None)  # fmt: skip
+        tokens = [session.liveliness().declare_token(f"{base}/alive/{name}") for name in names]
+
+        def says():
+            for name in (*names, "hosts-z/b", "hosts-z"):
+                session.put(f"{base}/from/{name}", b"evil")
+            return heard
+
+        eventually(says, "what it may say")
+        assert set(heard) == {f"{base}/from/hosts-z"}
+        kept.undeclare()
+        del tokens
+    assert not {"hosts", "hostsx", "other"} & set(world.members())
+    assert world.members()["steps"]["state"] == "present"
+    goes_on(world)
+
+
+def test_who_is_in_no_family_is_none_of_it(world, door, keys):
+    """A certificate whose name merely begins alike."""
+    with (
+        open_client("inside", world.endpoint()) as inside,
+        open_client("hostsx", door, own=keys.credentials("hostsx")) as session,
+    ):
+        alive = f"minerva/{world.name}/alive"
+        tokens = [session.liveliness().declare_token(f"{alive}/{name}")
+                  for name in ("hosts-q", "hostsx")]  # fmt: skip
+        there = eventually(
+            lambda: [found for one in inside.liveliness().get(f"{alive}/hosts*".replace("*", "$*"))
+                     if one.ok and "hostsx" in (found := str(one.ok.key_expr))], "its own token"
+        )  # fmt: skip
+        assert there == [f"{alive}/hostsx"]
+        assert "hosts-q" not in world.members()
+        del tokens
+
+
+@pytest.mark.parametrize(
+    ("name", "service", "agents", "reason"),
+    [
+        ("hosts-c", yard.Noise(), (), "its certificate is for agent, not for generator"),
+        ("hosts-d", None, (yard.Fragile,), "is for the agents AWalker, not for AFragile"),
+        ("gauges-a", yard.Water(), (), "its certificate is for generator, not for view"),
+    ],
+)
+def test_one_of_a_family_is_refused_by_its_own_name(
+    world, door, keys, name, service, agents, reason
+):
+    before = refused(world, name)
+    with Joined(world, door, keys.credentials(name), service, agents) as joined:
+        assert reason in joined.ends()
+    world.says(f"{name} │", reason)
+    assert refused(world, name) > before
+
+
+def test_who_only_asks_needs_no_name(world, door):
+    who = ("--connect", door, "--world", world.name, "--keys", "keys/hosts.pem")
+    told = here(world.folder, "list", "--json", *who)
+    assert "steps" in [one["member"] for one in json.loads(told.stdout)["members"]], told.stderr
+
+
+def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, keys):
+    with Client(door, world.name, keys.credentials("hosts-e")) as asked:
+        assert asked.operator.status().world == world.name
+        for question in ("stop", "pause"):
+            with pytest.raises(BusError, match="hosts-e may give no orders"):
+                asked.ask(question)
+    world.says("hosts-e │ asked in vain")
+    with (
+        Client(door, world.name, keys.credentials("hosts-f")) as asked,
+        pytest.raises(BusError, match="hosts-f may give no orders"),
+    ):
+        asked.ask("stop")
+    assert refused(world, "hosts-f") == 1
+    assert "hosts-f │ asked in vain" not in world.text  # Of a family it is said once.
+
+
+@pytest.mark.parametrize(
+    "name", ["hosts-$*", "hosts-a$*", "hosts-\x1b[2J", "hosts-ä", "hosts-" + "x" * 90]
+)
+def test_a_family_s_names_are_names(world, door, keys, name):
+    """What Zenoh's rules let through, for it matches: wildcards, and what no member is called."""
+    base, before = f"minerva/{world.name}", refused(world, "hosts-*")
+    own = keys.credentials("hosts-a")
+    with open_client("hosts-a", door, own=own) as session:
+        token = session.liveliness().declare_token(f"{base}/alive/{name}")
+        eventually(lambda: refused(world, "hosts-*") > before, "its token is refused")
+        session.put(f"{base}/from/{name}", b"evil")
+        eventually(lambda: refused(world, "hosts-*") > before + 1, "and what it says")
+        for one in session.get(f"{base}/ask/{name}", payload=b"\x81\xa3ask\xa6status", timeout=5):
+            assert b"a member's name has up to" in one.ok.payload.to_bytes()
+        token.undeclare()
+    world.says("hosts-* │ somebody is not heard: a member's name has up to")
+    assert name not in world.members()
+    goes_on(world)
+
+
+def test_what_is_revoked_is_the_whole_family(world, door, keys):
+    one, two = (keys.credentials(name) for name in ("hosts-g", "hosts-h"))
+    with (
+        Joined(world, door, one, agents=(yard.Walker,)) as first,
+        Joined(world, door, two, agents=(yard.Walker,)) as second,
+    ):
+        present(world, "hosts-g")
+        present(world, "hosts-h")
+        keys.revoke("hosts")
+        for name in ("hosts-g", "hosts-h"):
+            left(world, name)
+        world.says("hosts-* │ its certificate was revoked; its link", "is cut")
+        first.member.leave()
+        second.member.leave()
+    with open_client("hosts-i", door, own=stolen(keys.folder, "hosts")) as session:
+        session.liveliness().declare_token(f"minerva/{world.name}/alive/hosts-i")
+        before = refused(world, "hosts-*")
+        eventually(lambda: refused(world, "hosts-*") > before, "it is cut as it comes")
+    assert world.members().get("hosts-i", {"state": "left"})["state"] == "left"
+    goes_on(world)
+
+
+def test_nothing_of_it_all_is_in_the_string(world):
+    assert here(world.folder, "stop", world.name).returncode == 0
+    assert world.ends() == 0
+    frames = next(int(x.split()[0]) for x in world.output if "frames in" in x)
+    digest = next(x.split()[1] for x in world.output if "digest" in x)
+    alone = summary(here(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
+                         "--frames", frames))  # fmt: skip
+    assert alone["digest"] == digest

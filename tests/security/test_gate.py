@@ -1,0 +1,142 @@
+"""How much a member may say, who may be what, and how refusals are counted."""
+
+import pytest
+
+from minerva_bus.bus.credentials import Rights
+from minerva_bus.bus.gate import MOST_NAMES, STRANGERS, Gate, may_be_awaited
+from minerva_bus.bus.guard import LOOK_EVERY, NO_NAME, Guard, Security
+from minerva_bus.errors import KeysError
+from minerva_bus.frame import messages as m
+from minerva_bus.protocol.codec import encode
+from minerva_bus.protocol.keys import Keys
+from minerva_bus.protocol.limits import Limits
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_a_second_s_worth_may_come_at_once_and_then_as_it_fills_up():
+    clock = Clock()
+    gate = Gate(Limits(messages=10, bytes=1000), clock=clock)
+    assert [gate.has_room("a", 1) for _ in range(12)] == [True] * 10 + [False] * 2
+    assert gate.has_room("b", 1)
+    clock.now = 0.5
+    assert [gate.has_room("a", 1) for _ in range(6)] == [True] * 5 + [False]
+    clock.now = 100.0
+    assert [gate.has_room("a", 1) for _ in range(11)] == [True] * 10 + [False]
+
+
+def test_bytes_count_as_well():
+    clock = Clock()
+    gate = Gate(Limits(messages=10, bytes=1000), clock=clock)
+    assert [gate.has_room("a", size) for size in (600, 600, 300)] == [True, False, False]
+    clock.now = 1.0
+    assert gate.has_room("a", 900)
+
+
+def test_it_is_said_once_and_counted_each_time():
+    gate = Gate(Limits(messages=1), clock=Clock())
+    assert gate.has_room("a", 1)
+    said = [gate.too_much("a") for _ in range(3) if not gate.has_room("a", 1)]
+    assert "more than 1 messages" in said[0]
+    assert said[1:] == ["", ""]
+    assert gate.refused == {"a": 3}
+
+
+def test_names_without_number_are_counted_as_one():
+    gate = Gate()
+    for number in range(MOST_NAMES + 50):
+        gate.count(f"ghost-{number}")
+    assert len(gate.refused) == MOST_NAMES + 1
+    assert gate.refused[STRANGERS] == 50
+
+
+@pytest.mark.parametrize(
+    ("message", "awaited"),
+    [
+        (m.TickReply("a", 70_000), True),
+        (m.EvolveReply("a", 1), True),
+        (m.Report("a", {"x": 1}), True),
+        (m.Emitted("a", ()), False),
+        (m.Doing("a", {}), False),
+        (m.Hello("a", 1), False),
+    ],
+)
+def test_what_a_frame_waits_for_is_known_by_how_it_begins(message, awaited):
+    data = encode(message)
+    assert may_be_awaited(data, 0) == awaited
+    assert may_be_awaited(b"\x07\x08" + data, 2) == awaited
+
+
+def test_without_certificates_all_may_do_all():
+    gate = Gate()
+    assert gate.objection(m.Hello("a", 1, generates=("eRain",), draws=("eShow",))) == ""
+    assert gate.objection_to_question("", True, "stop") == ""
+    assert gate.shut_out("a") == ""
+
+
+@pytest.mark.parametrize("name", ["a$*", "*", "", "a b", "\x1b[2J", "ä", "-a", "a" * 65])
+def test_who_has_no_name_is_a_stranger(name):
+    said = []
+    guard = Guard(Keys("w"), Limits(), None, lambda *told: said.append(told))
+    assert guard.keeps_out(name)
+    assert guard.keeps_out(name)
+    assert guard.gate.refused == {STRANGERS: 2}
+    assert said == [(STRANGERS, f"somebody is not heard: {NO_NAME}")]
+    assert not guard.keeps_out("a.b-1")
+
+
+class Folder:
+    """Keys that change under a guard's eyes."""
+
+    def __init__(self, *rights):
+        self.now, self.stamp, self.readable = {one.name: one for one in rights}, 0, True
+
+    def rights(self):
+        if not self.readable:
+            raise KeysError("half written")
+        return dict(self.now)
+
+    def change(self, *rights):
+        self.now, self.stamp = {one.name: one for one in rights}, self.stamp + 1
+
+
+def guarded(folder):
+    said = []
+    security = Security(None, "", folder.rights, lambda: folder.stamp)
+    return Guard(Keys("w"), Limits(), security, lambda *told: said.append(told)), said
+
+
+FOX = Rights("fox", frozenset({"agent"}))
+OWL = Rights("owl", frozenset({"view"}))
+
+
+def test_whose_certificate_is_gone_counts_as_revoked_and_not_as_unknown():
+    folder = Folder(FOX, OWL)
+    guard, _ = guarded(folder)
+    assert guard.look(LOOK_EVERY) == []
+    folder.change(OWL)
+    assert guard.look(1.5 * LOOK_EVERY) == []  # It does not look all the time.
+    assert guard.look(2 * LOOK_EVERY) == ["fox"]
+    assert guard.gate.shut_out("fox") == "its certificate was revoked"
+    assert guard.gate.objection(m.Hello("fox", 1)) == "its certificate was revoked"
+    assert guard.look(3 * LOOK_EVERY) == []
+    assert guard.gate.shut_out("owl") == ""
+
+
+def test_keys_that_cannot_be_read_for_a_moment_let_nobody_in_who_was_out():
+    folder = Folder(FOX, Rights("owl", frozenset({"view"}), revoked=True))
+    guard, said = guarded(folder)
+    folder.readable = False
+    folder.change()
+    assert guard.look(LOOK_EVERY) == []
+    assert guard.look(2 * LOOK_EVERY) == []
+    assert said == [("coordinator", "the keys stay as they were, for now: half written")]
+    assert guard.gate.shut_out("owl")
+    assert not guard.gate.shut_out("fox")
+    folder.readable = True
+    assert guard.look(3 * LOOK_EVERY) == ["fox"]

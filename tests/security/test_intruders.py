@@ -1,0 +1,359 @@
+"""An attacker's afternoon: a real world, and real sessions that want what they may not have.
+
+What is tried is refused, said with a name and a reason, and counted; and no frame is another one
+for it.
+"""
+
+import socket
+import ssl
+import sys
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+import zenoh
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+import yard
+from running import below, here, put, summary
+from secured import (
+    Client,
+    Joined,
+    Keys,
+    Wanted,
+    World,
+    eventually,
+    goes_on,
+    keyed_world,
+    present,
+    refused,
+    status,
+    stolen,
+)
+
+from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.session import open_client
+from minerva_bus.errors import BusError, KeysError
+from minerva_bus.frame import messages as m
+from minerva_bus.launch.keys_certificates import now
+
+STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
+LIMITS = "[limits]\nmessages = 500\nmessage_bytes = 4194304\n"
+GENERATOR = {"roles": ("generator",)}
+ISSUED = {
+    "ann": {"roles": ("operator",)},
+    "watcher": {"roles": ("view",)},
+    "sensor": GENERATOR,
+    "flooder": GENERATOR,
+    "giant": GENERATOR,
+    "quiet": {"roles": ("generator",), "events": ("eNoise",), "topics": ("battery",)},
+    "host": {"roles": ("agent",)},
+    "narrow": {"roles": ("agent",), "kinds": ("AFragile",)},
+    "revoked": GENERATOR,
+    "fallen": GENERATOR,
+}
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sec")
+    path, keys = keyed_world(folder, ISSUED, LIMITS, string=STRING, frames=0, rate=50)
+    keys.revoke("revoked")
+    past = Keys(folder / "keys", now() - timedelta(days=10))
+    past.issue("expired", Wanted(("generator",), days=1))
+    Keys(folder / "foreign").init()
+    Keys(folder / "foreign").issue("sensor", Wanted(("generator",)))
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        yield world
+
+
+@pytest.fixture(scope="module")
+def inside(world):
+    """A session of this machine, which may hear all."""
+    with open_client("inside", world.endpoint()) as session:
+        yield session
+
+
+def listen(session, key):
+    heard = []
+    kept = session.declare_subscriber(
+        key, lambda sample: heard.append((str(sample.key_expr), sample.payload.to_bytes())),
+        allowed_origin=zenoh.Locality.REMOTE,
+    )  # fmt: skip
+    return heard, kept
+
+
+# --- who has nothing to show ---
+
+
+def knock(door, folder=None, name="", trust=None):
+    """A TLS handshake, whatever the other side's certificate is, and what comes of it."""
+    host, _, port = door.partition("/")[2].rpartition(":")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    if folder is not None:
+        context.load_cert_chain(folder / f"{name}.pem", folder / f"{name}.key")
+    with (
+        socket.create_connection((host, int(port)), 10) as raw,
+        context.wrap_socket(raw) as link,
+    ):
+        return link.recv(1)
+
+
+@pytest.mark.parametrize(
+    ("folder", "name", "alert", "said"),
+    [
+        (None, "", "CERTIFICATE_REQUIRED", "had no certificate"),
+        ("keys", "expired", "CERTIFICATE_EXPIRED", "has expired"),
+        ("foreign", "sensor", "DECRYPT_ERROR|UNKNOWN_CA", "of another authority"),
+    ],
+)
+def test_without_a_certificate_that_counts_no_link_comes_about(
+    world, door, folder, name, alert, said
+):
+    before = refused(world, "strangers")
+    with pytest.raises(ssl.SSLError) as error:
+        knock(door, folder and world.folder / folder, name)
+    assert error.value.reason.split("ALERT_")[1] in alert.split("|")
+    world.says("strangers │ somebody was not let in", said)
+    eventually(lambda: refused(world, "strangers") > before, "it is counted")
+    goes_on(world)
+
+
+def test_plain_tcp_at_the_secured_door_is_no_way_in(world, door):
+    with pytest.raises(BusError, match="speaks TLS: connect to tls/"):
+        open_client("plain", door.replace("tls/", "tcp/"), 1.0)
+    world.says("strangers │ somebody was not let in", "did not speak TLS")
+
+
+def test_who_was_revoked_is_cut_off_and_hears_nothing(world, door, keys):
+    with pytest.raises(KeysError, match="the certificate of revoked is revoked"):
+        keys.credentials("revoked")
+    with open_client("revoked", door, own=stolen(keys.folder, "revoked")) as session:
+        heard, _kept = listen(session, f"minerva/{world.name}/**")
+        world.says("revoked │ its certificate was revoked; its link", "is cut")
+        goes_on(world)
+    assert heard == []
+    assert refused(world, "revoked") > 0
+    open_files = [len(list(Path(f"/proc/{pid}/fd").iterdir())) for pid in below(world.process.pid)]
+    assert max(open_files) < 150
+
+
+def test_who_is_revoked_while_it_takes_part_takes_part_no_more(world, door, keys):
+    own = keys.credentials("fallen")
+    with Joined(world, door, own, yard.Noise()) as joined:
+        present(world, "fallen")
+        keys.revoke("fallen")
+        world.says("fallen │ its certificate was revoked; its link", "is cut")
+        eventually(lambda: world.members()["fallen"]["state"] == "left", "it is out")
+        goes_on(world)
+        assert world.members()["fallen"]["state"] == "left"
+        assert refused(world, "fallen") > 0
+        joined.member.leave()
+
+
+def test_who_was_issued_a_certificate_since_waits_for_the_next_start(world, door, keys):
+    keys.issue("newcomer", Wanted(("operator",)))
+    with (
+        pytest.raises(BusError, match="it does not let newcomer in, whose certificate"),
+        Client(door, world.name, keys.credentials("newcomer")) as asked,
+    ):
+        asked.operator.status()
+    world.says("newcomer │ has come from tls/", "issued after the world began")
+
+
+# --- who has, but for something else ---
+
+
+def test_a_member_speaks_on_its_own_keys_only(world, door, keys, inside):
+    base, evil = f"minerva/{world.name}", b"\x00evil"
+    heard, kept = listen(inside, f"{base}/**")
+    foreign = [
+        "all", "tick", "evolve", "to/steps", "view/eShow", "record", "from/steps",
+        "from/coordinator", "topic/sight/water", "control", "ask/sensor", "epoch/9",
+    ]  # fmt: skip
+    with open_client("sensor", door, own=keys.credentials("sensor")) as session:
+        tokens = [
+            session.liveliness().declare_token(f"{base}/{key}")
+            for key in ("alive/coordinator", "alive/steps", "epoch/99", "alive/somebody")
+        ]
+        for key in foreign:
+            put(session, f"{base}/{key}", evil)
+        put(session, f"{base}/topic/battery/sensor", evil)
+        put(session, f"{base}/from/sensor", evil)
+        eventually(lambda: len([k for k, data in heard if data == evil]) >= 2, "its own arrive")
+        there = [str(one.ok.key_expr) for one in inside.liveliness().get(f"{base}/**") if one.ok]
+        del tokens
+    keys_of_evil = sorted(key for key, data in heard if data == evil)
+    assert keys_of_evil == [f"{base}/from/sensor", f"{base}/topic/battery/sensor"]
+    assert f"{base}/alive/somebody" not in there
+    assert f"{base}/epoch/99" not in there
+    assert "somebody" not in world.members()
+    kept.undeclare()
+    goes_on(world)
+
+
+def test_who_is_confined_to_topics_publishes_on_these_only(world, door, keys, inside):
+    base = f"minerva/{world.name}/topic"
+    heard, kept = listen(inside, f"{base}/**")
+    with open_client("quiet", door, own=keys.credentials("quiet")) as session:
+        for topic in ("scan", "battery"):
+            put(session, f"{base}/{topic}/quiet", b"evil")
+        eventually(lambda: heard, "what it may say arrives")
+    assert [key for key, _ in heard] == [f"{base}/battery/quiet"]
+    kept.undeclare()
+
+
+def test_who_listens_to_everything_hears_nothing(world, door, keys):
+    """Its own keys it can hear: another session with the same certificate does."""
+    own = keys.credentials("sensor")
+    with open_client("sensor", door, own=own) as spy, open_client("sensor", door, own=own) as good:
+        ticks, kept = listen(good, f"minerva/{world.name}/tick")
+        spied = [listen(spy, key) for key in ("**", "minerva/**", f"minerva/{world.name}/evolve",
+                 f"minerva/{world.name}/from/*", f"minerva/{world.name}/to/steps",
+                 f"minerva/{world.name}/record", f"minerva/{world.name}/view/*")]  # fmt: skip
+        eventually(lambda: len(ticks) > 5, "ticks come")
+        assert [heard for heard, _ in spied if heard] == []
+        assert not [one for one in spy.get("@/**") if one.ok and str(one.ok.key_expr) != ""
+                    and "/router" in str(one.ok.key_expr)]  # fmt: skip
+        kept.undeclare()
+
+
+@pytest.mark.parametrize(
+    ("name", "service", "agents", "reason"),
+    [
+        ("watcher", yard.Noise(), (), "its certificate is for view, not for generator"),
+        ("sensor", yard.Screen(), (), "its certificate is for generator, not for view"),
+        ("sensor", None, (yard.Walker,), "its certificate is for generator, not for agent"),
+        ("watcher", yard.Water(), (), "its certificate is for view, not for generator"),
+        ("quiet", yard.Steps(), (), "its certificate is for the events eNoise, not for eStep"),
+        ("narrow", None, (yard.Walker,), "is for the agents AFragile, not for AWalker"),
+    ],
+)
+def test_who_says_to_be_more_than_its_certificate_is_refused(
+    world, door, keys, name, service, agents, reason
+):
+    before = refused(world, name)
+    with Joined(world, door, keys.credentials(name), service, agents) as joined:
+        assert reason in joined.ends()
+    world.says(f"{name} │", reason)
+    assert refused(world, name) > before
+    assert world.members()[name]["state"] == "left"
+
+
+class Liar(BusMember):
+    """A host that answers for all agents there are."""
+
+    def _send(self, message):
+        if isinstance(message, m.EvolveReply) and message.changed:
+            (scene, *_) = message.changed.values()
+            message = replace(message, changed=dict.fromkeys("abcdefgh", scene))
+        super()._send(message)
+
+
+def test_who_answers_for_another_s_agents_is_shut_out(world, door, keys):
+    with Joined(world, door, keys.credentials("host"), agents=(yard.Walker,), kind=Liar) as joined:
+        assert "it answered for #" in joined.ends()
+    world.says("host │ broke the protocol: it answered for #", "not its own")
+    assert refused(world, "host") > 0
+    goes_on(world)
+
+
+def test_what_was_said_in_an_old_frame_counts_no_more(world, door, keys):
+    with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
+        present(world, "sensor")
+        late = world.members()["sensor"]["late"]
+        for frame in (0, 1, 2):
+            joined.member._send(m.TickReply("sensor", frame))
+        eventually(lambda: world.members()["sensor"]["late"] >= late + 3, "they are counted")
+        goes_on(world)
+
+
+@pytest.mark.parametrize("kind", [m.Doing, m.Report])
+def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
+    before = refused(world, "sensor")
+    with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
+        present(world, "sensor")
+        joined.member._send(kind("sensor", {"mean": float("nan")}))
+        assert "the figure mean must be a finite number" in joined.ends()
+    world.says("sensor │ broke the protocol: the figure mean must be a finite number or a text")
+    assert refused(world, "sensor") > before
+    goes_on(world)
+
+
+def test_a_flood_is_dammed_and_its_source_named_once(world, door, keys):
+    with Joined(world, door, keys.credentials("flooder"), yard.Noise()) as joined:
+        present(world, "flooder")
+        message = m.Emitted("flooder", (yard.eNoise(),))
+        for _ in range(10_000):
+            joined.member._send(message)
+        world.says("flooder │ says more than 500 messages", "the rest is not heard")
+        eventually(lambda: refused(world, "flooder") > 1000, "what is not heard is counted")
+        goes_on(world)
+    assert world.text.count("flooder │ says more") == 1
+
+
+def test_what_is_too_big_is_refused_before_it_is_read(world, door, keys):
+    with Joined(world, door, keys.credentials("giant"), yard.Noise()) as joined:
+        present(world, "giant")
+        message = joined.member._stamp + bytes(50 << 20)
+        with open_client("giant", door, own=keys.credentials("giant")) as session:
+            for _ in range(9):  # A link that is too slow for so much is closed, and comes back.
+                put(session, f"minerva/{world.name}/from/giant", message)
+                joined.over.wait(2)
+                if joined.over.is_set():
+                    break
+            assert "over 4194304" in joined.ends()
+    world.says("giant │ broke the protocol", "bytes at once, over 4194304")
+    goes_on(world)
+
+
+# --- who gives orders ---
+
+
+def test_orders_are_an_operator_s(world, door, keys):
+    with Client(door, world.name, keys.credentials("ann")) as ann:
+        ann.operator.pause()
+        assert status(world).paused
+        ann.operator.resume()
+        assert ann.ask("scene")["scene"]
+    with Client(door, "", keys.credentials("watcher")) as watcher:
+        assert watcher.world == world.name
+        assert watcher.ask("scene")["scene"]
+        for question in ("pause", "stop", "restart", "step", "no such thing"):
+            with pytest.raises(BusError, match="watcher may give no orders"):
+                watcher.ask(question, member="steps")
+    with Client(door, world.name, keys.credentials("sensor")) as sensor:
+        assert sensor.operator.status().world == world.name
+        with pytest.raises(BusError, match="sensor may not read the world"):
+            sensor.ask("scene")
+    world.says("watcher │ asked in vain")
+    assert refused(world, "watcher") >= 5
+    assert not status(world).paused
+
+
+@pytest.mark.parametrize("key", ["control", "control/ann", "control/watcher", "ask/ann"])
+def test_nobody_asks_in_another_s_name(world, door, keys, key):
+    with open_client("watcher", door, own=keys.credentials("watcher")) as session:
+        for name in (world.name, "*"):
+            answers = session.get(f"minerva/{name}/{key}", payload=b"\x81\xa3ask\xa6status",
+                                  timeout=5.0)  # fmt: skip
+            assert [one.ok for one in answers] == []
+
+
+# --- and then ---
+
+
+def test_nothing_of_it_all_is_in_the_string(world):
+    assert here(world.folder, "stop", world.name).returncode == 0
+    assert world.ends() == 0
+    frames = next(int(x.split()[0]) for x in world.output if "frames in" in x)
+    digest = next(x.split()[1] for x in world.output if "digest" in x)
+    alone = summary(here(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
+                         "--frames", frames))  # fmt: skip
+    assert alone["digest"] == digest
+    world.gone()
+    assert not list((world.folder / "runtime").glob("*.sock"))

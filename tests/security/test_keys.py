@@ -1,0 +1,211 @@
+"""The certificate authority: files, what certificates say, and what counts no more."""
+
+import json
+import ssl
+import stat
+import sys
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import here
+
+from minerva_bus.bus.credentials import ROLES
+from minerva_bus.errors import KeysError
+from minerva_bus.launch.keys import Keys
+from minerva_bus.launch.keys_certificates import Wanted, now
+
+
+@pytest.fixture
+def keys(tmp_path):
+    keys = Keys(tmp_path / "keys")
+    keys.init(["lab.example", "10.1.2.3"])
+    keys.issue("sensor", Wanted(("generator",), events=("eNear",), topics=("scan",)))
+    return keys
+
+
+def shake_hands(client, server, name):
+    """A whole TLS handshake in memory. Raises what either side objects to."""
+    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ours = client.wrap_bio(down, up, server_hostname=name)
+    theirs = server.wrap_bio(up, down, server_side=True)
+    waiting = [ours, theirs]
+    for _ in range(10):
+        for side in list(waiting):
+            try:
+                side.do_handshake()
+                waiting.remove(side)
+            except ssl.SSLWantReadError:
+                continue
+    theirs.write(b"x")
+    ours.read(1)
+
+
+def contexts(keys, client, server, crl=False):
+    one, other = (ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER))
+    for context, name in ((one, client), (other, server)):
+        context.load_verify_locations(keys.folder / "ca.pem")
+        context.load_cert_chain(keys.folder / f"{name}.pem", keys.folder / f"{name}.key")
+    other.verify_mode = ssl.CERT_REQUIRED
+    if crl:
+        other.load_verify_locations(keys.folder / "crl.pem")
+        other.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
+    return one, other
+
+
+def test_secrets_are_their_owner_s_alone(keys):
+    assert stat.S_IMODE(keys.folder.stat().st_mode) == 0o700
+    modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in keys.folder.iterdir()}
+    assert {modes[name] for name in modes if name.endswith(".key")} == {0o600}
+    assert sorted(modes) == [
+        "ca.key", "ca.pem", "coordinator.key", "coordinator.pem", "crl.pem", "sensor.key",
+        "sensor.pem",
+    ]  # fmt: skip
+
+
+def test_a_certificate_says_who_and_what_for(keys):
+    found = keys.issued()["sensor"]
+    assert found.rights.roles == {"generator"}
+    assert (found.rights.events, found.rights.topics) == ({"eNear"}, {"scan"})
+    assert found.rights.kinds == frozenset()
+    assert found.state(keys.now) == "valid"
+    assert found.state(keys.now + timedelta(days=366)) == "expired"
+    assert found.state(keys.now - timedelta(days=1)) == "not yet valid"
+    hosts = keys.issued()["coordinator"].hosts
+    assert {"lab.example", "10.1.2.3", "localhost", "127.0.0.1"} <= set(hosts)
+
+
+@pytest.mark.parametrize("name", ["lab.example", "127.0.0.1", "10.1.2.3"])
+def test_both_sides_of_a_tls_link_take_them(keys, name):
+    shake_hands(*contexts(keys, "sensor", "coordinator"), name)
+
+
+def test_the_coordinator_is_not_believed_under_another_name(keys):
+    with pytest.raises(ssl.SSLCertVerificationError, match="mismatch"):
+        shake_hands(*contexts(keys, "sensor", "coordinator"), "elsewhere.example")
+
+
+def test_a_member_cannot_be_what_others_connect_to(keys):
+    keys.issue("fox", Wanted(("agent",), hosts=("lab.example",)))
+    with pytest.raises(ssl.SSLCertVerificationError, match="purpose"):
+        shake_hands(*contexts(keys, "sensor", "fox"), "lab.example")
+
+
+def test_the_list_of_what_was_revoked_is_one_that_others_read(keys):
+    keys.issue("other", Wanted(("view",)))
+    keys.revoke("sensor")
+    shake_hands(*contexts(keys, "other", "coordinator", crl=True), "localhost")
+    with pytest.raises(ssl.SSLError, match="revoked"):
+        shake_hands(*contexts(keys, "sensor", "coordinator", crl=True), "localhost")
+
+
+def test_who_is_revoked_comes_back_under_no_certificate_of_that_name(keys):
+    before = keys.stamp()
+    assert keys.revoke("sensor").state(keys.now) == "revoked"
+    assert keys.stamp() != before
+    assert keys.rights()["sensor"].revoked
+    assert not keys.rights()["sensor"].may("generator")
+    for attempt in (
+        lambda: keys.issue("sensor", Wanted(("generator",)), renew=True),
+        lambda: keys.revoke("sensor"),
+        lambda: keys.credentials("sensor"),
+    ):
+        with pytest.raises(KeysError, match="revoked"):
+            attempt()
+    keys.issue("another", Wanted(("generator",)))
+    assert keys.rights()["sensor"].revoked
+
+
+def test_an_expired_certificate_says_so_before_anybody_is_asked(keys):
+    Keys(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("view",), days=2))
+    with pytest.raises(KeysError, match=r"has expired on .*minerva keys issue old --renew"):
+        keys.credentials("old")
+    keys.issue("old", Wanted(("view",)), renew=True)
+    assert keys.credentials("old").name == "old"
+
+
+def test_what_is_not_of_the_authority_is_not_taken(keys, tmp_path):
+    foreign = Keys(tmp_path / "foreign")
+    foreign.init()
+    foreign.issue("spy", Wanted(("operator",)))
+    (keys.folder / "spy.pem").write_bytes((foreign.folder / "spy.pem").read_bytes())
+    with pytest.raises(KeysError, match=r"spy\.pem is not of the authority beside it"):
+        keys.rights()
+    (keys.folder / "spy.pem").unlink()
+    (keys.folder / "boss.pem").write_bytes((keys.folder / "sensor.pem").read_bytes())
+    with pytest.raises(KeysError, match=r"boss\.pem is the certificate of sensor"):
+        keys.rights()
+    (keys.folder / "boss.pem").write_text("nothing")
+    with pytest.raises(KeysError, match=r"boss\.pem is no certificate"):
+        keys.rights()
+    (keys.folder / "boss.pem").unlink()
+    (keys.folder / "crl.pem").write_bytes((foreign.folder / "crl.pem").read_bytes())
+    with pytest.raises(KeysError, match=r"crl\.pem is not of the authority beside it"):
+        keys.rights()
+    (keys.folder / "crl.pem").unlink()
+    with pytest.raises(KeysError, match=r"lacks crl\.pem"):
+        keys.rights()
+
+
+def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for name in ("ca.pem", "sensor.pem", "sensor.key"):
+        (mine / name).write_bytes((keys.folder / name).read_bytes())
+    assert Keys(mine).credentials().name == "sensor"
+    with pytest.raises(KeysError, match="issue and revoke where the authority was made"):
+        Keys(mine).issue("other", Wanted(("view",)))
+    with pytest.raises(KeysError, match="whose of the keys"):
+        keys.credentials()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("issue", "x", "--role", "agnt"), "no role 'agnt'; did you mean 'agent'?"),
+        (("issue", "x y", "--role", "agent"), "cannot name a certificate"),
+        (("issue", "coordinator", "--role", "agent"), "choose another name"),
+        (("issue", "x", "--role", "coordinator"), "choose another name"),
+        (("issue", "ca", "--role", "agent"), "choose another name"),
+        (("issue", "x", "--role", "agent", "--days", "0"), "--days must be"),
+        (("issue", "x", "--role", "agent", "--kinds", "Füchse"), "plain letters"),
+        (("issue", "x", "--role", "router", "--host", "tls/a:1"), "no host's name"),
+        (("issue", "sensor", "--role", "view"), "--renew makes another"),
+        (("revoke", "sensr"), "did you mean 'sensor'?"),
+        (("init",), "has an authority already"),
+        (("list", "--dir", "nowhere"), "minerva keys init makes one"),
+        (("router", "sensor", "world"), "is for no router"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(keys, words, said):
+    before = keys.stamp()
+    done = here(keys.folder.parent, "keys", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert keys.stamp() == before
+
+
+def test_the_commands_do_it_all(tmp_path):
+    def ask(*words):
+        done = here(tmp_path, "keys", *words)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "keep keys/ca.key where nobody else comes" in ask(
+        "init", "--host", "a.example,b.example"
+    )
+    assert "hostA: agent, for AFox ARabbit; valid" in ask(
+        "issue", "hostA", "--role", "agent", "--kinds", "AFox,ARabbit", "--days", "30"
+    )
+    ask("issue", "desk", "--role", "view,operator")
+    ask("revoke", "hostA")
+    listed = {one["name"]: one for one in json.loads(ask("list", "--json"))}
+    assert listed["hostA"]["state"] == "revoked"
+    assert listed["hostA"]["kinds"] == ["AFox", "ARabbit"]
+    assert listed["desk"]["roles"] == ["operator", "view"]
+    assert listed["coordinator"]["hosts"][:2] == ["a.example", "b.example"]
+    assert "hostA" in ask("list")
+    assert set(ROLES) >= {role for one in listed.values() for role in one["roles"]}

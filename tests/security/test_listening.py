@@ -1,0 +1,111 @@
+"""A world lets nobody in from elsewhere unless it knows whom, or its owner insists."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import write_world
+
+from minerva_bus.bus.endpoints import check_endpoint
+from minerva_bus.errors import BusError, KeysError, WorldFileError
+from minerva_bus.launch.border import BorderOverrides, local_endpoint, security
+from minerva_bus.launch.keys import Keys
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.protocol.limits import DEFAULT
+
+
+def border(path, listen="", **given):
+    found = read_world_file(path, Overrides(listen=listen, border=BorderOverrides(**given)))
+    return found.bus.border
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "local"),
+    [
+        ("tcp/127.0.0.1:0", True),
+        ("tcp/127.1.2.3:1", True),
+        ("tcp/[::1]:1", True),
+        ("tcp/localhost:1", True),
+        ("unixsock-stream/a/b", True),
+        ("tcp/0.0.0.0:1", False),
+        ("tcp/[::]:1", False),
+        ("tcp/192.168.1.2:1", False),
+        ("tcp/127.0.0.1.example:1", False),
+    ],
+)
+def test_what_only_this_machine_comes_to(endpoint, local):
+    assert check_endpoint(endpoint).local == local
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp", "ws"])
+def test_an_open_door_is_refused_with_what_to_do_unless_one_insists(tmp_path, kind):
+    path, listen = write_world(tmp_path), f"{kind}/0.0.0.0:7447"
+    with pytest.raises(BusError, match=r"make keys .*tls/0\.0\.0\.0:7447 .*or insist"):
+        border(path, listen)
+    assert border(path, listen, insecure=True).keys is None
+
+
+def test_a_secured_door_needs_keys_and_keys_a_secured_door(tmp_path):
+    path = write_world(tmp_path)
+    with pytest.raises(BusError, match=r"tls/0\.0\.0\.0:7447 needs keys: minerva keys init"):
+        border(path, "tls/0.0.0.0:7447")
+    with pytest.raises(BusError, match="listen at tls/"):
+        border(path, keys="keys")
+    assert border(path, "tls/0.0.0.0:7447", keys="keys").keys == Path("keys")
+
+
+def test_the_world_file_says_it_as_well(tmp_path):
+    own = 'listen = "tls/0.0.0.0:0"\nkeys = "keys"\nconnect = ["tls/a.example:1"]\n'
+    path = write_world(tmp_path, bus=own + "[limits]\nmessages = 7\nbytes = 9000\n")
+    found = border(path)
+    assert (found.keys, found.routers) == (tmp_path / "keys", ("tls/a.example:1",))
+    assert (found.limits.messages, found.limits.bytes) == (7, 9000)
+    assert found.limits.message_bytes == DEFAULT.message_bytes
+    with pytest.raises(KeysError, match="minerva keys init makes one"):
+        security(found, "w")
+
+
+def test_a_router_elsewhere_is_joined_by_a_secured_link_only(tmp_path):
+    path = write_world(tmp_path)
+    with pytest.raises(BusError, match=r"tcp/a\.example:1 .*or insist with --insecure"):
+        border(path, connect=("tcp/a.example:1",))
+    with pytest.raises(BusError, match="needs keys"):
+        border(path, connect=("tls/a.example:1",))
+    assert border(path, connect=("tcp/a.example:1",), insecure=True).routers
+    assert border(path, connect=("tls/a.example:1",), keys="keys").keys
+
+
+@pytest.mark.parametrize("wrong", ["messages = 0", "bytes = 1", "message_bytes = 'x'", "rate = 5"])
+def test_limits_that_cannot_be(tmp_path, wrong):
+    with pytest.raises(WorldFileError, match="limits"):
+        border(write_world(tmp_path, bus=f"[limits]\n{wrong}\n"))
+
+
+def test_the_coordinator_needs_to_know_who_was_revoked(tmp_path, monkeypatch):
+    own = 'listen = "tls/0.0.0.0:0"\nkeys = "keys"\n'
+    path, keys = write_world(tmp_path, bus=own), Keys(tmp_path / "keys")
+    keys.init()
+    runtime = tmp_path / "runtime"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(runtime))
+    assert security(border(path), "w").rights()["coordinator"].roles == {"coordinator"}
+    (keys.folder / "crl.pem").unlink()
+    with pytest.raises(KeysError, match="without it, whoever was revoked would be let in"):
+        security(border(path), "w").rights()
+
+
+def test_the_socket_of_this_machine_is_its_owner_s_alone(tmp_path, monkeypatch):
+    place = tmp_path / "r"
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(place))
+    with pytest.raises(BusError, match="cannot hold what runs here"):
+        local_endpoint("w")
+    place.mkdir(mode=0o700)
+    assert local_endpoint("w") == f"unixsock-stream/{place}/w.sock"
+    with pytest.raises(BusError, match="too long for a socket"):
+        local_endpoint("w" * 64 + "/" + "x" * 64)
+    place.chmod(0o755)
+    with pytest.raises(BusError, match="is open to others"):
+        local_endpoint("w")

@@ -1,0 +1,125 @@
+"""Where there are several networks: a client, a router between, the world behind it."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import zenoh
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+import yard
+from running import Run, here
+from secured import Client, Joined, World, eventually, goes_on, keyed_world, present
+
+from minerva_bus.bus.session import listening_at, open_client
+from minerva_bus.errors import BusError
+
+LISTEN = "tls/127.0.0.1:0"
+ISSUED = {
+    "middle": {"roles": ("router",)},
+    "ann": {"roles": ("operator",)},
+    "sensor": {"roles": ("generator",)},
+    "screen": {"roles": ("view",)},
+    "spy": {"roles": ("view",)},
+    "hosts": {"roles": ("agent",), "family": True},
+}
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    """A world that has joined a router, and where the router is."""
+    folder = tmp_path_factory.mktemp("chain")
+    path, keys = keyed_world(folder, ISSUED, frames=0, rate=50)
+    printed = here(folder, "keys", "router", "middle", path.stem, "--listen", LISTEN)
+    config = zenoh.Config.from_json5(printed.stdout)
+    config.insert_json5("adminspace/enabled", "true")  # It says which port it was given.
+    with zenoh.open(config) as router:
+        place = listening_at(router, LISTEN)
+        with World(path, "--connect", place) as world:
+            world.runs("steps", "walkers")
+            yield world, place, keys
+
+
+def test_members_and_people_come_in_through_a_router(chain):
+    world, place, keys = chain
+    noise, screen = keys.credentials("sensor"), keys.credentials("screen")
+    with (
+        Joined(world, place, noise, yard.Noise()),
+        Joined(world, place, screen, yard.Screen()) as eye,
+    ):
+        present(world, "sensor")
+        present(world, "screen")
+        eventually(lambda: eye.member.participant.service.pictures > 3, "views come")
+        with Client(place, world.name, keys.credentials("ann")) as ann:
+            ann.operator.pause()
+            assert ann.operator.status().paused
+            ann.operator.resume()
+        goes_on(world)
+
+
+def test_the_router_holds_the_world_s_rules(chain):
+    world, place, keys = chain
+    base, heard = f"minerva/{world.name}", []
+    with (
+        open_client("inside", world.endpoint()) as inside,
+        open_client("spy", place, own=keys.credentials("spy")) as spy,
+    ):
+        kept = inside.declare_subscriber(
+            f"{base}/**", lambda one: heard.append(str(one.key_expr))
+            if one.payload.to_bytes() == b"evil" else None
+        )  # fmt: skip
+
+        def says(key):
+            spy.put(f"{base}/{key}", b"evil")
+
+        def arrived():
+            for key in ("from/steps", "tick", "topic/sight/spy", "from/spy"):
+                says(key)
+            return heard
+
+        eventually(arrived, "what it may say")
+        assert set(heard) == {f"{base}/from/spy"}
+        kept.undeclare()
+        with pytest.raises(BusError, match="spy may give no orders"):
+            Client(place, world.name, keys.credentials("spy")).ask("stop")
+    goes_on(world)
+
+
+def test_a_family_comes_in_through_a_router_and_is_out_when_it_is_revoked(chain):
+    """Their links are the router's, which are not cut."""
+    world, place, keys = chain
+    names = ("hosts-a", "hosts-b")
+    one, two = (
+        Joined(world, place, keys.credentials(name), agents=(yard.Walker,)) for name in names
+    )
+    with one, two:
+        for name in names:
+            present(world, name)
+        keys.revoke("hosts")
+        for member in (one, two):
+            assert "its certificate was revoked" in member.ends()
+        assert {world.members()[name]["state"] for name in names} == {"left"}
+    goes_on(world)
+
+
+def test_the_commands_come_in_through_it_too(chain):
+    world, place, _ = chain
+    who = ("--connect", place, "--world", world.name, "--keys")
+    with Run(world.folder, "attach", "yard:Noise", *who, "keys", "--name", "sensor") as attached:
+        present(world, "sensor")
+        told = here(world.folder, "list", "--json", *who, "keys/ann.pem")
+        states = {one["member"]: one["state"] for one in json.loads(told.stdout)["members"]}
+        assert states["sensor"] == "present"
+        seen = here(world.folder, "echo", "eShow", "--count", "1", *who, "keys/screen.pem")
+        assert "TAt" in seen.stdout, seen.stderr
+        seen = here(world.folder, "echo", "eStep", "--count", "1", *who, "keys/ann.pem")
+        assert "eStep" in seen.stdout, seen.stderr
+        wrong = here(world.folder, "attach", "yard:Noise", *who, "keys/ann.pem", "--name", "x")
+        assert "attach with --name ann" in wrong.stderr
+        refused = here(world.folder, "stop", world.name, *who[:2], "--keys", "keys/spy.pem")
+        assert "spy may give no orders" in refused.stderr
+        stopped = here(world.folder, "stop", world.name, *who[:2], "--keys", "keys/ann.pem")
+        assert stopped.returncode == 0, stopped.stderr
+        assert attached.ends() == 0, attached.text
+    assert world.ends() == 0

@@ -1,0 +1,154 @@
+"""What cannot be reached is said at once, with what to check."""
+
+import socket
+import sys
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import here
+from secured import stolen
+
+from minerva_bus.bus.access import access_control
+from minerva_bus.bus.session import Secured, listening_at, open_client, open_hub
+from minerva_bus.bus.turned_away import NOTHING, reason_in
+from minerva_bus.errors import BusError
+from minerva_bus.launch.keys import Keys
+from minerva_bus.launch.keys_certificates import Wanted, now
+from minerva_bus.protocol.keys import Keys as WorldKeys
+
+GENERATOR = Wanted(("generator",))
+ANYWHERE = "tls/127.0.0.1:0"
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory):
+    keys = Keys(tmp_path_factory.mktemp("u") / "keys")
+    keys.init()
+    keys.issue("sensor", GENERATOR)
+    Keys(keys.folder, now() - timedelta(days=9)).issue("old", Wanted(("generator",), days=1))
+    foreign = Keys(keys.folder.parent / "foreign")
+    foreign.init()
+    foreign.issue("sensor", GENERATOR)
+    return keys
+
+
+@pytest.fixture(scope="module")
+def hub(keys):
+    """A secured session, and where it listens."""
+    access = access_control(WorldKeys("w"), keys.rights().values(), [])
+    local = f"unixsock-stream/{keys.folder.parent}/hub.sock"
+    secured = Secured(keys.credentials("coordinator"), local, access)
+    session, _ = open_hub("hub", ANYWHERE, secured=secured)
+    with session:
+        yield listening_at(session, ANYWHERE)
+
+
+@pytest.fixture(scope="module")
+def silent():
+    """A port at which somebody listens who never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+def test_who_belongs_gets_in(hub, keys):
+    with open_client("sensor", hub, own=keys.credentials("sensor")) as session:
+        assert [str(one) for one in session.info.routers_zid()]
+
+
+def told(endpoint, own=None, patience=0.5):
+    with pytest.raises(BusError) as error:
+        open_client("client", endpoint, patience, own=own)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "tls"])
+def test_an_unknown_host_and_a_closed_port(keys, kind):
+    own = keys.credentials("sensor")
+    assert "there is no host 'nowhere.invalid'; check the name" in told(
+        f"{kind}/nowhere.invalid:7447", own
+    )
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    assert f"nothing listens at port {port} of 127.0.0.1" in told(f"{kind}/127.0.0.1:{port}", own)
+
+
+def test_who_never_answers(keys, silent):
+    assert "nobody answers at tcp/127.0.0.1" in told(f"tcp/127.0.0.1:{silent}")
+    own = keys.credentials("sensor")
+    assert "does not speak TLS; is it a tcp/ endpoint?" in told(f"tls/127.0.0.1:{silent}", own)
+
+
+def test_the_wrong_way_in(hub, keys):
+    assert "wants to know who you are: --keys FOLDER" in told(hub)
+    assert f"speaks TLS: connect to {hub}" in told(hub.replace("tls/", "tcp/"))
+
+
+def test_a_certificate_that_the_world_does_not_take(hub, keys):
+    old = stolen(keys.folder, "old")
+    assert "it refuses TLS: your certificate has expired" in told(hub, old)
+
+
+def test_a_world_whose_certificate_one_does_not_take(hub, keys):
+    foreign = Keys(keys.folder.parent / "foreign").credentials("sensor")
+    assert "its certificate is not of your authority" in told(hub, foreign)
+    port = hub.rpartition(":")[2]
+    said = told(f"tls/127.0.0.2:{port}", keys.credentials("sensor"))
+    if "nothing listens" not in said:  # Where 127.0.0.2 is not this machine, too.
+        assert "its certificate is not for '127.0.0.2'" in said
+
+
+def test_a_port_in_use(hub, keys):
+    secured = Secured(keys.credentials("coordinator"), f"unixsock-stream/{keys.folder}/b.sock", {})
+    with pytest.raises(BusError, match=r"cannot listen at tls/\S+: Address already in use"):
+        open_hub("hub", hub, secured=secured)
+
+
+@pytest.mark.parametrize(
+    ("log", "reason"),
+    [
+        (b"2026 WARN acc-0 zenoh_link_tls::unicast: peer sent no certificates. Hint: x.\n",
+         "had no certificate"),
+        (b"\x1b[2m2026\x1b[0m \x1b[33m WARN\x1b[0m rx-1 \x1b[2mzenoh_link_tls::unicast\x1b[0m"
+         b"\x1b[2m:\x1b[0m received fatal alert: DecryptError. Hint: x.\n",
+         "knew another authority than this world's"),
+        (b"2026 WARN a zenoh_link_tls::unicast: tls handshake eof. Hint: x.\n", NOTHING),
+        (b"2026 WARN a zenoh_link_tls::unicast: something new. Hint: x.\n", "something new"),
+        (b"frame 3: a line of somebody else's\n", ""),
+    ],
+)  # fmt: skip
+def test_what_zenoh_s_log_says_of_it(log, reason):
+    assert reason_in(log) == reason
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("list",), ("top", "--json"), ("echo", "eShow"), ("pub", "eStep"), ("stop",), ("logs",),
+        ("pause",), ("resume",), ("step",), ("rate", "1"), ("drain", "a"), ("restart", "a"),
+        ("attach", "physics", "--name", "sensor"), ("seek", "1"),
+    ],
+)  # fmt: skip
+def test_every_command_that_connects_takes_keys(keys, words):
+    done = here(keys.folder.parent, *words, "--connect", "tls/127.0.0.1:1", "--keys", "no")
+    assert done.returncode == 2, done.stderr
+    assert "no has no authority" in done.stderr
+
+
+def test_the_keys_of_a_command_lead_to_the_door(keys):
+    done = here(keys.folder.parent, "list", "--connect", "tls/nowhere.invalid:1", "--keys",
+                "keys/sensor.pem")  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "there is no host 'nowhere.invalid'" in done.stderr
+
+
+def test_the_keys_of_one_command_are_not_the_next_one_s(keys):
+    assert "no has no authority" in here(keys.folder.parent, "list", "--connect",
+                                         "tls/127.0.0.1:1", "--keys", "no").stderr  # fmt: skip
+    assert "authority" not in here(keys.folder.parent, "list").stderr
+    done = here(keys.folder.parent, "list", "--connect", "tcp/127.0.0.1:1")
+    assert "authority" not in done.stderr
+    assert done.returncode == 2
