@@ -1,0 +1,55 @@
+"""What the files of deploy/ tell a shell or a container to run, and what `minerva` knows of it."""
+
+import re
+import shlex
+from pathlib import Path
+
+import typer.main
+
+from minerva_bus.cli.main import app
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import WORLDS, entries, find_service, find_world
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+
+
+def known(words):
+    """The options of a `minerva` command, and whether it takes others; the words after it."""
+    group = typer.main.get_command(app)
+    assert words[0] in group.commands, f"there is no minerva {words[0]}"
+    command, rest = group.commands[words[0]], words[1:]
+    if hasattr(command, "commands"):
+        assert rest[0] in command.commands, f"there is no minerva {words[0]} {rest[0]}"
+        command, rest = command.commands[rest[0]], rest[1:]
+    options = {opt for param in command.params for opt in param.opts if opt.startswith("--")}
+    return options, "ignore_unknown_options" in command.context_settings, rest
+
+
+def own_options(spec):
+    """The options of a world, or of a service."""
+    if spec in entries(WORLDS):
+        found = read_world_file(find_world(spec)).options
+    else:
+        found = find_service(spec).__init__.__annotations__
+    return {f"--{one.replace('_', '-')}" for one in found}
+
+
+def wrong_with(words):
+    """What `minerva` would not know of a command line, or nothing."""
+    options, open_, rest = known(words)
+    given = {word.partition("=")[0] for word in rest if word.startswith("--")}
+    left = given - options
+    if left and open_ and not rest[0].startswith(("-", "$", "/")):
+        left -= own_options(rest[0])
+    return sorted(left)
+
+
+def in_markdown(text):
+    """The `minerva` command lines of a page's shell blocks, as words."""
+    for block in re.findall(r"^```sh\n(.*?)^```", text, re.S | re.M):
+        plain = re.sub(r"<<'END'.*?^END$", "", block, flags=re.S | re.M)
+        for line in re.split(r"\n|;|&&", plain):
+            plain = re.sub(r"\$\([^)]*\)", "x", line.strip().removeprefix("do "))
+            words = shlex.split(plain.partition(" | ")[0])
+            if words and words[0] == "minerva":
+                yield words[1:]

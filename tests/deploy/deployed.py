@@ -1,0 +1,26 @@
+"""The files of deploy/, read once for their tests."""
+
+import yaml
+
+from tests.deploy.commands import DEPLOY
+
+README = (DEPLOY / "README.md").read_text(encoding="utf-8")
+FLEET = (DEPLOY.parent / "docs" / "fleet.md").read_text(encoding="utf-8")
+COMPOSE = yaml.safe_load((DEPLOY / "docker" / "compose.yaml").read_text(encoding="utf-8"))
+DOCKERFILE = (DEPLOY / "docker" / "Dockerfile").read_text(encoding="utf-8")
+UNITS = sorted((DEPLOY / "systemd").glob("*.service"))
+
+
+def manifests():
+    names = yaml.safe_load((DEPLOY / "kubernetes/kustomization.yaml").read_text())["resources"]
+    texts = [(DEPLOY / "kubernetes" / name).read_text(encoding="utf-8") for name in names]
+    return [one for text in texts for one in yaml.safe_load_all(text)]
+
+
+MANIFESTS = {(one["kind"], one["metadata"]["name"]): one for one in manifests()}
+SETS = {name: one for (kind, name), one in MANIFESTS.items()
+        if kind in ("StatefulSet", "Deployment")}  # fmt: skip
+PODS = {name: one["spec"]["template"]["spec"] for name, one in SETS.items()}
+CONTAINERS = [
+    one for pod in PODS.values() for one in [*pod.get("initContainers", []), *pod["containers"]]
+]

@@ -1,0 +1,108 @@
+"""The compose file, the Dockerfile and what they refer to."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from tests.deploy.commands import DEPLOY
+from tests.deploy.deployed import COMPOSE, DOCKERFILE, README
+
+
+def test_compose_is_of_the_compose_specification():
+    pytest.importorskip("check_jsonschema")
+    done = subprocess.run(
+        [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec",
+         str(DEPLOY / "docker" / "compose.yaml")],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+def test_what_containers_refer_to_is_there():
+    for name, one in COMPOSE["services"].items():
+        for network in one["networks"]:
+            assert network in COMPOSE["networks"], name
+        for secret in one.get("secrets", []):
+            assert secret["source"] in COMPOSE["secrets"], name
+            assert secret["target"].endswith(secret["source"])
+        for volume in one.get("volumes", []):
+            source = volume.partition(":")[0]
+            there = source in COMPOSE["volumes"] or source.startswith(("..", "${"))
+            assert there, f"{name}: {volume}"
+            if source.startswith(".."):
+                assert (DEPLOY / "docker" / source).exists(), source
+
+
+def test_each_member_has_its_own_key_and_no_other():
+    for name, one in COMPOSE["services"].items():
+        if "attach" in one.get("command", ()):
+            assert [s["source"] for s in one["secrets"]] == ["ca.pem", f"{name}.pem", f"{name}.key"]
+
+
+@pytest.mark.parametrize("name", COMPOSE["services"])
+def test_containers_may_do_little(name):
+    one = COMPOSE["services"][name]
+    assert one["cap_drop"] == ["ALL"]
+    assert one["security_opt"] == ["no-new-privileges:true"]
+    assert not {"privileged", "pid", "network_mode"} & one.keys()
+    if one["image"].startswith("minerva-bus:"):
+        assert one["read_only"] is True
+    assert re.fullmatch(r"[\w./-]+:[\w.-]+", one["image"]), "an image has a tag"
+    assert not one["image"].endswith(":latest")
+
+
+def steps():
+    text = re.sub(r"\\\n", " ", DOCKERFILE)
+    return [line.split(None, 1) for line in text.splitlines() if re.match(r"[A-Z]+ ", line)]
+
+
+def test_the_image_stands_on_pinned_ones():
+    bases = [rest for word, rest in steps() if word == "FROM"]
+    assert bases
+    for base in bases:
+        assert re.match(r"[\w/.-]+:\d+\.\d+\.\d+[\w.-]*(@sha256:\w+)?( AS \w+)?$", base), base
+
+
+def test_the_image_runs_as_nobody_in_particular():
+    users = [rest for word, rest in steps() if word == "USER"]
+    assert users
+    assert re.fullmatch(r"[1-9]\d{3,}:[1-9]\d{3,}", users[-1]), "a number, which is not root"
+    last = max(i for i, (word, _) in enumerate(steps()) if word == "USER")
+    assert not [rest for word, rest in steps()[last:] if word in ("RUN", "COPY", "ADD")]
+
+
+def test_the_image_keeps_nothing_of_its_making():
+    for word, rest in steps():
+        assert word != "ADD"
+        assert word != "RUN" or not re.search(r"\bsudo\b|\bapt\b ", rest)
+        if "pip install" in rest:
+            assert "--no-cache-dir" in rest
+        if "apt-get install" in rest:
+            assert "--no-install-recommends" in rest
+            assert "rm -rf /var/lib/apt/lists" in rest
+        if word in ("ENTRYPOINT", "CMD"):
+            assert isinstance(json.loads(rest), list), "not through a shell, which hides signals"
+
+
+def test_what_the_image_copies_is_there_and_not_ignored():
+    ignore = (DEPLOY / "docker" / "Dockerfile.dockerignore").read_text().splitlines()
+    copied = [rest.split() for word, rest in steps() if word == "COPY" and "--from" not in rest]
+    for words in copied:
+        for source in words[:-1]:
+            assert (DEPLOY.parent / source).exists(), source
+            assert f"!{source}" in ignore
+
+
+def test_the_extras_that_are_installed_exist():
+    import tomllib
+
+    extras = tomllib.loads((DEPLOY.parent / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    texts = [DOCKERFILE, README]
+    named = {one for t in texts for found in re.findall(r"\.\[([\w,]+)\]|bus\[([\w,]+)\]", t)
+             for group in found for one in group.split(",") if one}  # fmt: skip
+    assert {"metrics", "tls", "record"} <= named <= extras.keys()

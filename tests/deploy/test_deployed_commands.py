@@ -1,0 +1,51 @@
+"""What the files of deploy/ tell shells, containers and units to run exists."""
+
+import re
+
+import pytest
+
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import WORLDS, entries, find_world
+from tests.deploy.commands import in_markdown, wrong_with
+from tests.deploy.deployed import COMPOSE, CONTAINERS, FLEET, README, UNITS
+
+
+def commands():
+    yield from in_markdown(README)
+    yield from in_markdown(FLEET)
+    for name, service in COMPOSE["services"].items():
+        if service["image"].startswith("minerva-bus:"):
+            yield [*service["command"], f"#{name}"]
+    for container in CONTAINERS:
+        if "command" not in container:
+            yield container["args"]
+    for unit in UNITS:
+        (line,) = re.findall(r"^ExecStart=/opt/minerva/bin/minerva (.*)$", unit.read_text(), re.M)
+        yield line.split()
+    for args in re.findall(r"^.*MINERVA_ARGS=(--listen.*?)'? >", README, re.M):
+        yield ["run", *args.split()]
+
+
+@pytest.mark.parametrize("words", list(commands()), ids=" ".join)
+def test_every_command_is_one_that_minerva_knows(words):
+    assert wrong_with([word for word in words if not word.startswith("#")]) == []
+
+
+def test_there_are_commands_to_look_at():
+    first = [words[0] for words in commands()]
+    assert set(first) >= {"run", "attach", "keys", "list", "top"}
+    assert len(first) > 25
+
+
+def test_members_are_the_processes_of_the_world():
+    file = read_world_file(find_world("robot"))
+    assert "robot" in entries(WORLDS)
+    names = {one.name for one in file.processes}
+    attached = {
+        name for name, one in COMPOSE["services"].items() if "attach" in one.get("command", ())
+    }
+    assert attached == names
+    issued = set(re.findall(r"keys issue (\w+)", README)) | set(
+        re.search(r"for name in ([\w ]+); do", README)[1].split()
+    )
+    assert names <= issued

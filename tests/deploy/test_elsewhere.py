@@ -1,0 +1,152 @@
+"""A world whose members are started by others, watched over HTTP and by its log lines."""
+
+import json
+import re
+import signal
+import urllib.request
+from urllib.error import HTTPError
+
+import pytest
+
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from tests.bus.running import Run, World, eventually, here, write_world
+
+pytest.importorskip("prometheus_client")
+
+MEMBERS = """
+[process.steps]
+service = "yard:Steps"
+
+[process.walkers]
+agents = "yard:Walker"
+elsewhere = true
+"""
+FIELDS = ["time", "level", "world", "frame", "member", "message"]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("elsewhere")
+    path = write_world(folder, MEMBERS, frames=0, rate=50)
+    with World(path, "--metrics", "127.0.0.1:0", "--log-format", "json") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def url(world):
+    return url_in(json.loads(world.says("metrics at http://"))["message"])
+
+
+def url_in(line):
+    return re.search(r"http://\S+(?=/metrics)", line)[0]
+
+
+def apart(world):
+    """`minerva metrics`, a process of its own."""
+    words = ("metrics", "--listen", "127.0.0.1:0", "--connect", world.endpoint())
+    return Run(world.folder, *words)
+
+
+def attached(world):
+    return Run(
+        world.folder, "attach", world.path, "--process", "walkers", "--connect", world.endpoint()
+    )
+
+
+def got(url, path):
+    try:
+        with urllib.request.urlopen(f"{url}/{path}", timeout=20) as reply:
+            return reply.status, reply.read().decode()
+    except HTTPError as refused:
+        return refused.code, refused.read().decode()
+
+
+def test_a_world_waits_for_who_is_started_elsewhere_and_goes_on_with_its_successor(world, url):
+    assert got(url, "live")[0] == 200
+    eventually(lambda: "waits for walkers to join" in got(url, "ready")[1], "only for them")
+    assert got(url, "ready")[0] == 503
+    with attached(world):
+        eventually(lambda: got(url, "ready")[0] == 200, "frames")
+        assert "minerva_events_total" in got(url, "metrics")[1]
+    eventually(lambda: "waits for walkers" in got(url, "ready")[1], "the dead one is missed")
+    assert got(url, "ready")[0] == 503
+    refused = here(world.folder, "restart", "walkers", "--connect", world.endpoint())
+    assert refused.returncode == 2
+    assert "walkers does not run here: start it anew where it runs" in refused.stderr
+    with attached(world) as again:
+        eventually(lambda: got(url, "ready")[0] == 200, "frames again")
+        found = got(url, "metrics")[1]
+        assert f'minerva_restarts_total{{member="walkers",world="{world.name}"}} 1.0' in found
+        assert f'minerva_restarts_total{{member="steps",world="{world.name}"}} 0.0' in found
+        logged = here(world.folder, "logs", "--json", "--connect", world.endpoint())
+        lines = [json.loads(line) for line in logged.stdout.splitlines()]
+        assert any(one["member"] == "walkers" and one["level"] == "warning" for one in lines)
+        assert all(list(one) == FIELDS for one in lines)
+        with apart(world) as other:
+            its = url_in(other.says("metrics at http://"))
+            assert got(its, "ready")[0] == 200
+            world.kill(signal.SIGTERM)
+            assert world.ends() == 130
+            assert again.ends() == 0
+            eventually(lambda: got(its, "live")[0] == 503, "it is seen that the world is gone")
+            assert f'minerva_up{{world="{world.name}"}} 0.0' in got(its, "metrics")[1]
+            other.kill(signal.SIGTERM)
+            assert other.ends() == 0
+    printed = [json.loads(line) for line in world.lines]
+    assert all(list(one) == FIELDS and one["world"] == world.name for one in printed)
+    assert [one for one in printed if "walkers have to be attached to it" in one["message"]]
+    assert {one["message"] for one in lines} <= {one["message"] for one in printed}
+    assert json.loads("\n".join(world.output))["ended"] == "terminated"
+
+
+def test_the_coordinator_alone_waits_for_everybody(tmp_path):
+    path = write_world(tmp_path, MEMBERS)
+    file = read_world_file(path, Overrides(coordinator_only=True))
+    assert [one.elsewhere for one in file.processes] == [True, True]
+    assert [one.elsewhere for one in read_world_file(path).processes] == [False, True]
+    refused = here(tmp_path, "run", path, "--in-process")
+    assert "walkers runs elsewhere: run without --in-process" in refused.stderr
+
+
+def test_a_process_that_the_file_does_not_have_cannot_be_attached(tmp_path):
+    path = write_world(tmp_path, MEMBERS)
+    refused = here(tmp_path, "attach", path, "--process", "walker", "--connect", "tcp/127.0.0.1:9")
+    assert "no process 'walker'; did you mean 'walkers'?; there are steps" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ('[metrics]\nlisten = "9464"', "metrics.listen must be HOST:PORT"),
+        ('[metrics]\nlissen = "x:1"', "lissen is unknown; did you mean 'listen'?"),
+        ('[log]\nformat = "xml"', "log.format must be one of text, json"),
+        ("[placement]\nAWalkr = ['a']", "AWalkr is no agent kind of this world; did you mean"),
+        ("[placement]\nAWalker = [1]", "AWalker must be a list of hosts"),
+        ("[placement]\nAWalker = []", "AWalker allows nothing"),
+        ("[placement]\nagents_per_host = -1", "agents_per_host must be at least 0"),
+        ("[placement]\nAWalker = { nigh = 'x' }", "nigh is unknown"),
+    ],
+)
+def test_what_is_wrong_in_a_world_file_is_said_with_its_place(tmp_path, text, problem):
+    path = write_world(tmp_path, f"{MEMBERS}\n{text}\n")
+    found = here(tmp_path, "check", path)
+    assert found.returncode == 1
+    assert problem in found.stdout + found.stderr
+    assert "Traceback" not in found.stderr
+
+
+def test_placement_is_read(tmp_path):
+    text = '[placement]\nagents_per_host = 9\nAWalker = "walkers-*"\nAFragile = { near = "steps" }'
+    placement = read_world_file(write_world(tmp_path, f"{MEMBERS}\n{text}\n")).world.placement
+    assert placement.agents_per_host == 9
+    assert placement.rules["AWalker"].only == ("walkers-*",)
+    assert placement.neighbours == {"steps"}
+
+
+def test_what_goes_wrong_at_the_start_is_a_line_of_json_too(tmp_path):
+    path = write_world(tmp_path, MEMBERS.replace("elsewhere = true", ""), frames=3)
+    found = here(tmp_path, "run", path, "--in-process", "--log-format", "json", "--metrics", "x:x")
+    assert found.returncode == 2
+    done = here(tmp_path, "run", path, "--in-process", "--log-format", "json")
+    assert json.loads(done.stdout)["frames"] == 3

@@ -1,0 +1,198 @@
+"""Figures for Prometheus, and health for whoever restarts what is not well."""
+
+import socket
+import urllib.request
+from dataclasses import replace
+from urllib.error import HTTPError
+
+import pytest
+
+from minerva_bus.bus.totals import BOUNDS, Durations, Totals, read_totals
+from minerva_bus.errors import BusError, MisuseError, ProtocolError
+from minerva_bus.launch.exporting import Exporter, address
+from minerva_bus.launch.health import live, ready
+from minerva_bus.protocol.plain import pack, unpack
+from minerva_bus.protocol.status import plain_status
+from minerva_bus.world.operator import MemberStatus, WorldStatus
+
+pytest.importorskip("prometheus_client")
+from prometheus_client.parser import text_string_to_metric_families
+
+STATUS = WorldStatus(
+    "pond", frame=7, dt=0.1, phase="events", rate=30.0, hz=29.5, agents=4,
+    members=(
+        MemberStatus("host", "present", ("agents",), joins=3, late=2, wait=1500.0),
+        MemberStatus("water", "late", ("generator", "device"), joins=1, figures={"dropped": 5}),
+        MemberStatus("lost", "lost"),
+    ),
+    refused={"mallory": 12},
+)  # fmt: skip
+
+
+def totals():
+    found = Totals()
+    for micro in (400.0, 30_000.0, 9e7):
+        found.add({"frame": micro, "tick": micro / 2, "wait for host": 3.0, "bytes in": 100.0})
+    found.events = {"eStep": 21}
+    return found
+
+
+class World:
+    """Answers as a coordinator does; `gone`: it does not."""
+
+    def __init__(self, status=STATUS):
+        self.status, self.gone, self.asked = status, False, []
+
+    def ask(self, question, **_):
+        self.asked.append(question)
+        if self.gone:
+            raise BusError("no world 'pond' answers")
+        if question == "status":
+            return {"status": unpack(pack(plain_status(self.status)))}
+        return {"totals": unpack(pack(totals().plain()))}
+
+
+@pytest.fixture
+def world():
+    return World()
+
+
+@pytest.fixture
+def url(world):
+    with Exporter("pond", "127.0.0.1:0", world.ask) as exporter:
+        yield exporter.url.removesuffix("/metrics")
+
+
+def got(url):
+    try:
+        with urllib.request.urlopen(url, timeout=10) as reply:
+            return reply.status, reply.read().decode()
+    except HTTPError as refused:
+        return refused.code, refused.read().decode()
+
+
+def samples(url):
+    families = text_string_to_metric_families(got(f"{url}/metrics")[1])
+    return {
+        (one.name, *sorted(one.labels.items())): one.value
+        for family in families
+        for one in family.samples
+    }
+
+
+def test_every_figure_says_of_which_world_it_is(url):
+    found = samples(url)
+    assert found["minerva_up", ("world", "pond")] == 1
+    assert found["minerva_frame", ("world", "pond")] == 7
+    assert all(("world", "pond") in key for key in found)
+
+
+def test_durations_are_counted_in_seconds_and_cumulate(url):
+    found = samples(url)
+    where = (("phase", "frame"), ("world", "pond"))
+    buckets = {
+        dict(key[1:])["le"]: value
+        for key, value in found.items()
+        if key[0] == "minerva_frame_phase_seconds_bucket" and where[0] in key
+    }
+    assert buckets["0.00025"] == 0
+    assert buckets["0.0005"] == 1
+    assert buckets["0.05"] == 2
+    assert buckets["10.0"] == 2
+    assert buckets["+Inf"] == found["minerva_frame_phase_seconds_count", *where] == 3
+    assert found["minerva_frame_phase_seconds_sum", *where] == pytest.approx(90.0304)
+    assert not any(("phase", "wait for host") in key for key in found)
+
+
+def test_what_members_and_events_do_is_counted(url):
+    found = samples(url)
+    host, water = (("member", one) for one in ("host", "water"))
+    of = ("world", "pond")
+    assert found["minerva_restarts_total", host, of] == 2
+    assert found["minerva_restarts_total", water, of] == 0
+    assert found["minerva_late_answers_total", host, of] == 2
+    assert found["minerva_dropped_events_total", water, of] == 5
+    assert found["minerva_member_wait_seconds", host, of] == pytest.approx(0.0015)
+    assert found["minerva_members", ("role", "device"), ("state", "late"), of] == 1
+    assert found["minerva_members", ("role", "none"), ("state", "lost"), of] == 1
+    assert found["minerva_events_total", ("type", "eStep"), of] == 21
+    assert found["minerva_bytes_total", ("direction", "in"), of] == 300
+    assert found["minerva_refused_total", ("who", "mallory"), of] == 12
+
+
+def test_a_world_that_does_not_answer_is_down(url, world):
+    world.gone = True
+    assert samples(url) == {("minerva_up", ("world", "pond")): 0}
+    assert got(f"{url}/live") == (
+        503, "the coordinator does not answer: no world 'pond' answers\n",
+    )  # fmt: skip
+    assert got(f"{url}/ready")[0] == 503
+    world.gone = False
+    assert got(f"{url}/live") == (200, "pond: the coordinator answers\n")
+
+
+def test_another_path_is_not_there(url):
+    assert got(f"{url}/") == (404, "there are /metrics, /live, /ready\n")
+
+
+def test_a_world_is_ready_while_it_runs_or_rests():
+    assert ready(STATUS).words == "pond: runs frame 7"
+    assert ready(replace(STATUS, paused=True)).words == "pond: is paused before frame 7"
+    assert ready(replace(STATUS, waiting=("host",), waited=0.4)).well
+
+
+def test_a_world_that_waits_is_not_ready_and_says_for_whom():
+    gathering = replace(STATUS, phase="gathering members", waiting=("a", "b"))
+    assert (ready(gathering).code, ready(gathering).words) == (503, "pond: waits for a, b to join")
+    stuck = replace(STATUS, waiting=("host",), waited=3.25)
+    assert ready(stuck).words == "pond: frame 7 waits for host since 3.2 s"
+    assert (ready(stuck).code, live(stuck).code) == (503, 200)
+
+
+@pytest.mark.parametrize("listen", ["9464", "localhost", ":9464", "localhost:x", "localhost:70000"])
+def test_what_is_no_address_is_refused(listen):
+    with pytest.raises(MisuseError, match="expected HOST:PORT"):
+        address(listen)
+
+
+def test_addresses_may_be_of_either_family():
+    assert address("0.0.0.0:9464") == ("0.0.0.0", 9464)
+    assert address("[::1]:80") == ("::1", 80)
+
+
+def test_a_port_in_use_is_said(world):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(BusError, match=f"cannot serve metrics at 127.0.0.1:{port}.*in use"):
+            Exporter("pond", f"127.0.0.1:{port}", world.ask)
+
+
+def test_without_the_library_it_is_said_what_to_install(monkeypatch, world):
+    monkeypatch.setattr("minerva_bus.launch.exporting.find_spec", lambda _: None)
+    with pytest.raises(Exception, match=r"pip install 'minerva-bus\[metrics\]'"):
+        Exporter("pond", "127.0.0.1:0", world.ask)
+
+
+def test_totals_travel_whole():
+    assert read_totals(unpack(pack(totals().plain()))) == totals()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"phases": {"tick": [[1, 2], 0.5]}},
+        {"phases": {"tick": [[0] * (len(BOUNDS) + 1)]}},
+        {"bytes": 3},
+        {"frames": -1},
+        {"events": {"eStep": "many"}},
+    ],
+)
+def test_wrong_totals_are_refused(change):
+    with pytest.raises(ProtocolError):
+        read_totals({**totals().plain(), **change})
+
+
+def test_what_took_exactly_a_bound_counts_within_it():
+    durations = Durations()
+    durations.add(BOUNDS[2])
+    assert durations.counts[2] == 1
