@@ -6,109 +6,25 @@ It speaks rmw_zenoh: /scan, /odom, /detections and /tf_static out, /cmd_vel in, 
 is its own router, as `ros2 run rmw_zenoh_cpp rmw_zenohd` would be. It has two wheels, a floor
 from a map_server map, and knows nothing of any string; without a command for half a second it
 stops.
+
+With --clock it is a simulation that goes by /clock (use_sim_time): no time passes for it but what
+a clock tells. It answers each time with odometry, scan and detections of that time, and the
+velocity that counts from one time to the next is the TwistStamped with the first of both.
 """
 
 import argparse
-import json
 import math
 import signal
-import struct
 import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import zenoh
-import zenoh.ext
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from ruamel.yaml import YAML
+from floor import Floor
+from node import Ros, make, pose, vector
 
 DEAD_MAN = 0.5
-VISION = {
-    "Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
-    "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
-    "BoundingBox3D bbox\nstring id",
-    "ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
-    "geometry_msgs/PoseWithCovariance pose",
-    "ObjectHypothesis": "string class_id\nfloat64 score",
-    "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
-}
-
-store = get_typestore(Stores.LATEST)
-definitions = {}
-for vision_type, fields in VISION.items():
-    definitions |= get_types_from_msg(fields, f"vision_msgs/msg/{vision_type}")
-store.register(definitions)
-
-
-def make(name, **values):
-    """A ROS message."""
-    return store.types[name](**values)
-
-
-class Floor:
-    """A map_server map: which cells are occupied, and how far it is to the next one."""
-
-    def __init__(self, path):
-        told = YAML(typ="safe").load(path.read_text())
-        image = read_pgm(path.parent / told["image"])
-        dark = image / 255 if told["negate"] else 1 - image / 255
-        self.walls = (dark > told["occupied_thresh"])[::-1].T  # [x, y], y upwards
-        self.cell = told["resolution"]
-        self.origin = told["origin"][:2]
-        self.start = told.get("start", [0.0, 0.0, 0.0])
-        self.markers = told.get("markers", {})
-
-    def ranges(self, x, y, angles, most):
-        """Metres from a place to the first wall in each direction, exactly; inf beyond `most`."""
-        x0, y0 = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell
-        cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
-        reach = most / self.cell
-        steps = np.arange(int(reach) + 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            down = np.where(cos > 0, np.floor(x0) + 1 + steps - x0, np.ceil(x0) - 1 - steps - x0)
-            along = np.where(sin > 0, np.floor(y0) + 1 + steps - y0, np.ceil(y0) - 1 - steps - y0)
-            crossings = np.concatenate([down / cos, along / sin], axis=1)
-        crossings = np.where(np.isfinite(crossings) & (crossings <= reach), crossings, np.inf)
-        probes = np.where(np.isfinite(crossings), crossings, 0) + 1e-6
-        rows = np.floor(x0 + probes * cos).astype(int)
-        columns = np.floor(y0 + probes * sin).astype(int)
-        inside = (rows >= 0) & (rows < self.walls.shape[0])
-        inside &= (columns >= 0) & (columns < self.walls.shape[1])
-        hit = ~inside | self.walls[np.where(inside, rows, 0), np.where(inside, columns, 0)]
-        return np.where(hit, crossings, np.inf).min(axis=1) * self.cell
-
-    def is_free(self, x, y, radius):
-        """Whether a disc stands on no wall."""
-        row, column = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell
-        reach = radius / self.cell
-        first, last = int(row - reach), int(row + reach) + 1
-        left, right = int(column - reach), int(column + reach) + 1
-        rows, columns = np.mgrid[first:last, left:right]
-        near_x = np.clip(row, rows, rows + 1) - row
-        near_y = np.clip(column, columns, columns + 1) - column
-        walls = self.walls[max(0, first) : last, max(0, left) : right]
-        if walls.shape != rows.shape:
-            return False
-        return not (walls & (near_x**2 + near_y**2 < reach**2)).any()
-
-
-def read_pgm(path):
-    """A binary PGM, by rows from the top."""
-    data = path.read_bytes()
-    words, at = [], 0
-    while len(words) < 4:
-        end = at
-        while not data[end : end + 1].isspace():
-            end += 1
-        if data[at : at + 1] == b"#":
-            end = data.index(b"\n", at)
-        elif end > at:
-            words.append(data[at:end])
-        at = end + 1
-    width, height = int(words[1]), int(words[2])
-    return np.frombuffer(data, np.uint8, width * height, at).reshape(height, width)
 
 
 @dataclass
@@ -128,59 +44,31 @@ class Wheels:
         self.turn += min(turned, max(-turned, turn - self.turn))
         half = self.turn * seconds / 2
         chord = self.speed * seconds * (math.sin(half) / half if half else 1.0)
-        x = self.x + chord * math.cos(self.angle + half)
-        y = self.y + chord * math.sin(self.angle + half)
+        heading = self.angle + half
         self.angle += self.turn * seconds
-        if floor.is_free(x, y, args.radius):
-            self.x, self.y = x, y
-        else:
+        free = self.free(chord, heading, args.radius, floor)
+        self.x += free * math.cos(heading)
+        self.y += free * math.sin(heading)
+        if free != chord:
             self.speed = 0.0
 
+    def free(self, chord, heading, radius, floor):
+        """The part of a way, in metres, that nothing stands in."""
 
-class Ros:
-    """A node that speaks rmw_zenoh."""
+        def stands(far):
+            x, y = self.x + far * math.cos(heading), self.y + far * math.sin(heading)
+            return not floor.is_free(x, y, radius)
 
-    def __init__(self, listen, domain):
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "router",
-            "listen/endpoints": [listen],
-            "scouting/multicast/enabled": False,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        self.session = zenoh.open(config)
-        self.domain = domain
-        self.publishers = {}
-        self.kept = []
-
-    def key(self, topic, message, type_hash=None):
-        package, kind, name = message.split("/")
-        type_hash = type_hash or store.hash_rihs01(message)
-        return f"{self.domain}/{topic}/{package}::{kind}::dds_::{name}_/{type_hash}"
-
-    def advertise(self, topic, message, lasting=False):
-        key = self.key(topic, message)
-        if lasting:
-            cache = zenoh.ext.CacheConfig(1)
-            publisher = zenoh.ext.declare_advanced_publisher(
-                self.session, key, cache=cache, publisher_detection=True
-            )
-        else:
-            publisher = self.session.declare_publisher(key)
-        self.publishers[topic] = [message, publisher, 0]
-
-    def publish(self, topic, value):
-        message, publisher, number = self.publishers[topic]
-        self.publishers[topic][2] = number + 1
-        attachment = struct.pack("<qqB16s", number + 1, time.time_ns(), 16, topic.encode()[:16])
-        publisher.put(bytes(store.serialize_cdr(value, message)), attachment=attachment)
-
-    def subscribe(self, topic, message, hear):
-        def heard(sample):
-            hear(store.deserialize_cdr(sample.payload.to_bytes(), message))
-
-        key = self.key(topic, message, "*")
-        self.kept.append(self.session.declare_subscriber(key, heard))
+        steps = max(1, math.ceil(abs(chord) / 0.01))
+        ways = [chord * (number + 1) / steps for number in range(steps)]
+        touched = next((number for number, far in enumerate(ways) if stands(far)), None)
+        if touched is None:
+            return chord
+        free, stopped = (ways[touched - 1] if touched else 0.0), ways[touched]
+        for _ in range(30):
+            middle = (free + stopped) / 2
+            free, stopped = (free, middle) if stands(middle) else (middle, stopped)
+        return free
 
 
 class Robot:
@@ -198,8 +86,13 @@ class Robot:
         self.ros.advertise("detections", "vision_msgs/msg/Detection3DArray")
         self.ros.advertise("tf_static", "tf2_msgs/msg/TFMessage", lasting=True)
         self.wanted, self.wanted_at = (0.0, 0.0), -math.inf
-        self.stops = 0
-        self.ros.subscribe("cmd_vel", "geometry_msgs/msg/Twist", self.hear)
+        self.now, self.clock = None, None
+        self.news = threading.Condition()
+        if args.clock:
+            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", self.hear_stamped)
+            self.ros.subscribe("clock", "rosgraph_msgs/msg/Clock", self.hear_clock)
+        else:
+            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/Twist", self.hear)
         self.ros.publish("tf_static", self.transforms())
 
     def hear(self, twist):
@@ -207,6 +100,40 @@ class Robot:
         turn = math.radians(self.args.turn)
         self.wanted = speed, max(-turn, min(turn, twist.angular.z))
         self.wanted_at = time.monotonic()
+
+    def hear_stamped(self, message):
+        with self.news:
+            self.hear(message.twist)
+            self.wanted_at = nanoseconds(message.header.stamp)
+            self.news.notify()
+
+    def hear_clock(self, message):
+        with self.news:
+            self.clock = nanoseconds(message.clock)
+            self.news.notify()
+
+    def run_by_clock(self, over):
+        """Go on to each new time, once the velocity for it is known, and tell how it is then."""
+        while not over.is_set():
+            with self.news:
+                if not self.news.wait_for(self.may_go_on, 0.1):
+                    continue
+                until, self.clock = self.clock, None
+                wanted = self.wanted
+            if self.now is not None and until > self.now:
+                self.wheels.roll(*wanted, (until - self.now) * 1e-9, self.args, self.floor)
+            self.now = max(until, self.now or 0)
+            self.ros.publish("scan", self.scan())
+            self.ros.publish("detections", self.detections())
+            self.ros.publish("odom", self.odometry())
+            if self.args.trace:
+                self.trace()
+
+    def may_go_on(self):
+        """Whether there is a new time, and the velocity until then."""
+        if self.clock is None or self.now is None or self.clock <= self.now:
+            return self.clock is not None
+        return self.wanted_at == self.now
 
     def run(self, over):
         """Turn the wheels 100 times a second, tell odometry 50 times and scans 20 times."""
@@ -225,11 +152,14 @@ class Robot:
                 self.ros.publish("scan", self.scan())
                 self.ros.publish("detections", self.detections())
             if self.args.trace and number % 10 == 0:
-                place = self.wheels
-                print(f"{place.x:.4f} {place.y:.4f} {math.degrees(place.angle):.3f}", flush=True)
+                self.trace()
+
+    def trace(self):
+        place = self.wheels
+        print(f"{place.x:.4f} {place.y:.4f} {math.degrees(place.angle):.3f}", flush=True)
 
     def header(self, frame):
-        seconds, rest = divmod(time.time_ns(), 10**9)
+        seconds, rest = divmod(time.time_ns() if self.now is None else self.now, 10**9)
         stamp = make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
         return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
@@ -284,8 +214,9 @@ class Robot:
         here = self.wheels
         for name, (x, y) in sorted(self.floor.markers.items()):
             far = math.hypot(x - here.x, y - here.y)
-            bearing = math.atan2(y - here.y, x - here.x) - here.angle
-            off = math.remainder(bearing, 2 * math.pi)
+            cos, sin = math.cos(here.angle), math.sin(here.angle)
+            ahead = (x - here.x) * cos + (y - here.y) * sin
+            off = math.atan2((y - here.y) * cos - (x - here.x) * sin, ahead)
             if far > self.args.sight or abs(off) > math.radians(self.args.fov) / 2:
                 continue
             free = self.floor.ranges(here.x, here.y, np.array([here.angle + off]), far + 1)[0]
@@ -329,19 +260,8 @@ class Robot:
         )
 
 
-def vector(x=0.0, y=0.0, z=0.0):
-    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-
-
-def pose(x, y, angle=0.0):
-    half = angle / 2
-    return make(
-        "geometry_msgs/msg/Pose",
-        position=make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
-        orientation=make(
-            "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)
-        ),
-    )
+def nanoseconds(stamp):
+    return stamp.sec * 10**9 + stamp.nanosec
 
 
 def arguments():
@@ -360,6 +280,7 @@ def arguments():
     parser.add_argument("--turn", type=float, default=180.0, help="degrees per second at most")
     parser.add_argument("--acceleration", type=float, default=2.0, help="m/s²")
     parser.add_argument("--turn-acceleration", type=float, default=20.0, help="rad/s²")
+    parser.add_argument("--clock", action="store_true", help="go by /clock, as a simulation does")
     parser.add_argument(
         "--trace", action="store_true", help="print where it is, ten times a second"
     )
@@ -372,7 +293,7 @@ def main():
         signal.signal(number, lambda *_: over.set())
     robot = Robot(arguments())
     print("the robot is on", flush=True)
-    robot.run(over)
+    (robot.run_by_clock if robot.args.clock else robot.run)(over)
     robot.ros.session.close()
 
 

@@ -26,8 +26,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service, find_world
-from minerva_bus.launch.worldfile import Overrides, read_world_file
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "ascii"

@@ -21,7 +21,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import AgentNode, agents
 from minerva_bus.launch.inprocess import InProcess
-from minerva_bus.launch.worldfile import Overrides, read_world_file
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "meadow"

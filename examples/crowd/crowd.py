@@ -1,0 +1,259 @@
+"""A crowd leaves a building: people who know signs, neighbours and bumps, and nothing else.
+
+What a person is: its state, how it follows the signs, gives way to those near, is pushed by whom it
+bumps into, how much room it takes, and how it looks. Nobody has a map: the signs do.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from minerva_bus import (
+    Agent,
+    Cells,
+    Default,
+    Degrees,
+    Device,
+    Disc,
+    Event,
+    Events,
+    EventType,
+    Generator,
+    Geometry,
+    Ids,
+    Label,
+    Metres,
+    MetresPerSecond,
+    MinervaError,
+    Moment,
+    Moments,
+    Motion,
+    Primitive,
+    Raster,
+    Scene,
+    Seconds,
+    Tick,
+    Transformation,
+    View,
+    Vocabulary,
+    WorldInfo,
+    interpret,
+    on,
+    view,
+)
+from minerva_bus.semantics.volumes import Bodies
+
+CELL, RADIUS, EVERY = 0.5, 0.22, 2
+FREE, WALL, EXIT = " ", "#", "E"
+
+# --- the words ------------------------------------------------------------------------------------
+
+PWalls = Primitive(
+    "PWalls",
+    Raster("cells", CELL, colors=((0, "#f3f0e8"), (1, "#3c4450")), height=1.2),
+    cells=Cells,
+)
+PExit = Primitive(
+    "PExit", Raster("cells", CELL, colors=((0, ""), (1, "#4f9e63")), height=0.1), cells=Cells
+)
+PBody = Primitive("PBody", Disc("radius"), radius=Metres, who=str)
+PWalker = Primitive("PWalker", Disc(RADIUS, "#37618e", heading=True, height=0.9))
+PStuck = Primitive("PStuck", Disc(RADIUS, "#d4622a", heading=True, height=0.9))
+PCount = Primitive("PCount", Label("text"), text=str)
+TPlace = Transformation(
+    "TPlace", Motion("x", "y", "angle"), x=Metres, y=Metres, angle=Default(Degrees, 0.0)
+)
+
+eBody = EventType("eBody", visual=True)
+ePicture = EventType("ePicture", visual=True)
+eSign = EventType("eSign", dx=float, dy=float)
+eNear = EventType("eNear", number=int, apart_x=Metres, apart_y=Metres)
+eCollision = EventType("eCollision", other=str, what=str, nx=float, ny=float, depth=Metres)
+eOut = EventType("eOut")
+eEmpty = EventType("eEmpty", seconds=Seconds)
+
+# --- the agents -----------------------------------------------------------------------------------
+
+
+class Person(Agent, symbol="APerson"):
+    """Walks as the signs say, keeps apart from others if it can, and is in nobody's place."""
+
+    x: Metres
+    y: Metres
+    vx: MetresPerSecond = 0.0
+    vy: MetresPerSecond = 0.0
+    pace: MetresPerSecond = 1.3
+
+    @on("eCollision", population=True)
+    def bump(self, hit: Event, moment: Moments) -> None:
+        out = hit.what == "PExit"
+        moment.emit(eOut(), where=out)
+        self.die(out)
+        mine = np.where(hit.other == "", 1.0, 0.5)  # two who meet go back half the way each
+        self.x = self.x + mine * hit.depth * hit.nx
+        self.y = self.y + mine * hit.depth * hit.ny
+        into = np.minimum(self.vx * hit.nx + self.vy * hit.ny, 0.0)
+        self.vx = self.vx - into * hit.nx
+        self.vy = self.vy - into * hit.ny
+
+    @on("eNear", population=True)
+    def give_way(self, near: Event, moment: Moments) -> None:
+        self.vx = self.vx + 0.15 * near.apart_x
+        self.vy = self.vy + 0.15 * near.apart_y
+
+    @on("eSign", population=True)
+    def walk(self, sign: Event, moment: Moments) -> None:
+        self.vx = self.vx + 0.3 * (self.pace * sign.dx - self.vx)
+        self.vy = self.vy + 0.3 * (self.pace * sign.dy - self.vy)
+        self.x = self.x + self.vx * moment.dt * EVERY
+        self.y = self.y + self.vy * moment.dt * EVERY
+
+    @view("eBody", population=True)
+    def body(self, event: Event) -> Scene:
+        return TPlace(self.x, self.y)(PBody(RADIUS, self.id))
+
+    @view("ePicture")
+    def picture(self, event: Event) -> Scene:
+        stuck = math.hypot(self.vx, self.vy) < self.pace / 3
+        angle = math.degrees(math.atan2(self.vy, self.vx))
+        return TPlace(self.x, self.y, angle)(PStuck() if stuck else PWalker())
+
+
+class Building(Agent, symbol="ABuilding"):
+    """Counts who is out, and says when all are."""
+
+    inside: int
+    out: int = 0
+
+    @on("eOut")
+    def count(self, out: Event, moment: Moment) -> None:
+        self.inside, self.out = self.inside - 1, self.out + 1
+        if not self.inside:
+            moment.emit(eEmpty(moment.time))
+
+    @view("ePicture")
+    def picture(self, event: Event) -> Scene:
+        return TPlace(0.5, 0.5)(PCount(f"{self.out} out, {self.inside} inside"))
+
+
+# --- the signs ------------------------------------------------------------------------------------
+
+
+class Plan(Geometry):
+    """A geometric system in which a string means ways: where one can walk, and where it is out."""
+
+    def PWalls(self, cells: np.ndarray) -> None:
+        self.free = cells == 0
+
+    def PExit(self, cells: np.ndarray) -> None:
+        self.exits = cells > 0
+
+
+class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)):
+    """Tells everybody, wherever they stand, in which direction the nearest exit is.
+
+    The shortest ways are found once, on the cells of the plan.
+    """
+
+    every = EVERY
+
+    def joined(self, world: WorldInfo) -> None:
+        self._bodies = Bodies(world.vocabulary)
+        self._ahead: np.ndarray | None = None
+        self._told: tuple[Events, ...] = ()
+        self._shown, self._inside, self._seconds = -EVERY, 0, 0.0
+
+    def show(self, view: View) -> None:
+        if self._ahead is None:
+            plan = Plan()
+            interpret(view.scene, plan)
+            self._ahead = two_steps_ahead(plan.free, plan.exits)
+        bodies = self._bodies.volumes(view.skeleton, view.parts)
+        people = np.flatnonzero(bodies.owners != "")
+        self._told = self._signs(bodies.points[bodies.first[people]], bodies.owners[people])
+        self._shown, self._inside = view.frame, len(people)
+
+    def _signs(self, places: np.ndarray, who: np.ndarray) -> tuple[Events, ...]:
+        if not len(who):
+            return ()
+        cells = np.clip((places / CELL).astype(int), 0, np.array(self._ahead.shape[:2]) - 1)
+        way = self._ahead[cells[:, 0], cells[:, 1]] - places
+        length = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2)
+        dx, dy = (way / np.maximum(length, 1e-9)[:, None]).T.copy()
+        return (eSign(dx, dy, receivers=Ids.of(who.tolist())),)
+
+    def generate(self, tick: Tick) -> Iterable[Events]:
+        if self._inside:
+            self._seconds = tick.time
+        return self._told if self._shown == tick.number - 1 else ()
+
+    def save(self) -> Mapping[str, float]:
+        return {"seconds": self._seconds}
+
+    def restore(self, saved: Mapping[str, float]) -> None:
+        self._seconds = saved["seconds"]
+
+    def report(self) -> Mapping[str, float]:
+        return {"inside": self._inside, "seconds": round(self._seconds, 2)}
+
+
+def two_steps_ahead(free: np.ndarray, exits: np.ndarray) -> np.ndarray:
+    """Where to go from each cell, (rows, columns, 2) metres: the middle of the next but one."""
+    step: dict[tuple[int, int], tuple[int, int]] = {}
+    queue = [(0.0, cell, cell) for cell in map(tuple, np.argwhere(exits).tolist())]
+    while queue:
+        far, cell, towards = heapq.heappop(queue)
+        if cell in step:
+            continue
+        step[cell] = towards
+        for beside, distance in around(cell, free):
+            if beside not in step:
+                heapq.heappush(queue, (far + distance, beside, cell))
+    ahead = (np.indices(free.shape).transpose(1, 2, 0) + 0.5) * CELL
+    for cell, towards in step.items():
+        x, y = step[towards]
+        ahead[cell] = (x + 0.5) * CELL, (y + 0.5) * CELL
+    return ahead
+
+
+def around(cell: tuple[int, int], free: np.ndarray) -> Iterable[tuple[tuple[int, int], float]]:
+    """The cells beside one, and how far they are; across a corner only where nothing is cut."""
+    x, y = cell
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        there = x + dx, y + dy
+        if all(0 <= a < size for a, size in zip(there, free.shape, strict=True)) and (
+            free[there] and free[x, y + dy] and free[x + dx, y]
+        ):
+            yield there, math.hypot(dx, dy)
+
+
+# --- the world ------------------------------------------------------------------------------------
+
+vocabulary = Vocabulary.of(
+    *(PWalls, PExit, PBody, PWalker, PStuck, PCount, TPlace),
+    *(eBody, ePicture, eSign, eNear, eCollision, eOut, eEmpty),
+    *(Person, Building),
+)
+
+
+def scene(options: Mapping[str, Any]) -> Scene:
+    """The building of a plan, with people anywhere in it, one in a cell."""
+    lines = Path(options["plan"]).read_text(encoding="utf-8").splitlines()
+    width, count = max(map(len, lines)), options["people"]
+    signs = np.array([list(line.ljust(width)) for line in reversed(lines)]).T  # x, y
+    if not (signs == EXIT).any():
+        raise MinervaError(f"crowd: {options['plan']} has no exit; write an E into a wall")
+    room = np.argwhere(signs == FREE)
+    if not 0 < count <= len(room):
+        raise MinervaError(f"crowd: {count} people; expected 1 to {len(room)}, one for each cell")
+    chance = np.random.default_rng(options["crowd"])
+    x, y = ((chance.permutation(room)[:count] + 0.5) * CELL).T.copy()
+    people = Person.many("p", count, x=x, y=y, pace=chance.uniform(1.0, 1.6, count))
+    walls, exits = (signs == WALL).astype(np.int16), (signs == EXIT).astype(np.int16)
+    return PWalls(walls) + PExit(exits) + Building("building", inside=count).string + people

@@ -1,0 +1,155 @@
+"""Plants that grow by an L-system: buds rewrite themselves, and stop where there is no room.
+
+A bud is an agent whose rule says what it becomes, in Lindenmayer's notation: F a stem, X a bud, Y a
+weaker one, + and - turns, [ ] a branch. What stands behind a stem or a turn stands at its end, and
+so in its scope: the brackets of an L-system are those of the grammar.
+"""
+
+from __future__ import annotations
+
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Cells,
+    Degrees,
+    Disc,
+    Event,
+    EventType,
+    Line,
+    Metres,
+    Moment,
+    Motion,
+    Primitive,
+    Raster,
+    Scene,
+    Transformation,
+    Vocabulary,
+    on,
+    view,
+)
+
+# --- the words ------------------------------------------------------------------------------------
+
+WOOD = (
+    ("PSprout", "#7f9f4d", 0.03),
+    ("PTwig", "#8a8a4f", 0.05),
+    ("PBranch", "#84704c", 0.08),
+    ("PBough", "#765f46", 0.12),
+    ("PTrunk", "#6a5442", 0.17),
+)
+
+
+def wood(name: str, color: str, width: float) -> Primitive:
+    line = Line("xs", "ys", color, width)
+    return Primitive(name, line, xs=tuple[float, ...], ys=tuple[float, ...])
+
+
+woods = [wood(*one) for one in WOOD]
+PLeaf = Primitive("PLeaf", Disc(0.1, "#5f9a4a"))
+PFlower = Primitive("PFlower", Disc(0.09, "#c9407f"))
+PTip = Primitive("PTip", Disc(0.06, "#9bc265"))
+PSky = Primitive("PSky", Raster("cells", 1.0, colors=((0, "#eaf2f4"),)), cells=Cells)
+PSoil = Primitive(
+    "PSoil", Raster("cells", 1.0, y=-1.0, colors=((0, "#a98f6f"),), height=0.1), cells=Cells
+)
+PRoom = Primitive("PRoom", Disc("radius"), radius=Metres, who=str)
+PBark = Primitive(
+    "PBark", Line("xs", "ys", width=0.04), xs=tuple[float, ...], ys=tuple[float, ...], who=str
+)
+TPlace = Transformation("TPlace", Motion("x", "y", "angle"), x=Metres, y=Metres, angle=Degrees)
+TTurn = Transformation("TTurn", Motion(turn="angle"), angle=Degrees)
+TForward = Transformation("TForward", Motion(forward="dist"), dist=Metres)
+
+eGrow = EventType("eGrow")
+eCollision = EventType("eCollision")
+eBody = EventType("eBody", visual=True)
+ePicture = EventType("ePicture", visual=True)
+
+AHEAD, ROOM = 0.6, 0.2  # of a bud's length: where it wants to grow, and how wide
+
+# --- the agents -----------------------------------------------------------------------------------
+
+
+class Stem(Agent, symbol="AStem"):
+    """Grows thicker; what is in its scope stands at its end."""
+
+    length: Metres
+    age: int = 0
+
+    @on("eGrow")
+    def thicken(self, grow: Event, moment: Moment) -> None:
+        self.age += 1
+
+    @view("eBody")
+    def body(self, event: Event) -> Scene:
+        bark = PBark((0.3 * self.length, 0.8 * self.length), (0.0, 0.0), self.id)
+        return bark + TForward(self.length)(self.scope)
+
+    @view("ePicture")
+    def picture(self, event: Event) -> Scene:
+        wood = woods[min(self.age, 2 * len(woods) - 1) // 2]
+        leaves = TTurn(50.0)(TForward(0.12)(PLeaf())) + TTurn(-50.0)(TForward(0.12)(PLeaf()))
+        end = self.scope + (leaves if self.age < 4 else EMPTY)
+        return wood((0.0, self.length), (0.0, 0.0)) + TForward(self.length)(end)
+
+
+class Bud(Agent, symbol="ABud"):
+    """Becomes what its rule says, or a flower where something else is in its way."""
+
+    rule: str
+    fork: Degrees = 25.0
+    length: Metres = 1.0
+    shrink: float = 0.85
+    orders: int = 6
+    crowded: bool = False
+    births: int = 0
+
+    @on("eCollision")
+    def feel(self, touch: Event, moment: Moment) -> None:
+        self.crowded = True
+
+    @on("eGrow")
+    def grow(self, grow: Event, moment: Moment) -> Scene:
+        if self.crowded or not self.orders:
+            return PFlower()
+        return self.become(list(self.rule), moment)
+
+    def become(self, rule: list[str], moment: Moment) -> Scene:
+        """The string of a rule up to its end, or to the end of its branch; it is used up."""
+        made = EMPTY
+        while rule and (sign := rule.pop(0)) != "]":
+            if sign in "XY":
+                made += self.heir(1 if sign == "X" else 2)
+            elif sign == "[":
+                made += self.become(rule, moment)
+            elif sign == "F":
+                rest = self.become(rule, moment)
+                return made + self.child(Stem, length=self.length, scope=rest)
+            elif sign in "+-":
+                turn = float(f"{sign}1") * self.fork + moment.chance.normal(0.0, 5.0)
+                return made + TTurn(turn)(self.become(rule, moment))
+        return made
+
+    def heir(self, orders: int) -> Scene:
+        """A bud of so many orders higher: smaller, and nearer to its end."""
+        return self.child(
+            rule=self.rule,
+            fork=self.fork,
+            length=self.length * self.shrink**orders,
+            shrink=self.shrink,
+            orders=max(0, self.orders - orders),
+        )
+
+    @view("eBody")
+    def body(self, event: Event) -> Scene:
+        return TForward(AHEAD * self.length)(PRoom(ROOM * self.length, self.id))
+
+    @view("ePicture")
+    def picture(self, event: Event) -> Scene:
+        return PTip()
+
+
+vocabulary = Vocabulary.of(
+    *(*woods, PLeaf, PFlower, PTip, PSky, PSoil, PRoom, PBark, TPlace, TTurn, TForward),
+    *(eGrow, eCollision, eBody, ePicture, Stem, Bud),
+)

@@ -1,0 +1,92 @@
+"""A ROS 2 node without ROS: messages in CDR, on Zenoh as rmw_zenoh lays them out."""
+
+import json
+import math
+import struct
+import time
+
+import zenoh
+import zenoh.ext
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+VISION = {
+    "Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",
+    "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
+    "BoundingBox3D bbox\nstring id",
+    "ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\n"
+    "geometry_msgs/PoseWithCovariance pose",
+    "ObjectHypothesis": "string class_id\nfloat64 score",
+    "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+}
+
+store = get_typestore(Stores.LATEST)
+definitions = {}
+for vision_type, fields in VISION.items():
+    definitions |= get_types_from_msg(fields, f"vision_msgs/msg/{vision_type}")
+store.register(definitions)
+
+
+def make(name, **values):
+    """A ROS message."""
+    return store.types[name](**values)
+
+
+def vector(x=0.0, y=0.0, z=0.0):
+    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def pose(x, y, angle=0.0):
+    half = angle / 2
+    return make(
+        "geometry_msgs/msg/Pose",
+        position=make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
+        orientation=make(
+            "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)
+        ),
+    )
+
+
+class Ros:
+    """A node that speaks rmw_zenoh."""
+
+    def __init__(self, listen, domain):
+        config = zenoh.Config()
+        for key, value in {
+            "mode": "router",
+            "listen/endpoints": [listen],
+            "scouting/multicast/enabled": False,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        self.session = zenoh.open(config)
+        self.domain = domain
+        self.publishers = {}
+        self.kept = []
+
+    def key(self, topic, message, type_hash=None):
+        package, kind, name = message.split("/")
+        type_hash = type_hash or store.hash_rihs01(message)
+        return f"{self.domain}/{topic}/{package}::{kind}::dds_::{name}_/{type_hash}"
+
+    def advertise(self, topic, message, lasting=False):
+        key = self.key(topic, message)
+        if lasting:
+            cache = zenoh.ext.CacheConfig(1)
+            publisher = zenoh.ext.declare_advanced_publisher(
+                self.session, key, cache=cache, publisher_detection=True
+            )
+        else:
+            publisher = self.session.declare_publisher(key)
+        self.publishers[topic] = [message, publisher, 0]
+
+    def publish(self, topic, value):
+        message, publisher, number = self.publishers[topic]
+        self.publishers[topic][2] = number + 1
+        attachment = struct.pack("<qqB16s", number + 1, time.time_ns(), 16, topic.encode()[:16])
+        publisher.put(bytes(store.serialize_cdr(value, message)), attachment=attachment)
+
+    def subscribe(self, topic, message, hear):
+        def heard(sample):
+            hear(store.deserialize_cdr(sample.payload.to_bytes(), message))
+
+        key = self.key(topic, message, "*")
+        self.kept.append(self.session.declare_subscriber(key, heard))

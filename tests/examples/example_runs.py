@@ -1,0 +1,45 @@
+"""What the tests of examples share: a world of the examples, frame by frame, and its README."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from minerva_bus import Event, Scene
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.batch import single
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+class Run:
+    """A world file run in one process to its end: strings, digests and events of its frames."""
+
+    def __init__(self, world: Path, frames: int = 0, *settings: str, **options: str) -> None:
+        overrides = Overrides(frames=frames or None, settings=settings, options=options)
+        file = read_world_file(world, overrides)
+        algorithm = FrameAlgorithm(file.world)
+        self.scenes: list[Scene] = []
+        self.digests: list[str] = []
+        self.events: list[list[Event]] = []
+
+        def watch(instruction: s.Instruction) -> None:
+            if isinstance(instruction, s.FrameDone):
+                self.scenes.append(algorithm.scene)
+                self.digests.append(algorithm.scene.digest.hex())
+                self.events.append(list(single(instruction.record.events)))
+
+        runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+        runner.start()
+        while runner.ended is None:
+            runner.tell(s.Begin())
+        assert not algorithm.failed, runner.ended.reason
+
+
+def blocks(readme: Path, language: str) -> list[str]:
+    """The blocks of code of a README."""
+    return re.findall(rf"```{language}\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
