@@ -144,7 +144,8 @@ def test_a_body_at_a_wall_turns_slides_along_it_and_leaves() -> None:
     arena.add_walls(np.array([[k, 0, k + 1, 0] for k in range(10)], np.float64))
     arena.add_body("a", 0.5, 1, -90, 0.2)
     assert drive(arena, [("a", 0, 3)])[0].collided
-    assert drive(arena, [("a", 0, 0.1)])[0] == Outcome("a", 0.0, 0.1, 0.0, True)
+    (stuck,) = drive(arena, [("a", 0, 0.1)])
+    assert stuck == Outcome("a", 0.0, 0.1, 0.0, True, stuck.contact)
     assert drive(arena, [("a", 90, 8)])[0] == Outcome("a", 8.0, 0.0, 90.0, False)
     assert drive(arena, [("a", 90, 1)])[0] == Outcome("a", 1.0, 0.0, 90.0, False)
 

@@ -13,7 +13,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
-from minerva_bus.launch.worldfile import Overrides, read_world_file
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 
 
 @pytest.fixture

@@ -261,9 +261,7 @@ def test_a_sample_of_the_benchmarks_has_the_listed_lengths(name):
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", NAMES)
-def test_all_of_the_benchmarks_have_the_listed_lengths(name, request):
-    if "slow" not in request.config.getoption("markexpr"):
-        pytest.skip("takes minutes; run it with pytest -m slow")
+def test_all_of_the_benchmarks_have_the_listed_lengths(name):
     solve(*read_benchmark(name))
 
 

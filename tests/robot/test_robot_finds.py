@@ -86,9 +86,7 @@ def test_random_finds_a_marker_in_the_next_room():
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", range(3))
-def test_random_finds_the_kitchen_given_time(seed, request):
-    if "slow" not in request.config.getoption("markexpr"):
-        pytest.skip("takes minutes; run it with pytest -m slow")
+def test_random_finds_the_kitchen_given_time(seed):
     run = simulator({"planner": "random"}, seed=seed).go(20_000)
     assert run.reached
     assert run.least_gap > RADIUS

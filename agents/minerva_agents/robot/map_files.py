@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_agents.robot.drift import save_plot
 from minerva_agents.robot.mapping import Drawn, draw_map
 from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
 from minerva_bus.errors import MisuseError
@@ -134,7 +135,23 @@ def draw(
         told.append(f"{picture}: the same as a picture")
     except MisuseError as error:
         told.append(f"no picture: {error}")
-    return told
+    return told + _errors(drawn, into, choice.poses)
+
+
+def _errors(drawn: Drawn, into: Path, poses: str) -> list[str]:
+    """How far off the robot was, where that is known, and a plot of it."""
+    drift = drawn.drift
+    if drift is None:
+        return []
+    told = [f"{poses}, against the published places: {drift.taken}"]
+    if poses != "odometry" and drift.chained is not None:
+        told.append(f"odometry alone: {drift.chained}")
+    path = into.with_name(f"{into.stem}-errors.png")
+    try:
+        save_plot(drift, path)
+    except MisuseError as error:
+        return [*told, f"no plot: {error}"]
+    return [*told, f"{path}: the errors over time"]
 
 
 def _figures(drawn: Drawn, yaml: Path) -> str:

@@ -1,4 +1,4 @@
-"""A map drawn from a recording: the robot's own grid, with the poses of the recording.
+"""A map drawn from a recording: the robot's own grid, at the places that the choice says.
 
 Each scan is a frame, each beam that hit something an `eLaser` of the robot: the cells change as in
 `ARobot.sense_obstacle`. A first pass finds out how large the grid must be, a second one draws.
@@ -6,46 +6,31 @@ Each scan is a frame, each beam that hit something an `eLaser` of the robot: the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import takewhile
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import (
-    at_distance,
-    clear_beam,
-    free,
-    mark_obstacle,
-    obstacles,
-    part_that_counts,
-)
+from minerva_agents.robot.canvas import Extent, canvas_of
+from minerva_agents.robot.drift import Drift, Gone
+from minerva_agents.robot.going import Place
+from minerva_agents.robot.knowledge import free, obstacles
+from minerva_agents.robot.locating import Located, located_scans, shortened
 from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
-from minerva_bus.errors import MisuseError
-from minerva_bus.world.readings import Scan
-from minerva_bus.world.recordings import (
-    MapChoice,
-    Progress,
-    Recorded,
-    Recording,
-    RecordingError,
-)
-
-_MOST_CELLS: Final = 100_000_000
-_MARGIN: Final = 2
+from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
     """A map that was drawn: what the robot knows, its way in metres (n, 2), what was left out.
 
-    The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres.
+    The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres. `drift` compares the way
+    with the one that was published, if it is another and there is one.
     """
 
     grid: Cells
@@ -55,6 +40,7 @@ class Drawn:
     way: NDArray[np.float64]
     angle: float
     left_out: int
+    drift: Drift | None = None
 
     @property
     def map(self) -> OccupancyMap:
@@ -67,44 +53,68 @@ class Drawn:
 
 def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progress) -> Drawn:
     """Draw the map of a recording, which is opened twice. Raises MinervaError."""
-    extent = _Extent()
+    extent, located = Extent(), _Located()
     with closing(open()) as recording:
-        for posed in _chosen(recording, choice, lambda part: progress(part / 2)):
+        for posed in located.first(recording, choice, lambda part: progress(part / 2)):
             extent.take(posed)
-    canvas = _canvas(extent, choice.cell)
+    canvas = canvas_of(extent, choice.cell)
     with closing(open()) as recording:
-        for posed in _chosen(recording, choice, lambda part: progress(0.5 + part / 2)):
+        for posed in located.again(recording, choice, lambda part: progress(0.5 + part / 2)):
             if isinstance(posed, Posed):
                 canvas.draw(posed)
     progress(1.0)
     way, angle = np.array(canvas.way), canvas.first_angle
-    return Drawn(canvas.grid, choice.cell, canvas.x, canvas.y, way, angle, extent.unposed)
+    left_out, drift = extent.unposed, located.drift
+    return Drawn(canvas.grid, choice.cell, canvas.x, canvas.y, way, angle, left_out, drift)
 
 
-def hits(scan: Scan) -> Iterator[tuple[float, float]]:
-    """Each beam that hit something: metres from the robot's centre, degrees from its heading."""
-    ranges = scan.ranges
-    beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
-    for beam, dist in zip(beams.tolist(), ranges[beams].tolist(), strict=True):
-        angle = scan.first + beam * scan.step + turn
-        if x or y:
-            heading = math.radians(angle)
-            ahead, left = x + dist * math.cos(heading), y + dist * math.sin(heading)
-            yield math.hypot(ahead, left), math.degrees(math.atan2(left, ahead))
-        else:
-            yield dist, angle
+class _Located:
+    """The scans with their places, which need not be found out a second time."""
+
+    def __init__(self) -> None:
+        self._taken: list[Place | None] = []
+        self._gone: list[Gone] = []
+
+    @property
+    def drift(self) -> Drift | None:
+        """How far off the places are that the robot has found itself."""
+        return Drift.of(self._gone) if self._gone else None
+
+    def first(
+        self, recording: Recording, choice: MapChoice, progress: Progress
+    ) -> Iterator[Posed | Unposed]:
+        if choice.poses == "published":
+            yield from _published(recording, choice, progress)
+            return
+        readings, matched = _between(recording, choice, progress), choice.poses == "matched"
+        for one in located_scans(
+            readings, cell=choice.cell, farthest=choice.farthest, matched=matched
+        ):
+            self._remember(one)
+            yield one.posed
+
+    def again(
+        self, recording: Recording, choice: MapChoice, progress: Progress
+    ) -> Iterator[Posed | Unposed]:
+        said = _published(recording, choice, progress)
+        if choice.poses == "published":
+            yield from said
+            return
+        for one, at in zip(said, self._taken, strict=True):
+            yield Located(one.scan, at, None, None).posed
+
+    def _remember(self, one: Located) -> None:
+        self._taken.append(one.taken)
+        if one.taken is not None and one.published is not None:
+            self._gone.append(Gone(one.scan.time, one.published, one.taken, one.chained))
 
 
-def _chosen(
+def _published(
     recording: Recording, choice: MapChoice, progress: Progress
 ) -> Iterator[Posed | Unposed]:
-    """The scans that are drawn, with their places."""
+    """The scans that are drawn, at the places that the recording has for them."""
     for posed in posed_scans(_between(recording, choice, progress)):
-        scan = posed.scan
-        if choice.farthest and choice.farthest < scan.range_max:
-            posed = replace(posed, scan=replace(scan, range_max=choice.farthest))
-        yield posed
+        yield replace(posed, scan=shortened(posed.scan, choice.farthest))
 
 
 def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Iterator[Recorded]:
@@ -120,68 +130,3 @@ def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Ite
         progress(recording.part)
         if one.stamp >= begin:
             yield one
-
-
-@dataclass(slots=True)
-class _Extent:
-    """How far the robot came and saw, in metres."""
-
-    low_x: float = math.inf
-    low_y: float = math.inf
-    high_x: float = -math.inf
-    high_y: float = -math.inf
-    unposed: int = 0
-
-    def take(self, posed: Posed | Unposed) -> None:
-        if isinstance(posed, Unposed):
-            self.unposed += 1
-            return
-        self._reach(posed.x, posed.y)
-        for dist, angle in hits(posed.scan):
-            self._reach(*at_distance(posed.x, posed.y, posed.angle + angle, dist))
-
-    def _reach(self, x: float, y: float) -> None:
-        self.low_x, self.high_x = min(self.low_x, x), max(self.high_x, x)
-        self.low_y, self.high_y = min(self.low_y, y), max(self.high_y, y)
-
-
-def _canvas(extent: _Extent, cell: float) -> _Canvas:
-    """An empty grid that holds an extent, its cells on a raster through (0, 0)."""
-    if extent.low_x > extent.high_x and extent.unposed:
-        raise RecordingError(
-            f"where the robot was is not known of any of its {extent.unposed} scans; a map needs"
-            " odometry beside them, or poses in their lines"
-        )
-    if extent.low_x > extent.high_x:
-        raise RecordingError("there are no scans in it from which to draw a map")
-    first = [math.floor(low / cell) - _MARGIN for low in (extent.low_x, extent.low_y)]
-    last = [math.floor(high / cell) + _MARGIN for high in (extent.high_x, extent.high_y)]
-    rows, columns = (end - begin + 1 for begin, end in zip(first, last, strict=True))
-    if rows * columns > _MOST_CELLS:
-        raise MisuseError(
-            f"the map would have {rows} x {columns} cells, over {_MOST_CELLS}; take larger cells"
-            " (--cell) or a shorter range (--range)"
-        )
-    return _Canvas(np.zeros((rows, columns), np.int16), cell, first[0] * cell, first[1] * cell)
-
-
-class _Canvas:
-    """The grid, as it is drawn."""
-
-    def __init__(self, grid: Cells, cell: float, x: float, y: float) -> None:
-        self.grid, self.cell, self.x, self.y = grid, cell, x, y
-        self.way: list[tuple[float, float]] = []
-        self.first_angle = 0.0
-
-    def draw(self, posed: Posed) -> None:
-        """Take a scan into the grid, as the robot does in a frame."""
-        grid, cell = self.grid, self.cell
-        part = part_that_counts(len(self.way))
-        if not self.way:
-            self.first_angle = posed.angle
-        self.way.append((posed.x, posed.y))
-        row, column = (posed.x - self.x) / cell, (posed.y - self.y) / cell
-        for dist, angle in hits(posed.scan):
-            to = at_distance(row, column, posed.angle + angle, dist / cell)
-            clear_beam(grid, row, column, *to, part)
-            mark_obstacle(grid, *to)

@@ -47,7 +47,7 @@ class Pose:
 
     def after(self, move: Move, cell: float) -> Pose:
         """Where the move leads; `cell` is the side of a cell in metres."""
-        angle = _wrapped(self.angle + move.turn)
+        angle = wrapped(self.angle + move.turn)
         if not move.dist:
             return Pose(self.row, self.column, angle)
         return Pose(*at_distance(self.row, self.column, angle, move.dist / cell), angle)
@@ -80,13 +80,13 @@ def towards(pose: Pose, row: float, column: float, cell: float, farthest: float,
     dist = math.hypot(down, across) * cell
     if dist < _NEAR:
         return STAY
-    turn = _wrapped(math.degrees(math.atan2(across, down)) - pose.angle)
+    turn = wrapped(math.degrees(math.atan2(across, down)) - pose.angle)
     most = TURNING * dt
     if abs(turn) > most:
         return Move(math.copysign(most, turn))
     return Move(turn, min(dist, farthest))
 
 
-def _wrapped(angle: float) -> float:
+def wrapped(angle: float) -> float:
     """The same direction in [-180, 180)."""
     return angle if -180.0 <= angle < 180.0 else (angle + 180.0) % 360.0 - 180.0

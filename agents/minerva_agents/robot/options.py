@@ -36,6 +36,7 @@ class Options:
     radius: float = 0.18
     fov: float = 60.0
     sight: float = 5.0
+    localise: str = "odometry"
 
     @staticmethod
     def read(options: Mapping[str, Any]) -> Options:
@@ -53,6 +54,7 @@ class Options:
             given.length("radius", 0.18),
             given.length("fov", 60.0),
             given.length("sight", 5.0),
+            given.one_of("localise", ["odometry", "matching"]),
         )
 
     @cached_property

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
+from minerva_agents.robot.going import gone
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import Recorded
 
 POSE: Final = "pose"
+CORRECTION: Final = "correction"
 NEAR: Final = 1.0
 """Seconds from a scan to the next thing known of the robot's place, at most."""
 
@@ -21,12 +23,16 @@ _WAITING: Final = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Posed:
-    """A scan, and where the robot was: metres and degrees counter-clockwise."""
+    """A scan, and where the robot was: metres and degrees counter-clockwise.
+
+    `told`: the recording says so of this very scan.
+    """
 
     scan: Scan
     x: float
     y: float
     angle: float
+    told: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,21 +42,28 @@ class Unposed:
     scan: Scan
 
 
-def posed_scans(recorded: Iterable[Recorded]) -> Iterator[Posed | Unposed]:
+def posed_scans(
+    recorded: Iterable[Recorded], *, odometry: bool = False
+) -> Iterator[Posed | Unposed]:
     """The scans in their order, each with its place.
 
-    That is what the recording says of this very scan on the topic `pose`; else the odometry,
-    between the reading before and the one after by the time of the scan.
+    That is what the recording says of this very scan on the topic `pose`; else, or if nothing but
+    `odometry` shall count, the odometry: of the time of the scan, or between the reading before
+    and the one after.
     """
-    posing = _Posing()
+    posing, wheels = _Posing(), _Wheels()
     for one in recorded:
         if isinstance(one.reading, Scan):
             yield from posing.measured(one.reading)
-        elif isinstance(one.reading, Odometry):
-            if one.topic == POSE:
-                posing.told = one.reading
-            else:
-                yield from posing.moved(one.reading)
+        elif not isinstance(one.reading, Odometry):
+            continue
+        elif one.topic == POSE:
+            posing.told = None if odometry else one.reading
+        elif one.topic == CORRECTION:
+            wheels.corrected(one.reading)
+        else:
+            measured = wheels.measured(one.reading) if odometry else one.reading
+            yield from posing.moved(measured)
     yield from posing.rest()
 
 
@@ -66,7 +79,11 @@ class _Posing:
         told, self.told = self.told, None
         if told is not None:
             yield from self.rest()
-            yield Posed(scan, told.x, told.y, told.angle)
+            yield Posed(scan, told.x, told.y, told.angle, told=True)
+            return
+        if self._before is not None and self._before.time == scan.time:
+            yield from self.rest()
+            yield _between(scan, self._before, None)
             return
         self._waiting.append(scan)
         if len(self._waiting) > _WAITING:
@@ -81,6 +98,28 @@ class _Posing:
         """What waits for odometry that does not come."""
         while self._waiting:
             yield _between(self._waiting.popleft(), self._before, None)
+
+
+class _Wheels:
+    """What the wheels have measured, where a recording has moved it by corrections."""
+
+    def __init__(self) -> None:
+        self._last: Odometry | None = None
+        self._start: tuple[Odometry, Odometry] | None = None
+
+    def corrected(self, to: Odometry) -> None:
+        """From here on the odometry says that the robot was there."""
+        if self._last is not None:
+            self._start = self._last, to
+
+    def measured(self, said: Odometry) -> Odometry:
+        """Where the wheels alone would have the robot."""
+        if self._start is not None:
+            start, correction = self._start
+            at = gone(start, correction, said)
+            said = replace(said, x=at.x, y=at.y, angle=at.angle)
+        self._last = said
+        return said
 
 
 _Known: TypeAlias = "Odometry | None"

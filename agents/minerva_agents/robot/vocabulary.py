@@ -120,8 +120,21 @@ eObjective = EventType("eObjective", marker=str)
 eSpeed = EventType("eSpeed", speed=MetresPerSecond)
 """The user sets a new speed."""
 
-eCollision = EventType("eCollision", shortfall=Metres)
-"""Something stopped the last move: so many metres of it were not driven."""
+eCollision = EventType(
+    "eCollision",
+    shortfall=Metres,
+    other=Default(str, ""),
+    what=Default(str, ""),
+    x=Default(Metres, 0.0),
+    y=Default(Metres, 0.0),
+    nx=Default(float, 0.0),
+    ny=Default(float, 0.0),
+)
+"""Something stopped the last move: so many metres of it were not driven.
+
+`other` is the agent that did, "" for a wall, and `what` its primitive; (x, y) is the place of the
+contact and (nx, ny) the normal, which points to the robot. The robot itself needs none of them.
+"""
 
 eReached = EventType("eReached", marker=str)
 """A robot has reached its objective; sent by the robot itself."""

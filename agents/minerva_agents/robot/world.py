@@ -13,6 +13,7 @@
 | radius    | 0.18      | metres, a robot's                                                     |
 | fov       | 60        | degrees, the width of the camera's field of view                      |
 | sight     | 5.0       | metres, how far the camera recognises a marker                        |
+| localise  | "odometry" | "matching": by their scans too, see `localising`                     |
 
 Other options are left to the processes of the world.
 """
@@ -27,6 +28,7 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_agents.robot import vocabulary as words
+from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
 from minerva_agents.robot.options import Options
 from minerva_agents.robot.parcel import AParcel
@@ -62,11 +64,24 @@ vocabulary: Final = Vocabulary.of(
     words.eRepresent,
     words.ePicture,
     ARobot,
+    ALocalisingRobot,
     AParcel,
 )
 """All symbols and event types of the robot's world."""
 
-_NAMES: Final = ("map", "start", "robots", "planner", "parcels", "cell", "radius", "fov", "sight")
+_NAMES: Final = (
+    "map",
+    "start",
+    "robots",
+    "planner",
+    "parcels",
+    "cell",
+    "radius",
+    "fov",
+    "sight",
+    "localise",
+)
+
 _BELOW: Final = -90.0
 """The direction in which parcels stand at a marker, in degrees: the world's y is up."""
 _BREADTH: Final = 140.0
@@ -106,7 +121,8 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
 def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
     """A robot that knows nothing, wants nothing and does nothing: 4.2.4."""
     x, y, angle = start
-    return ARobot(
+    kind = ALocalisingRobot if chosen.localise == "matching" else ARobot
+    return kind(
         name,
         grid=grid.cells,
         row=(x - grid.x) / chosen.cell,

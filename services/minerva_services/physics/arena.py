@@ -17,6 +17,7 @@ from minerva_services.physics.obstacles import Obstacles
 from minerva_services.physics.saved import Saved, restored, saved
 from minerva_services.physics.sensors import Distances, Sighting, camera, laser
 from minerva_services.physics.sweep import SLACK, Point, contact, offset
+from minerva_services.physics.touch import Contact, contacts
 from minerva_services.physics.walls import Segments
 
 
@@ -43,6 +44,11 @@ class Arena:
     def bodies(self) -> tuple[str, ...]:
         """The bodies' names, sorted."""
         return tuple(sorted(self._bodies))
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """The markers' names, sorted."""
+        return tuple(sorted(self._markers))
 
     def add_walls(self, segments: Segments, *, solid_behind: bool = False) -> None:
         """Add walls without thickness that stop bodies and rays from both sides.
@@ -137,6 +143,17 @@ class Arena:
             raise PhysicsError(f"body {name!r} has a command for this step already; step first")
         self._commands[name] = Command(float(turn_degrees), float(forward_m))
 
+    def turn(self, name: str, degrees: float) -> None:
+        """Turn a body on the spot, at once: no command, but what the last step has done to it.
+
+        Raises:
+            PhysicsError: the turn is not finite.
+
+        """
+        finite(f"body {name!r}, turn in degrees", degrees)
+        if degrees:
+            self._bodies[name] = self._body(name).turned(degrees)
+
     def step(self, dt: float) -> tuple[Outcome, ...]:
         """Carry out all commands at the same time, each at a constant speed.
 
@@ -156,9 +173,12 @@ class Arena:
         commands, self._commands = self._commands, {}
         for name, command in commands.items():
             self._bodies[name] = self._bodies[name].turned(command.turn_deg)
-        ends = self._ends(commands)
+        ends, touched = self._ends(commands)
         self._seconds += dt
-        return tuple(self._carry_out(name, commands[name], ends[name]) for name in sorted(commands))
+        return tuple(
+            self._carry_out(name, commands[name], ends[name], touched.get(name))
+            for name in sorted(commands)
+        )
 
     def scan(
         self, name: str, beams: int, first_deg: float, step_deg: float, range_max: float
@@ -251,14 +271,15 @@ class Arena:
                     f"by {overlap:.3f} m"
                 )
 
-    def _ends(self, commands: Mapping[str, Command]) -> dict[str, float]:
-        """The part of its move, 0 to 1, that each body makes before something stops it."""
+    def _ends(self, commands: Mapping[str, Command]) -> tuple[dict[str, float], dict[str, Contact]]:
+        """The part of its move, 0 to 1, that each body makes, and what stops it before 1."""
         forward = {name: command.forward_m for name, command in commands.items()}
         courses = {name: body.course(forward.get(name, 0)) for name, body in self._bodies.items()}
         walls = dict.fromkeys(courses, 1.0)
         driven = [name for name in commands if forward[name]]
         walls |= {name: self._end_at_walls(courses[name]) for name in driven}
-        return settle(courses, walls, self._near_pairs(courses, driven))
+        ends, stopped_by = settle(courses, walls, self._near_pairs(courses, driven))
+        return ends, contacts(courses, driven, ends, stopped_by, self._obstacles.walls_near)
 
     def _end_at_walls(self, course: Course) -> float:
         walls = self._obstacles.walls_near(course.start, course.at(1), course.radius)
@@ -278,10 +299,12 @@ class Arena:
                 pairs.add((name, other) if name < other else (other, name))
         return pairs
 
-    def _carry_out(self, name: str, command: Command, end: float) -> Outcome:
+    def _carry_out(
+        self, name: str, command: Command, end: float, touched: Contact | None
+    ) -> Outcome:
         moved, collided = command.forward_m * end, end < 1
         body = self._bodies[name].driven(moved, collided=collided)
         self._bodies[name] = body
         self._obstacles.move_disc(name, body.centre)
         shortfall = abs(command.forward_m - moved)
-        return Outcome(name, moved, shortfall, command.turn_deg, collided)
+        return Outcome(name, moved, shortfall, command.turn_deg, collided, touched)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from minerva_services.physics.encounters import Course
 from minerva_services.physics.sweep import Point
+from minerva_services.physics.touch import Contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,7 @@ class Outcome:
         shortfall_m: the metres that were commanded and not driven, never negative.
         turned_deg: the turn made in degrees.
         collided: something stopped the move before its end.
+        contact: where, and what it was, if something did.
 
     """
 
@@ -57,6 +59,7 @@ class Outcome:
     shortfall_m: float
     turned_deg: float
     collided: bool
+    contact: Contact | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,8 +39,8 @@ def settle(
     courses: Mapping[str, Course],
     walls: Mapping[str, float],
     pairs: Iterable[tuple[str, str]],
-) -> dict[str, float]:
-    """The time at which each body stops.
+) -> tuple[dict[str, float], dict[str, str]]:
+    """The time at which each body stops, and by whom those are stopped that meet another one.
 
     Args:
         courses: by name.
@@ -48,10 +48,10 @@ def settle(
         pairs: the names of those that may come near one another.
 
     Returns:
-        Times from 0 to 1 by name; 1 where a move is not stopped.
+        Times from 0 to 1 by name, 1 where a move is not stopped; and names by name.
 
     """
-    ends = dict(walls)
+    ends, stopped_by = dict(walls), dict[str, str]()
     near: dict[str, list[str]] = {}
     queue: list[tuple[float, str, str]] = []
     for one, other in sorted(pairs):
@@ -64,10 +64,10 @@ def settle(
         if time != _meeting(courses[one], ends[one], courses[other], ends[other]):
             continue
         for name in _stopped(time, one, other, courses, ends):
-            ends[name] = time
+            ends[name], stopped_by[name] = time, other if name == one else one
             for neighbour in near[name]:
                 _enqueue(queue, min(name, neighbour), max(name, neighbour), courses, ends)
-    return ends
+    return ends, stopped_by
 
 
 def _enqueue(

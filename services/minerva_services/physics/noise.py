@@ -62,10 +62,22 @@ class Noise:
             (beams,) in metres, from 0 to `range_max`.
 
         """
+        return self.on_returns(self.on_hits(distances, range_max, rng), range_max, rng)
+
+    def on_hits(
+        self, distances: Distances, range_max: float, rng: np.random.Generator
+    ) -> Distances:
+        """Distances with the normal error of what was hit; as `on_scan`."""
         if self.laser_m:
             noisy = distances + rng.normal(0.0, self.laser_m, distances.shape)
             noisy = np.clip(noisy, 0.0, range_max)
             distances = np.where(distances < range_max, noisy, distances)
+        return distances
+
+    def on_returns(
+        self, distances: Distances, range_max: float, rng: np.random.Generator
+    ) -> Distances:
+        """Distances without the beams that do not come back; as `on_scan`."""
         if self.laser_dropout:
             lost = rng.random(distances.shape) < self.laser_dropout
             distances = np.where(lost, range_max, distances)

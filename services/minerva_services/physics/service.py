@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sighting, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_services.making import Maker
+from minerva_services.colliding import Collision, Teller
+from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.body import Command, Odometer, Outcome
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
+from minerva_services.physics.imperfect import Imperfection
+from minerva_services.physics.motion_model import MotionModel
 from minerva_services.physics.noise import Noise
+from minerva_services.physics.sighting_model import SightingModel
 from minerva_services.physics.stage import Stage
 
 
@@ -27,7 +30,8 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
     """Carries out the commands of each view in the tick that follows, and measures after it.
 
     `eCollision(shortfall)` tells a robot that it was stopped, and how many of the metres that it
-    had commanded it did not drive.
+    had commanded it did not drive; also by what and where, if the world's type has data for it: see
+    `minerva_services.colliding`.
 
     Args:
         beams: of each robot's laser.
@@ -41,6 +45,15 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         turn_noise: standard deviation of turns in degrees.
         camera_noise: standard deviation of the camera's distances in metres.
         camera_angle_noise: standard deviation of the camera's angles in degrees.
+        alpha1: α1 of `motion_model`: turns by turning, in variances.
+        alpha2: turns by driving, rad²/m².
+        alpha3: ways by driving.
+        alpha4: ways by turning, m²/rad².
+        laser_short: probability of a beam that ends before its obstacle, see `beam_model`.
+        laser_decay: λ of these short ranges in 1/m.
+        laser_random: probability of a beam that measures anything.
+        camera_miss: probability that a marker in view is not recognised.
+        camera_mistake: probability that one which is recognised is taken for another.
 
     """
 
@@ -59,14 +72,33 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         turn_noise: float = 0.0,
         camera_noise: float = 0.0,
         camera_angle_noise: float = 0.0,
+        alpha1: float = 0.0,
+        alpha2: float = 0.0,
+        alpha3: float = 0.0,
+        alpha4: float = 0.0,
+        laser_short: float = 0.0,
+        laser_decay: float = 1.0,
+        laser_random: float = 0.0,
+        camera_miss: float = 0.0,
+        camera_mistake: float = 0.0,
     ) -> None:
         self._beams = beams
         self._first, self._step = _directions(beams, fov)
         self._range_max = _positive("range_max", range_max)
         self._camera_fov = _positive("camera_fov", camera_fov)
         self._camera_range = _positive("camera_range", camera_range)
-        self._noise = Noise(
-            laser_noise, laser_dropout, drive_noise, turn_noise, camera_noise, camera_angle_noise
+        self._errs = Imperfection(
+            Noise(
+                laser_noise,
+                laser_dropout,
+                drive_noise,
+                turn_noise,
+                camera_noise,
+                camera_angle_noise,
+            ),
+            MotionModel(alpha1, alpha2, alpha3, alpha4),
+            BeamModel(laser_short, laser_decay, laser_random, laser_dropout),
+            SightingModel(camera_miss, camera_mistake),
         )
         self._begin()
 
@@ -75,9 +107,10 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._commands: dict[str, Command] = {}
         self._shown: int | None = None
         self._carried_out = -1
+        self._stopped: dict[str, str] = {}
 
     def joined(self, world: WorldInfo) -> None:
-        self._collision = Maker("physics", world, "eCollision", shortfall=Metres)
+        self._teller = Teller("physics", world, "eCollision", "shortfall")
         self._begin()
 
     def show(self, view: View) -> None:
@@ -106,10 +139,9 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             tick.publish("sightings", self._sightings(name, tick))
         self._carried_out, commands = self._shown, self._commands
         self._commands = {}
+        stopped, self._stopped = self._stopped, {}
         return [
-            self._collision(_shortfall(commands[one.name], one), receivers=(one.name,))
-            for one in outcomes
-            if one.collided
+            self._collision(commands[one.name], one, stopped) for one in outcomes if one.collided
         ]
 
     def save(self) -> Mapping[str, Any]:
@@ -119,6 +151,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             "arena": self._stage.arena.save(),
             "retired": [retired.driven_m, retired.collisions],
             "carried_out": self._carried_out,
+            "stopped": self._stopped,
         }
 
     def restore(self, saved: Mapping[str, Any]) -> None:
@@ -133,6 +166,8 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             self._stage.arena.restore(saved["arena"])
             self._stage.retired = Odometer(float(driven), int(collisions))
             self._carried_out = int(saved["carried_out"])
+            stopped = dict(saved.get("stopped", {}))
+            self._stopped = {str(one): str(by) for one, by in stopped.items()}
         except PhysicsError:
             raise
         except (KeyError, TypeError, ValueError) as error:
@@ -144,23 +179,46 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         return {"distance_driven": round(total.driven_m, 6), "collisions": total.collisions}
 
     def _drive(self, tick: Tick) -> tuple[Outcome, ...]:
-        arena = self._stage.arena
+        arena, after = self._stage.arena, dict[str, float]()
         for name, command in sorted(self._commands.items()):
-            turn, forward = command.turn_deg, command.forward_m
-            arena.drive(name, *self._noise.on_drive(turn, forward, tick.random))
-        return arena.step(tick.dt)
+            step = self._errs.on_drive(name, command.turn_deg, command.forward_m, tick)
+            arena.drive(name, step.turn_deg, step.forward_m)
+            after[name] = step.after_deg
+        outcomes = arena.step(tick.dt)
+        for name, turn in after.items():
+            arena.turn(name, turn)
+        return outcomes
+
+    def _collision(self, command: Command, outcome: Outcome, before: Mapping[str, str]) -> Event:
+        """What a robot is told, and known to be stopped by; `before` is who was by what."""
+        touched = outcome.contact
+        assert touched is not None
+        name = outcome.name
+        self._stopped[name] = touched.other
+        collision = Collision(
+            _shortfall(command, outcome),
+            touched.other,
+            "PRobot" if touched.other else "PMap",
+            touched.x,
+            touched.y,
+            touched.nx,
+            touched.ny,
+            begins=before.get(name) != touched.other,
+        )
+        return self._teller.one(collision, name)
 
     def _scan(self, name: str, tick: Tick) -> Scan:
         distances = self._stage.arena.scan(
             name, self._beams, self._first, self._step, self._range_max
         )
-        measured = self._noise.on_scan(distances, self._range_max, tick.random)
+        measured = self._errs.on_scan(name, distances, self._range_max, tick)
         ranges = measured.astype(np.float32)
         return Scan(name, ranges, self._first, self._step, self._range_max, tick.time)
 
     def _sightings(self, name: str, tick: Tick) -> Sightings:
         visible = self._stage.arena.visible(name, self._camera_fov, self._camera_range)
-        measured = self._noise.on_sightings(visible, tick.random)
+        names = self._stage.arena.markers
+        measured = self._errs.on_sightings(name, visible, names, tick)
         seen = tuple([Sighting(one.marker, one.dist_m, one.angle_deg) for one in measured])
         return Sightings(name, seen, tick.time)
 

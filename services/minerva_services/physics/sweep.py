@@ -81,9 +81,9 @@ def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float
     height, climb = ux * y - uy * x, ux * move[1] - uy * move[0]
     if height < 0:
         height, climb = -height, -climb
-    if climb >= 0 or height < reach:
+    if climb >= 0:
         return NEVER
-    part = (height - reach) / -climb
+    part = max(0.0, (height - reach) / -climb)  # By rounding, a height may be under the distance.
     along = (x + part * move[0]) * ux + (y + part * move[1]) * uy
     return _within_move(part) if 0 <= along <= length else NEVER
 

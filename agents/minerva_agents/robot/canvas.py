@@ -1,0 +1,123 @@
+"""The grid that a map is drawn into, as large as what was seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from minerva_agents.robot.knowledge import (
+    at_distance,
+    clear_beam,
+    mark_obstacle,
+    part_that_counts,
+)
+from minerva_agents.robot.posing import Posed, Unposed
+from minerva_bus import Cells
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.readings import Scan
+from minerva_bus.world.recordings import RecordingError
+
+_MOST_CELLS: Final = 100_000_000
+_MARGIN: Final = 2
+
+
+def hits(scan: Scan) -> Iterator[tuple[float, float]]:
+    """Each beam that hit something: metres from the robot's centre, degrees from its heading."""
+    ranges = scan.ranges
+    beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
+    x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
+    for beam, dist in zip(beams.tolist(), ranges[beams].tolist(), strict=True):
+        angle = scan.first + beam * scan.step + turn
+        if x or y:
+            heading = math.radians(angle)
+            ahead, left = x + dist * math.cos(heading), y + dist * math.sin(heading)
+            yield math.hypot(ahead, left), math.degrees(math.atan2(left, ahead))
+        else:
+            yield dist, angle
+
+
+@dataclass(slots=True)
+class Extent:
+    """How far the robot came and saw, in metres."""
+
+    low_x: float = math.inf
+    low_y: float = math.inf
+    high_x: float = -math.inf
+    high_y: float = -math.inf
+    unposed: int = 0
+
+    def take(self, posed: Posed | Unposed) -> None:
+        if isinstance(posed, Unposed):
+            self.unposed += 1
+            return
+        self._reach(posed.x, posed.y)
+        for dist, angle in hits(posed.scan):
+            self._reach(*at_distance(posed.x, posed.y, posed.angle + angle, dist))
+
+    def wider(self, metres: float) -> Extent:
+        """As much more to each side."""
+        low = self.low_x - metres, self.low_y - metres
+        return Extent(*low, self.high_x + metres, self.high_y + metres)
+
+    def _reach(self, x: float, y: float) -> None:
+        self.low_x, self.high_x = min(self.low_x, x), max(self.high_x, x)
+        self.low_y, self.high_y = min(self.low_y, y), max(self.high_y, y)
+
+
+def canvas_of(extent: Extent, cell: float) -> Canvas:
+    """An empty grid that holds an extent, its cells on a raster through (0, 0)."""
+    if extent.low_x > extent.high_x and extent.unposed:
+        raise RecordingError(
+            f"where the robot was is not known of any of its {extent.unposed} scans; a map needs"
+            " odometry beside them, or poses in their lines"
+        )
+    if extent.low_x > extent.high_x:
+        raise RecordingError("there are no scans in it from which to draw a map")
+    first = [math.floor(low / cell) - _MARGIN for low in (extent.low_x, extent.low_y)]
+    last = [math.floor(high / cell) + _MARGIN for high in (extent.high_x, extent.high_y)]
+    rows, columns = (end - begin + 1 for begin, end in zip(first, last, strict=True))
+    if rows * columns > _MOST_CELLS:
+        raise MisuseError(
+            f"the map would have {rows} x {columns} cells, over {_MOST_CELLS}; take larger cells"
+            " (--cell) or a shorter range (--range)"
+        )
+    return Canvas(np.zeros((rows, columns), np.int16), cell, first[0] * cell, first[1] * cell)
+
+
+class Canvas:
+    """The grid, as it is drawn."""
+
+    def __init__(self, grid: Cells, cell: float, x: float, y: float) -> None:
+        self.grid, self.cell, self.x, self.y = grid, cell, x, y
+        self.way: list[tuple[float, float]] = []
+        self.first_angle = 0.0
+
+    def make_room(self, extent: Extent) -> None:
+        """Grow where an extent does not fit, by a half more than it needs. Raises MisuseError."""
+        high, wide = self.grid.shape
+        low = extent.low_x >= self.x and extent.low_y >= self.y
+        far = self.x + high * self.cell, self.y + wide * self.cell
+        if low and extent.high_x < far[0] and extent.high_y < far[1]:
+            return
+        more = (extent.high_x - extent.low_x + extent.high_y - extent.low_y) / 4
+        other = canvas_of(extent.wider(more), self.cell)
+        row, column = (round((self.x - other.x) / self.cell), round((self.y - other.y) / self.cell))
+        other.grid[row : row + high, column : column + wide] = self.grid
+        self.grid, self.x, self.y = other.grid, other.x, other.y
+
+    def draw(self, posed: Posed) -> None:
+        """Take a scan into the grid, as the robot does in a frame."""
+        grid, cell = self.grid, self.cell
+        part = part_that_counts(len(self.way))
+        if not self.way:
+            self.first_angle = posed.angle
+        self.way.append((posed.x, posed.y))
+        row, column = (posed.x - self.x) / cell, (posed.y - self.y) / cell
+        for dist, angle in hits(posed.scan):
+            to = at_distance(row, column, posed.angle + angle, dist / cell)
+            clear_beam(grid, row, column, *to, part)
+            mark_obstacle(grid, *to)

@@ -1,0 +1,89 @@
+"""A robot that does not trust its wheels: it finds itself on its own map by its laser.
+
+| event   | what it does besides ARobot                                                          |
+|---------|--------------------------------------------------------------------------------------|
+| eLaser  | keeps the hit, for a scan can only be matched as a whole                             |
+| eCamera | corrects its pose by the scan first, then draws it, then marks the marker            |
+| eDecide | likewise, if no marker has come first; so each frame needs its decision after eLaser |
+
+The grid, the pose and the plans are the robot's own, as ever; nobody tells it where it is. What
+corrects the pose is `matching`, with the errors that the last move may have had.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from minerva_agents.robot.filling import filled
+from minerva_agents.robot.knowledge import (
+    at_distance,
+    clear_beam,
+    mark_obstacle,
+    part_that_counts,
+)
+from minerva_agents.robot.matching import Doubt, match
+from minerva_agents.robot.motion import wrapped
+from minerva_agents.robot.robot import ARobot
+from minerva_bus import Degrees, Event, Metres, Moment
+
+_GAP: Final = 0.6
+"""Metres between two neighbouring hits up to which they are taken to be on one wall."""
+
+_TURN: Final = 30.0
+_WAY: Final = 0.25
+"""Degrees and metres after which a scan is drawn. Were each one drawn that is matched, the map
+would follow the robot's errors, instead of correcting them."""
+
+
+class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
+    """A robot that looks where it is before it draws what it sees.
+
+    What it needs besides an ARobot's attributes:
+        turned: how far it has turned since it has last drawn a scan, to either side.
+        driven: how far it has gone since.
+    """
+
+    turned: Degrees = 0.0
+    driven: Metres = 0.0
+
+    _hits: tuple[tuple[float, float], ...] = ()
+
+    def sense_obstacle(self, laser: Event, moment: Moment) -> None:
+        """Remember (distance in metres, degrees) until the scan is whole, in the same frame."""
+        self._hits = (*self._hits, (laser.dist, laser.angle))
+
+    def sense_marker(self, camera: Event, moment: Moment) -> None:
+        """g', after the pose is right."""
+        self._find_itself(moment)
+        super().sense_marker(camera, moment)
+
+    def decide(self, event: Event, moment: Moment) -> None:
+        """r', c', ang', act', after the pose is right."""
+        self._find_itself(moment)
+        before = self.pose
+        super().decide(event, moment)
+        self.turned += abs(wrapped(self.angle - before.angle))
+        gone = np.hypot(self.row - before.row, self.column - before.column)
+        self.driven += float(gone) * self.cell
+
+    def _find_itself(self, moment: Moment) -> None:
+        """Correct the pose by the scan, and take the scan into the grid if it has some news."""
+        if not self._hits:
+            return
+        hits = np.array(self._hits, np.float64)
+        dist, angle, self._hits = hits[:, 0] / self.cell, hits[:, 1], ()
+        if self.turned or self.driven:
+            doubt = Doubt.after(self.turned, self.driven)
+            walls = filled(dist, angle, _GAP / self.cell)
+            found = match(self.grid, self.pose, walls, self.cell, doubt)
+            self.row, self.column, self.angle = found.row, found.column, wrapped(found.angle)
+            if self.turned < _TURN and self.driven < _WAY:
+                return
+            self.turned = self.driven = 0.0
+        grid, part = self.writable("grid"), part_that_counts(moment.number)
+        for far, aside in zip(dist.tolist(), angle.tolist(), strict=True):
+            to = at_distance(self.row, self.column, self.angle + aside, far)
+            clear_beam(grid, self.row, self.column, *to, part)
+            mark_obstacle(grid, *to)

@@ -1,0 +1,127 @@
+"""`minerva map --poses`: where a robot takes itself to be that is not told."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded import INTEL, Passed, flaser, needs_intel, odom, write
+
+from minerva_agents.robot.drift import errors_of
+from minerva_agents.robot.going import Place, gone
+from minerva_agents.robot.locating import located_scans
+from minerva_agents.robot.mapping import draw_map
+from minerva_agents.robot.posing import posed_scans
+from minerva_bus.cli.mapping import map_recording
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.recordings import MapChoice
+from minerva_services.carmen import CarmenLog, open_log
+
+
+def located(path, matched=False):
+    readings = open_log(path, Passed()).readings()
+    return list(located_scans(readings, cell=0.05, farthest=0.0, matched=matched))
+
+
+def box(x, y, theta, beams=180):
+    """What a laser in a room of 6 m x 4 m measures that looks 180 degrees wide."""
+    made = []
+    for beam in range(beams):
+        heading = theta + math.radians(beam - 90.0) + 1e-9
+        ends = [(3.0 if math.cos(heading) > 0 else -3.0, x, math.cos(heading))]
+        ends += [(2.0 if math.sin(heading) > 0 else -2.0, y, math.sin(heading))]
+        made.append(round(min((end - at) / part for end, at, part in ends), 3))
+    return made
+
+
+def drive(path, slip=0.0, corrected=False):
+    """A way of ten steps of 0.2 m and 5 degrees, with wheels that take each for more degrees."""
+    lines, true, wheels = [], Place(0.0, 0.0, 0.0), Place(0.0, 0.0, 0.0)
+    for time in range(1, 11):
+        at = true.x, true.y, math.radians(true.angle)
+        lines.append(odom(wheels.x, wheels.y, math.radians(wheels.angle), time=time))
+        lines.append(flaser(box(*at), at, time=time))
+        if corrected:
+            lines.append(odom(*at, time=0))
+            wheels = true
+        step = Place(0.2, 0.0, 5.0)
+        true = gone(true, Place(0.0, 0.0, 0.0), step)
+        wheels = gone(wheels, Place(0.0, 0.0, 0.0), Place(0.2, 0.0, 5.0 + slip))
+    return write(path, *lines)
+
+
+def off(one):
+    return math.dist((one.taken.x, one.taken.y), (one.published.x, one.published.y))
+
+
+def test_a_step_from_elsewhere():
+    found = gone(Place(1.0, 1.0, 90.0), Place(5.0, 5.0, 0.0), Place(7.0, 6.0, 30.0))
+    assert (found.x, found.y, found.angle) == pytest.approx((0.0, 3.0, 120.0))
+
+
+def test_good_wheels_are_right(tmp_path):
+    assert max(off(one) for one in located(drive(tmp_path / "a.log"))) < 1e-6
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_wheels_drift_whether_or_not_the_log_was_corrected(tmp_path, corrected):
+    """A correction in the log is taken back: what the wheels have measured is the same."""
+    found = located(drive(tmp_path / "a.log", slip=3.0, corrected=corrected))
+    turned = found[-1].chained.angle - found[-1].published.angle
+    assert turned == pytest.approx(9 * 3.0)
+    assert 0.2 < off(found[-1]) < 0.6
+
+
+def test_matching_puts_it_right(tmp_path):
+    found = located(drive(tmp_path / "a.log", slip=1.5), matched=True)
+    assert max(off(one) for one in found) < 0.08
+    assert abs(found[-1].taken.angle - found[-1].published.angle) < 4.0
+    assert found[-1].chained.angle - found[-1].published.angle == pytest.approx(9 * 1.5)
+
+
+def test_without_odometry_it_goes_by_its_scans(tmp_path):
+    lines = [line for line in drive(tmp_path / "a.log").read_text().splitlines() if "F" in line]
+    found = located(write(tmp_path / "b.log", *lines), matched=True)
+    assert all(one.chained is None for one in found)
+    assert max(off(one) for one in found) < 0.25
+
+
+def test_a_reading_of_the_same_time_is_where_the_scan_was(tmp_path):
+    lines = [odom(1.0, time=5.0), flaser([1.0], time=5.0), odom(9.0, time=4.0), odom(9.0, time=6.0)]
+    readings = CarmenLog(write(tmp_path / "a.log", *lines), Passed()).readings()
+    assert [one.x for one in posed_scans(readings, odometry=True)] == [1.0]
+
+
+def test_errors_as_they_are_and_laid_over_one_another():
+    way = [Place(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0)]
+    turned = [Place(0.0, x, 90.0) for x in (0.0, 1.0, 2.0)]
+    errors = errors_of(turned, way)
+    assert errors.metres == pytest.approx([0.0, math.sqrt(2), 2 * math.sqrt(2)])
+    assert errors.degrees == pytest.approx([90.0] * 3)
+    assert errors.aligned == pytest.approx([0.0] * 3, abs=1e-9)
+
+
+def test_the_command_says_how_far_off_it_was(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    path = drive(tmp_path / "a.log", slip=3.0)
+    map_recording(path, tmp_path / "a.pgm", 0.05, 0.0, 0.0, None, "matched")
+    said = capsys.readouterr().err
+    assert "matched, against the published places: 0.0" in said
+    assert "odometry alone: 0." in said
+    assert (tmp_path / "a-errors.png").stat().st_size > 10_000
+
+
+def test_unknown_poses_are_refused():
+    with pytest.raises(MisuseError, match="no poses 'macthed'; did you mean 'matched'"):
+        MapChoice(poses="macthed")
+
+
+@needs_intel
+def test_in_a_real_building_it_stays_where_it_is():
+    """The first minutes, in which it turns on the spot and then drives off."""
+    choice = MapChoice(cell=0.05, end=180.0, poses="matched")
+    drift = draw_map(lambda: open_log(Path(INTEL), Passed()), choice, lambda part: None).drift
+    assert len(drift.seconds) > 40
+    assert drift.chained.metres.max() > 3.0
+    assert drift.taken.metres.mean() < 1.0
+    assert np.mean(drift.taken.aligned) < 0.3

@@ -1,0 +1,68 @@
+"""The robot's world frame by frame, physics with errors included, without a bus."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import minerva_agents.robot
+from minerva_agents.robot.localising import ALocalisingRobot
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.vocabulary import eDecide, eObjective, eRepresent, eSpeed
+from minerva_agents.robot.world import scene, vocabulary
+from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize
+from minerva_bus.grammar.scene import agents
+from minerva_bus.world.order import Order, collect
+from minerva_services.camera import Camera
+from minerva_services.laser import Laser
+from minerva_services.physics.service import Physics
+
+FILE = Path(minerva_agents.robot.__file__).parent / "robot.toml"
+ORDER = Order(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))
+KINDS = {"ARobot": ARobot, "ALocalisingRobot": ALocalisingRobot}
+DT = 0.1
+
+
+class House:
+    """The office, one robot on its way to the kitchen, and what physics makes of its commands."""
+
+    def __init__(self, localise, seed=0, **errors):
+        self.seed, self.frame = seed, 0
+        self.scene = scene({"localise": localise, "parcels": ""})
+        self.physics, self.laser, self.camera = Physics(**errors), Laser(), Camera()
+        for service in (self.physics, self.laser, self.camera):
+            service.joined(WorldInfo("house", vocabulary, seed, DT))
+        self.errors = []
+
+    def run(self, frames):
+        for _ in range(frames):
+            self._step()
+        return self
+
+    @property
+    def robot(self):
+        (node,) = agents(self.scene)
+        return KINDS[node.symbol].thaw(node)
+
+    def _step(self):
+        frame = Frame(self.frame, DT, self.seed)
+        moment = Tick(frame, "physics")
+        said: dict[str, list[Any]] = {"physics": list(self.physics.generate(moment))}
+        for name, service in (("scan", self.laser), ("sightings", self.camera)):
+            readings = tuple(one for topic, one in moment.published if topic == name)
+            said[name] = list(service.generate(Tick(frame, name, readings=readings)))
+        orders = [] if self.frame else [eSpeed(0.8), eObjective("kitchen")]
+        events = collect(ORDER, {**said, "people": [*orders, eDecide()]})
+        self._compare()
+        view = visualize(self.scene, [eRepresent()], KINDS.values())
+        self.scene = evolve(self.scene, events, KINDS.values(), frame).scene
+        self.physics.show(View(self.frame, "eRepresent", view))
+        self.frame += 1
+
+    def _compare(self):
+        bodies = self.physics.save()["arena"]["bodies"]
+        if "r1" not in bodies:
+            return  # it has no action yet, so nothing has put it there
+        (x, y, angle), robot = bodies["r1"][:3], self.robot
+        dist = math.dist((x, y), robot.metres(robot.position))
+        self.errors.append((dist, abs(math.remainder(angle - robot.angle, 360.0))))
