@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from minerva_bus.errors import MisuseError
@@ -22,6 +23,8 @@ class Camera(Generator, events=("eCamera",)):
         event: the event type; several cameras may make the same, or each its own.
         takes: of images that come faster than frames, "newest" counts, or "all" of them.
         nth: of images that come freely, only every n-th counts.
+        resolution: metres and degrees to whose multiples what is seen is rounded, so that two
+            cameras that differ by less say the same; 0: it is not rounded.
 
     """
 
@@ -33,7 +36,11 @@ class Camera(Generator, events=("eCamera",)):
         event: str = "eCamera",
         takes: str = "newest",
         nth: int = 1,
+        resolution: float = 0.0,
     ) -> None:
+        if not 0 <= resolution < math.inf:
+            raise MisuseError(f"camera: resolution is {resolution}; expected a number from 0")
+        self._resolution = resolution
         self.takes, self.nth = takes, nth
         self.topics = (topic,)
         self._event = event
@@ -54,4 +61,9 @@ class Camera(Generator, events=("eCamera",)):
                 )
             to = (image.robot,)
             for one in image.seen:
-                yield self._marker(one.marker, one.distance, one.angle, receivers=to)
+                dist, angle = self._seen(one.distance), self._seen(one.angle)
+                yield self._marker(one.marker, dist, angle, receivers=to)
+
+    def _seen(self, value: float) -> float:
+        step = self._resolution
+        return round(value / step) * step if step else value

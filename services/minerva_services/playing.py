@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import dropwhile, tee
 from pathlib import Path
@@ -21,6 +21,9 @@ from minerva_services.bridging.bridge import Said
 
 LONGEST_GAP: Final = 5.0
 """Recorded seconds that are waited for at most from one reading to the next."""
+
+ALONE: Final = 0.1
+"""Recorded seconds from one reading to the next where all of a recording have one time."""
 
 
 def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
@@ -93,29 +96,37 @@ class Player:
     def read(self, stop: threading.Event) -> Iterator[Said]:
         """The readings with their topics, each when it is due. Raises SourceError."""
         try:
-            yield from self._round(stop)
-            while self._pace.loop and not stop.is_set():
-                yield from self._round(stop)
+            gap = yield from self._round(stop)
+            while self._pace.loop and not stop.wait(gap):
+                gap = yield from self._round(stop)
         except RecordingError as error:
             raise SourceError(str(error)) from None
 
     def close(self) -> None:
         self._recording.close()
 
-    def _round(self, stop: threading.Event) -> Iterator[Said]:
+    def _round(self, stop: threading.Event) -> Generator[Said, None, float]:
+        """Play it once; the seconds from its last reading to the first of another round."""
         stamped, played = tee(_from(self._pace.offset, self._recording.readings()))
         stamps = (one.stamp for one in stamped)
-        begun, some = time.monotonic(), False
+        begun, due, number = time.monotonic(), 0.0, 0
         for due, one in zip(due_times(stamps, self._pace.speed), played, strict=True):
-            some = True
+            number += 1
             wait = begun + due - time.monotonic()
             if stop.wait(wait) if wait > 0 else stop.is_set():
-                return
+                return 0.0
             yield one.topic, one.reading
-        if not some:
+        if not number:
             raise SourceError(
                 f"there is nothing to play after {self._pace.offset:g} s; take a smaller offset"
             )
+        return self._gap(due, number)
+
+    def _gap(self, lasted: float, number: int) -> float:
+        """The seconds between two rounds: as from one of its readings to the next."""
+        if not self._pace.speed:
+            return 0.0
+        return lasted / (number - 1) if lasted else ALONE / self._pace.speed
 
 
 def _from(offset: float, readings: Iterator[Recorded]) -> Iterator[Recorded]:
@@ -157,6 +168,7 @@ class Playing(Bridge):
         try:
             super().run(emit, stop)
         except SourceError as error:
+            self.failed = True
             self.count("failures")
             self._say(str(error))
 

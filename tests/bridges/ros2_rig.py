@@ -46,13 +46,7 @@ def hall(folder, width=4.0, height=3.0, start=(1.0, 1.5, 0.0), markers=None):
     columns, rows = round(width * 20), round(height * 20)
     image = np.zeros((rows, columns), np.uint8)
     image[2:-2, 2:-2] = 254
-    (folder / "hall.pgm").write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
-    keys = {"image": "hall.pgm", "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
-    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": list(start)}
-    keys |= {"markers": markers or {"door": [3.2, 1.5]}}
-    path = folder / "hall.yaml"
-    path.write_text(json.dumps(keys))
-    return path
+    return _saved(folder, "hall", image, start, markers or {"door": [3.2, 1.5]})
 
 
 class RosRobot:
@@ -92,3 +86,27 @@ def free_endpoint():
     session, endpoint = router()
     session.close()
     return endpoint
+
+
+def house(folder, start=(1.23, 1.47, 30.0), markers=None):
+    """A map of a house of 8 × 6 m: four rooms, and a door between each and the next."""
+    free = np.zeros((160, 120), bool)  # cells of 0.05 m, [along x, along y]
+    for left, right, low, high in (
+        (2, 78, 2, 58), (82, 158, 2, 68), (72, 158, 72, 118), (2, 68, 62, 118),
+        (78, 82, 20, 42), (110, 132, 68, 72), (68, 72, 84, 104),
+    ):  # fmt: skip
+        free[left:right, low:high] = True
+    image = np.where(free.T[::-1], 254, 0).astype(np.uint8)
+    markers = markers or {"bed": [1.75, 4.55], "desk": [5.35, 4.85]}
+    return _saved(folder, "house", image, start, markers)
+
+
+def _saved(folder, name, image, start, markers):
+    rows, columns = image.shape
+    picture = folder / f"{name}.pgm"
+    picture.write_bytes(b"P5\n%d %d\n255\n" % (columns, rows) + image.tobytes())
+    keys = {"image": picture.name, "resolution": 0.05, "origin": [0.0, 0.0, 0.0], "negate": 0}
+    keys |= {"occupied_thresh": 0.65, "free_thresh": 0.196, "start": list(start)}
+    path = folder / f"{name}.yaml"
+    path.write_text(json.dumps(keys | {"markers": markers}))
+    return path

@@ -102,6 +102,14 @@ def test_what_the_wheels_say(tmp_path):
     assert said.reading == Odometry("r1", 1.0, 2.0, 90.0, 0.5, 180.0, 3.0)
 
 
+def test_a_range_that_is_no_number_is_no_hit(tmp_path):
+    said, passed = log_of(tmp_path, "FLASER 3 1.5 nan inf 0 0 0 0 0 0 1 h 1")
+    (scan,) = [one.reading for one in said if isinstance(one.reading, Scan)]
+    assert scan.ranges.tolist() == [1.5, 0.0, math.inf]
+    assert read_reading(plain_reading(scan)).ranges.tolist() == scan.ranges.tolist()
+    assert not passed
+
+
 def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
     said, passed = log_of(tmp_path, odom(time=5.0), odom(7.0, 7.0, time=0), odom(time=4.0))
     assert [one.stamp for one in said] == [5.0, 4.0]

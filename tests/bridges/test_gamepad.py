@@ -206,7 +206,7 @@ def virtual(sdl):
             sdl.SDL_JoystickDetachVirtual(self.number)
 
     yield Virtual()
-    pygame.quit()
+    pygame.joystick.quit()  # No more than that: others in this process draw letters.
 
 
 def test_a_joystick_of_sdl(virtual):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from recorded import DEMO, INTEL, Passed, flaser, needs_demo, needs_intel, odom, raw_laser, write
 
+from minerva_agents.robot.canvas import hits
 from minerva_agents.robot.map_files import draw, save_map, save_picture
-from minerva_agents.robot.mapping import draw_map, hits
+from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, load_map
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_agents.robot.robot import ARobot

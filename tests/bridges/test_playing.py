@@ -111,6 +111,31 @@ def test_again_from_its_beginning():
     assert played(Tape(1.0, 2.0), Pace(0.0, loop=True), most=5) == [1.0, 2.0, 1.0, 2.0, 1.0]
 
 
+class Hurried:
+    """A stop whose waiting takes no time; it is set after so many."""
+
+    def __init__(self, most):
+        self.most, self.asked = most, []
+
+    def wait(self, seconds):
+        self.asked.append(seconds)
+        return self.is_set()
+
+    def is_set(self):
+        return len(self.asked) >= self.most
+
+
+@pytest.mark.parametrize(
+    ("stamps", "speed", "gap"),
+    [((1.0,), 1.0, 0.1), ((1.0, 1.0), 2.0, 0.05), ((0.0, 1.0, 3.0), 1.0, 1.5)],
+)
+def test_rounds_are_as_far_apart_as_readings(stamps, speed, gap):
+    stop = Hurried(3)
+    heard = list(Player(Tape(*stamps), Pace(speed, loop=True)).read(stop))
+    assert gap in stop.asked
+    assert len(heard) <= 3 * len(stamps)
+
+
 def test_an_offset_beyond_the_end_is_told_and_not_tried_for_ever():
     with pytest.raises(SourceError, match="nothing to play after 9 s"):
         played(Tape(1.0, 2.0), Pace(0.0, loop=True, offset=9.0))

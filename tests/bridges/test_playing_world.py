@@ -14,8 +14,9 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
-from minerva_bus.launch.worldfile import Overrides, read_world_file
 
 TESTS = Path(__file__).parents[1]
 FRAMES = 12
@@ -95,6 +96,10 @@ def figures_of(asked, name):
     return {one.name: one.figures for one in asked.operator.status().members}.get(name, {})
 
 
+def state_of(asked, name):
+    return {one.name: one.state for one in asked.operator.status().members}.get(name)
+
+
 def test_a_recording_is_played_on_the_bus_killed_and_played_again(tmp_path):
     worlds = bus()
     path = world_in(tmp_path, name=f"replayed-{os.getpid()}")
@@ -125,11 +130,17 @@ def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
         world.runs("gLaser", "physics")
         words = ["bridge", "rosbag", bag, "--speed", "0", "--topics", '{"/base" = "scan"}']
         words += ["--name", "bag", "--connect", world.endpoint(), "--world", world.name]
-        with worlds.Run(tmp_path, *words):
-            worlds.eventually(
-                lambda: figures_of(asked, "bag").get("source") == "ended", "all of it is played"
-            )
-            assert figures_of(asked, "bag")["readings"] == 40
+        with worlds.Run(tmp_path, *words) as bag:
+            assert bag.ends() == 0
+        assert "has ended" in "\n".join(bag.output)
+        assert "no more comes of it; it leaves the world" in bag.text
+        worlds.eventually(lambda: state_of(asked, "bag") == "left", "it has left")
+        assert figures_of(asked, "bag") == {"readings": 40, "source": "ended"}
+        torn = write(tmp_path / "torn.mcap", "no bag")
+        words[2] = torn
+        with worlds.Run(tmp_path, *words) as bag:
+            assert bag.ends() == 1
+        assert "is no bag that can be read" in "\n".join(bag.output)
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,10 @@ from minerva_services.ros2 import messages as types
 from minerva_services.ros2.driver import STILL
 from minerva_services.ros2.messages import messages
 from minerva_services.ros2.network import Network
-from minerva_services.ros2.plane import Pose, heading
+from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.session import Session
 from minerva_services.ros2.steering import Velocity, driven
+from minerva_services.ros_messages.readings import heading_of
 from tests.bridges.ros2_rig import network
 
 PERIOD = 0.01
@@ -145,7 +146,7 @@ def test_where_odometry_lies_on_the_map_is_told():
     assert (told.header.frame_id, told.child_frame_id) == ("map", "wheels")
     # The view has the robot at (5, 5), whatever it has driven.
     assert (at.translation.x, at.translation.y) == pytest.approx((5.0, 5.0 - 0.05), abs=0.02)
-    assert heading(at.rotation) == pytest.approx(90.0, abs=1.0)
+    assert heading_of(at.rotation) == pytest.approx(90.0, abs=1.0)
 
 
 def test_motors_without_odometry_are_believed():

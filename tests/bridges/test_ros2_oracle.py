@@ -11,7 +11,9 @@ import sys
 
 import pytest
 
-pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed")
+pytest.importorskip(
+    "zenoh_ros2_sdk", reason="zenoh-ros2-sdk, or git, is not here", exc_type=ImportError
+)
 pytest.importorskip("rosbags")
 
 from minerva_services.ros2 import messages as types

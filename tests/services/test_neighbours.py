@@ -28,7 +28,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import single
-from minerva_bus.grammar.symbols import Default
+from minerva_bus.grammar.fields import Default
 from minerva_services.neighbours import Neighbours
 from minerva_services.neighbours.spots import Names, Reader
 

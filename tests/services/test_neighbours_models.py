@@ -15,7 +15,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.inprocess import InProcess
-from minerva_bus.launch.worldfile import Overrides, read_world_file
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.world.order import Order
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -58,6 +58,9 @@ class Bridge(Generator, lockstep=False):
 
     source: str = "its source"
 
+    failed: bool = False
+    """Whether it has given its source up."""
+
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
         self._state = "not open yet"

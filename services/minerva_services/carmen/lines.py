@@ -137,12 +137,14 @@ class _Words:
         return int(word)
 
     def ranges(self) -> NDArray[np.float32]:
-        """So many ranges as the next word says; infinite or none at all may be among them."""
+        """So many ranges as the next word says, also infinite ones; `nan` is 0, no hit."""
         words = [self.text() for _ in range(self.count())]
         try:
-            return np.array([float(word) for word in words], np.float32)
+            ranges = np.array([float(word) for word in words], np.float32)
         except ValueError as error:
             raise LineError(f"a range is no number: {str(error)[-30:]}") from None
+        ranges[np.isnan(ranges)] = 0.0
+        return ranges
 
     def pose(self) -> Pose:
         return Pose(self.number(), self.number(), math.degrees(self.number()))

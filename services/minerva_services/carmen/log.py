@@ -37,6 +37,7 @@ class Topics:
     scan: str = "scan"
     odometry: str = "odometry"
     pose: str = "pose"
+    correction: str = ""
 
 
 @dataclass(slots=True)
@@ -44,7 +45,7 @@ class CarmenLog:
     """A log file, plain or gzipped; `range_max` in metres, 0: as the log says.
 
     An ODOM line with the time 0 says where a correction has put the robot, not what its wheels
-    measured: it is passed over.
+    measured: it is passed over, unless there is a topic for corrections.
     """
 
     path: Path
@@ -56,6 +57,7 @@ class CarmenLog:
     _raw: BufferedReader | None = None
     _size: int = 1
     _offset: float = 0.0
+    _stamp: float = 0.0
 
     @property
     def part(self) -> float:
@@ -71,7 +73,7 @@ class CarmenLog:
                 self.pass_over(_PASSED_OVER, f"{self.path}: line {number} is passed over: {error}")
                 continue
             for one in self._said(said, number):
-                some = True
+                some, self._stamp = True, one.stamp
                 yield one
         if not some:
             raise RecordingError(
@@ -106,6 +108,8 @@ class CarmenLog:
 
     def _said(self, said: Wheels | Beams | Parameter | None, number: int) -> Iterator[Recorded]:
         match said:
+            case Wheels(time=0.0) if self.topics.correction:
+                yield Recorded(self._stamp, self.topics.correction, self._odometry(said))
             case Wheels(time=0.0):
                 self.pass_over(_TIMELESS, f"{self.path}: line {number} is ODOM without a time")
             case Wheels() if self.topics.odometry:
@@ -146,8 +150,8 @@ class CarmenLog:
 
 
 def open_log(path: Path, pass_over: PassOver) -> CarmenLog:
-    """A log as it is, for whoever wants its readings alone."""
-    return CarmenLog(path, pass_over)
+    """A log as it is, for whoever wants its readings alone, also where it was corrected."""
+    return CarmenLog(path, pass_over, topics=Topics(correction="correction"))
 
 
 def _mount(said: Beams, offset: float) -> Mount:

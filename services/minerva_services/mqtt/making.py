@@ -6,9 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final, cast
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, VocabularyError
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.symbols import EventType, Field
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type, Unfit
 from minerva_bus.grammar.units import Quantity
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -38,6 +39,7 @@ class Making:
                 raise MisuseError(f"{where}: {declared.name} has no {name} (it has {listed})")
         for one in declared.fields.all:
             self._check(where, one, rule.data.get(one.name))
+        self._check_condition(where)
         self.complained = False
         self._sources = {name: self._source(name) for name in declared.fields.names}
         self._plain = self._only_one_left()
@@ -58,7 +60,7 @@ class Making:
         return self._event(levels, values)
 
     def _counts(self, state: Mapping[str, Any]) -> bool:
-        return all(one.holds(state) for one in self.rule.only)
+        return self.rule.only.holds(state)
 
     def _event(self, levels: Mapping[str, str], values: Mapping[str, Any]) -> Event:
         quoted = {name: json.dumps(level) for name, level in levels.items()}
@@ -71,6 +73,14 @@ class Making:
             return self._vocabulary.check_event(cast("Event", made))
         except MinervaError as error:
             raise Garbage(str(error)) from None
+
+    def _check_condition(self, where: str) -> None:
+        quoted = dict.fromkeys(self.rule.pattern.names, '""')
+        condition = filled(self.rule.condition, quoted)
+        try:
+            self._vocabulary.check_condition(self._type.name, condition, where)
+        except VocabularyError as error:
+            raise MisuseError(str(error)) from None
 
     # --- one datum ---
 

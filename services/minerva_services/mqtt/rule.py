@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
-from minerva_bus.grammar.condition import Comparison, parse_condition
+from minerva_bus.grammar.condition import Condition, parse_condition
 from minerva_services.mqtt.pattern import Pattern
 
 _KEYS: Final = ("event", "data", "if", "receivers", "condition", "retained", "qos")
@@ -33,7 +33,7 @@ class Rule:
     pattern: Pattern
     event: str
     data: Mapping[str, Datum] = field(default_factory=dict[str, Datum])
-    only: tuple[Comparison, ...] = ()
+    only: Condition = field(default_factory=lambda: Condition(""))
     receivers: tuple[str, ...] = ()
     condition: str = ""
     retained: bool = True
@@ -122,7 +122,7 @@ def _datum(where: str, given: Any) -> Datum:
     return Datum(_text(where, table, "from"), scale, offset, _text(where, table, "unit"))
 
 
-def _only(where: str, text: str) -> tuple[Comparison, ...]:
+def _only(where: str, text: str) -> Condition:
     try:
         return parse_condition(text, f"{where}: if")
     except VocabularyError as error:

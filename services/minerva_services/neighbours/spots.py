@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.columns import Columns, Shape, merged, runs
+from minerva_bus.grammar.columns import Column, Columns, Shape, merged, runs
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Piece, Scene, walk
 
@@ -51,7 +51,7 @@ class Reader:
     def __init__(self, service: str, names: Names) -> None:
         self._service = service
         self._names = names
-        self._ids: dict[int, tuple[Array, Ids]] = {}
+        self._ids: dict[int, tuple[Column, Ids]] = {}
 
     def read(self, view: Scene) -> Spots | None:
         """The agents of a view, None where it shows none. Raises MisuseError."""
@@ -90,13 +90,13 @@ class Reader:
                     " expected one figure for each agent, and transformations round it"
                 )
 
-    def _values(self, many: Columns) -> dict[str, Array]:
-        found: dict[str, Array] = {}
+    def _values(self, many: Columns) -> dict[str, Column]:
+        found: dict[str, Column] = {}
         for level in many.levels():
             for name, column in zip(level.names, level.columns, strict=True):
                 if name in found:
                     raise self._wrong(many, f"has {name} twice")
-                found[name] = column.array
+                found[name] = column
         for name in (self._names.x, self._names.y):
             if name not in found or found[name].dtype.kind not in "fi":
                 raise self._wrong(many, f"has no number {name}")
@@ -104,10 +104,12 @@ class Reader:
             raise self._wrong(many, f"has no text {self._names.who}")
         return found
 
-    def _who(self, texts: Array, known: dict[int, tuple[Array, Ids]]) -> Ids:
+    def _who(self, texts: Column, known: dict[int, tuple[Column, Ids]]) -> Ids:
         """The ids that a column of texts spells; a column is read once, while it is shown."""
+        if texts.ids is not None:
+            return texts.ids
         before = known.get(id(texts))
-        made = before if before is not None else (texts, Ids.of(texts.tolist()))
+        made = before if before is not None else (texts, Ids.of(texts.list()))
         self._ids[id(texts)] = made
         return made[1]
 
@@ -120,5 +122,7 @@ def _names_in(shape: Shape) -> Iterator[str]:
     return (name for _, names in shape for name in names)
 
 
-def _joined(arrays: list[Array]) -> Array:
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+def _joined(columns: list[Column]) -> Array:
+    if len({column.dtype for column in columns}) == 1:
+        return Column.concatenated(columns).array
+    return np.concatenate([column.array for column in columns])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
@@ -12,20 +12,21 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.making import Maker
-from minerva_services.ros2 import messages as types
 from minerva_services.ros2.driver import STILL, Care, Driver, State
 from minerva_services.ros2.geometry import Command, MotorGeometry, Ordered
 from minerva_services.ros2.link import Link, say
 from minerva_services.ros2.messages import messages
+from minerva_services.ros2.motors import Motors
 from minerva_services.ros2.mounts import mount_of
-from minerva_services.ros2.network import Network
+from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.plane import Pose
-from minerva_services.ros2.senses import Senses, scanned_from, seen_from
-from minerva_services.ros2.session import Publisher, Session
-from minerva_services.ros2.steering import Limits, Velocity, driven
+from minerva_services.ros2.senses import Senses
+from minerva_services.ros2.session import Session
+from minerva_services.ros2.steering import Limits, driven
+from minerva_services.ros2.stepping import Stepper
+from minerva_services.ros2.telling import Teller
 
 _GLANCE: Final = 0.005
 _SILENT: Final = 3.0
@@ -37,6 +38,7 @@ class _Topics:
     odometry: str
     detections: str
     cmd_vel: str
+    clock: str
 
 
 class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
@@ -73,6 +75,11 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         silence: seconds without odometry after which the robot stops, and the world waits.
         dead_man: seconds without a command after which the robot stops.
         rate: velocities in a second.
+        clock: topic of Clock messages, for a simulation that goes by them: it is told how time
+            passes, and must answer each time with all that it measures, of that time.
+        authority: for tls/: the certificate of who has signed the router's, a PEM file.
+        certificate: our own, where the router asks for one.
+        key: and its private key.
 
     """
 
@@ -105,14 +112,21 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         silence: float = 0.5,
         dead_man: float = 0.5,
         rate: float = 20.0,
+        clock: str = "",
+        authority: str = "",
+        certificate: str = "",
+        key: str = "",
     ) -> None:
-        self._network = Network(router, layout, domain, namespace, humble)
-        self._topics = _Topics(scan, odometry, detections, cmd_vel)
-        for topic in (scan, odometry, detections):
+        tls = Tls(authority, certificate, key)
+        self._network = Network(router, layout, domain, namespace, humble, tls)
+        self._topics = _Topics(scan, odometry, detections, cmd_vel, clock)
+        if clock and not odometry:
+            raise MisuseError("ros2_robot: a robot that goes by a clock tells its odometry")
+        for topic in (scan, odometry, detections, clock):
             if topic:
                 self._network.name(topic)
         self._network.name(cmd_vel)
-        self._robot, self._stamped, self._base = robot, stamped, base
+        self._robot, self._stamped, self._base = robot, stamped or bool(clock), base
         self._mount, self._map_frame = mount_of(mount), map_frame
         self._limits = Limits(speed, turn, acceleration, turn_acceleration)
         self._care = Care(
@@ -130,12 +144,30 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._shown: int | None = None
         self._carried_out = -1
         self._collisions = 0
-        self._senses = Senses(self._base, self._mount, self._moved)
-        self._motors: Publisher | None = None
-        self._transforms: Publisher | None = None
-        self._told_at = {"scan": -math.inf, "sightings": -math.inf}
+        self._stepper = self._stepped() if self._topics.clock else None
+        heard = self._stepper.heard if self._stepper else lambda: None
+        self._senses = Senses(self._base, self._mount, self._moved, heard)
+        self._teller = Teller(self._driver, self._senses)
+        self._motors = Motors(
+            self._topics.cmd_vel, self._topics.clock, self._map_frame, self._base,
+            stamped=self._stamped,
+        )  # fmt: skip
         self._told = STILL, _now()
         self._name = self._robot
+
+    def _stepped(self) -> Stepper:
+        def measured() -> float:
+            topics = self._topics
+            senses = self._senses.measured(
+                scan=bool(topics.scan), detections=bool(topics.detections)
+            )
+            return min(self._driver.track.latest, senses)
+
+        def nudge() -> None:
+            if self._link is not None:
+                self._link.nudge()
+
+        return Stepper(self._driver, measured, nudge, self._network.router)
 
     # --- the world's side ---
 
@@ -172,7 +204,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             self._place(ordered)
         self._carried_out = self._shown
         if self._name:
-            self._tell(tick)
+            self._teller.tell(tick, self._name)
         return events
 
     def save(self) -> Mapping[str, Any]:
@@ -193,7 +225,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
     def report(self) -> Mapping[str, bool | int | float | str]:
         """How the link is, and what was counted."""
         state = self._link.state if self._link is not None else "not open yet"
-        if state == "open" and self._topics.odometry and not self._driver.listening(_now()):
+        if state == "open" and self._topics.odometry and not self._driver.listening(self._now()):
             state = "open, but no odometry"
         return {
             **self._senses.counts,
@@ -239,6 +271,8 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
 
     def _carry_out(self, command: Command, seconds: float) -> float:
         """Drive; the metres that were not driven, once nothing more comes of it."""
+        if self._stepper is not None:
+            return self._stepper.carry_out(command, seconds)
         self._driver.begin(command, seconds, _now())
         if self._link is not None:
             self._link.nudge()
@@ -255,85 +289,43 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
             time.sleep(_GLANCE)
         return 0.0
 
-    def _tell(self, tick: Tick) -> None:
-        """The newest scan and the newest sightings, each once."""
-        scan = self._newest("scan", self._senses.scans)
-        if isinstance(scan, Scan):
-            tick.publish("scan", scanned_from(self._shift(scan.time), scan, self._name))
-        seen = self._newest("sightings", self._senses.sightings)
-        if isinstance(seen, Sightings):
-            tick.publish("sightings", seen_from(self._shift(seen.time), seen, self._name))
-
-    def _newest(self, what: str, waiting: Sequence[Scan | Sightings]) -> Scan | Sightings | None:
-        """The newest that odometry reaches up to, or else the newest; None if that was told."""
-        covered = [one for one in waiting if self._driver.track.covers(one.time)]
-        if waiting and not covered:
-            self._senses.count(f"{what} beside odometry's time")
-        found = (covered or waiting or [None])[-1]
-        if found is None or found.time == self._told_at[what]:
-            self._senses.count(f"frames without {what}")
-            return None
-        self._told_at[what] = found.time
-        return found
-
-    def _shift(self, at: float) -> Pose:
-        """Where the robot was at a time, as seen from where the string has it."""
-        track, goal = self._driver.track, self._driver.goal
-        pose = track.at(at) if track.covers(at) else track.newest
-        return Pose() if pose is None or goal is None else goal.seen(pose)
-
     def _place(self, ordered: Ordered) -> None:
         """Tell /tf where odometry's frame lies on the map."""
         goal, command = self._driver.goal, ordered.command
-        if self._transforms is None or goal is None:
-            return
         world = ordered.believed.then(Pose(angle=command.turn)).then(Pose(x=command.forward))
-        at, make = world.then(goal.seen(Pose())), messages()
-        turned = make.pose(at.x, at.y, at.angle).orientation
-        one = make.make(
-            "geometry_msgs/msg/TransformStamped",
-            header=make.header(self._map_frame, time.time_ns()),
-            child_frame_id=self._senses.odometry_frame,
-            transform=make.make(
-                "geometry_msgs/msg/Transform",
-                translation=make.vector(at.x, at.y), rotation=turned,
-            ),
-        )  # fmt: skip
-        self._transforms.put(make.make(types.TRANSFORMS, transforms=[one]))
+        if goal is not None:
+            self._motors.place(self._senses.odometry_frame, world.then(goal.seen(Pose())))
 
     # --- the robot's side, in threads of its link ---
 
     def _declare(self, session: Session) -> None:
         topics = self._topics
         self._senses.listen(session, topics.scan, topics.odometry, topics.detections)
-        if self._map_frame:
-            self._transforms = session.publisher("/tf", types.TRANSFORMS)
-        twist = types.TWIST_STAMPED if self._stamped else types.TWIST
-        self._motors = session.publisher(topics.cmd_vel, twist)
+        self._motors.declare(session)
 
     def _beat(self) -> None:
         """Tell the motors how fast, if anybody wants them to move."""
+        if self._stepper is not None:
+            self._motors.step(self._stepper.step)
+            return
         now = _now()
         velocity = self._driver.velocity(now)
-        if velocity is not None and self._motors is not None:
-            self._motors.put(self._twist(velocity))
+        if velocity is not None:
+            self._motors.go(velocity)
         if not self._topics.odometry:
             pose, elapsed = self._driver.track.newest or Pose(), now - self._told[1]
             self._driver.heard(now, driven(pose, self._told[0], elapsed), now)
         self._told = velocity or STILL, now
 
+    def _now(self) -> float:
+        """Seconds of the clock by which the robot drives."""
+        return _now() if self._stepper is None else self._stepper.now
+
     def _moved(self, time: float, pose: Pose) -> None:
         jumps = self._driver.jumps
-        self._driver.heard(time, pose, _now())
+        self._driver.heard(time, pose, _now() if self._stepper is None else time)
         if self._driver.jumps > jumps:
             say(f"odometry from {self._network.router} has jumped; the robot is taken to stand")
-
-    def _twist(self, velocity: Velocity) -> Any:
-        twist = messages().twist(velocity.speed, velocity.turn)
-        if not self._stamped:
-            return twist
-        header = messages().header(self._base, time.time_ns())
-        return messages().make(types.TWIST_STAMPED, header=header, twist=twist)
 
 
 def _now() -> float:

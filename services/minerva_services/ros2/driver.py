@@ -87,6 +87,13 @@ class Driver:
         """Where the robot is believed to be once the command is done; None before odometry."""
         return self._goal
 
+    @property
+    def offset(self) -> Pose:
+        """Where odometry has the robot, as seen from where it is believed to be."""
+        with self._lock:
+            goal = self._goal or Pose()
+            return goal.seen(self.track.newest or goal)
+
     def set_goal(self, goal: Pose) -> None:
         """Go on from where a predecessor had brought it."""
         with self._lock:

@@ -8,7 +8,8 @@ import math
 from functools import cache
 from typing import Any, Final
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MisuseError
+from minerva_services.ros_messages.errors import GarbageError
 
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
@@ -22,6 +23,7 @@ TWIST_STAMPED: Final = "geometry_msgs/msg/TwistStamped"
 POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 PATH: Final = "nav_msgs/msg/Path"
 GRID: Final = "nav_msgs/msg/OccupancyGrid"
+CLOCK: Final = "rosgraph_msgs/msg/Clock"
 
 _VISION: Final = {
     DETECTIONS: "std_msgs/Header header\nDetection3D[] detections",
@@ -34,10 +36,6 @@ _VISION: Final = {
     "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
 }
-
-
-class GarbageError(MinervaError):
-    """Bytes that are no message of the type that they should be."""
 
 
 class Messages:
@@ -77,11 +75,14 @@ class Messages:
 
     # --- parts that many messages have ---
 
+    def time(self, nanoseconds: int) -> Any:
+        """A Time."""
+        seconds, rest = divmod(nanoseconds, 1_000_000_000)
+        return self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
     def header(self, frame: str, nanoseconds: int) -> Any:
         """A header with a frame and a time since 1970."""
-        seconds, rest = divmod(nanoseconds, 1_000_000_000)
-        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+        return self.make("std_msgs/msg/Header", stamp=self.time(nanoseconds), frame_id=frame)
 
     def vector(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
         """A Vector3."""
@@ -98,6 +99,18 @@ class Messages:
             ),
         )
 
+    def transform(self, header: Any, child: str, x: float, y: float, degrees: float) -> Any:
+        """A TransformStamped in the plane."""
+        return self.make(
+            "geometry_msgs/msg/TransformStamped",
+            header=header,
+            child_frame_id=child,
+            transform=self.make(
+                "geometry_msgs/msg/Transform",
+                translation=self.vector(x, y), rotation=self.pose(x, y, degrees).orientation,
+            ),
+        )  # fmt: skip
+
     def twist(self, speed: float, turn: float) -> Any:
         """A Twist of a robot in the plane: metres and degrees per second."""
         return self.make(
@@ -109,8 +122,3 @@ class Messages:
 def messages() -> Messages:
     """The message types, made once."""
     return Messages()
-
-
-def seconds(stamp: Any) -> float:
-    """A message's time in seconds."""
-    return stamp.sec + stamp.nanosec * 1e-9

@@ -6,8 +6,7 @@ import math
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Mount
-from minerva_services.ros2.frames import Frames, Mounting
-from minerva_services.ros2.messages import GarbageError
+from minerva_services.ros_messages import Frames, GarbageError, Mounting
 
 
 class UnplacedError(GarbageError):

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 
 from minerva_bus.errors import MisuseError, nearest
 
 LAYOUTS: Final = ("rmw_zenoh", "dds")
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
+SECURED: Final = ("tls", "quic")
 NO_HASH: Final = "TypeHashNotSupported"
 """What ROS 2 Humble, which has no type hashes, writes in place of one."""
 
@@ -28,12 +30,46 @@ _LASTING_QOS: Final = ":1:,1:,:,:,,"
 
 
 @dataclass(frozen=True, slots=True)
+class Tls:
+    """PEM files for a link over TLS: who has signed the router's certificate, and our own.
+
+    Raises MisuseError where one is not there, or a certificate is without its key.
+    """
+
+    authority: str = ""
+    certificate: str = ""
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        for name, path in (
+            ("authority", self.authority), ("certificate", self.certificate), ("key", self.key),
+        ):  # fmt: skip
+            if path and not Path(path).is_file():
+                raise MisuseError(f"ros2: {name} is {path!r}; expected a PEM file")
+        if bool(self.certificate) != bool(self.key):
+            raise MisuseError("ros2: certificate and key belong together; give both or neither")
+
+    def __bool__(self) -> bool:
+        return bool(self.authority or self.certificate)
+
+    def settings(self) -> dict[str, str | bool]:
+        """The same as Zenoh has it, under transport/link/tls."""
+        files = {
+            "root_ca_certificate": self.authority,
+            "connect_certificate": self.certificate,
+            "connect_private_key": self.key,
+        }
+        given = {name: str(Path(path).absolute()) for name, path in files.items() if path}
+        return {**given, "enable_mtls": bool(self.certificate)}
+
+
+@dataclass(frozen=True, slots=True)
 class Network:
     """Where a robot's Zenoh network is, and how ROS 2 is laid out on it.
 
     `router` is the endpoint of it (rmw_zenohd, zenohd or zenoh-bridge-ros2dds); `domain`
     is the ROS domain, of rmw_zenoh; `namespace` stands before all topics that do not begin with /.
-    Raises MisuseError for what cannot be.
+    `tls` is for a link that is secured. Raises MisuseError for what cannot be.
     """
 
     router: str
@@ -41,6 +77,7 @@ class Network:
     domain: int = 0
     namespace: str = ""
     humble: bool = False
+    tls: Tls = Tls()
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
@@ -50,6 +87,10 @@ class Network:
             )
         if self.router.partition("/")[0] not in ENDPOINTS or not self.router.partition("/")[2]:
             raise MisuseError(f"ros2: {self.router!r} is no endpoint; expected tcp/HOST:7447")
+        if self.tls and self.router.partition("/")[0] not in SECURED:
+            raise MisuseError(
+                f"ros2: certificates are for tls/ and quic/, and the router is {self.router}"
+            )
         if not 0 <= self.domain <= 232:
             raise MisuseError(f"ros2: domain is {self.domain}; expected 0 to 232")
         if self.namespace.strip("/"):

@@ -30,9 +30,3 @@ class Pose:
 def wrapped(angle: float) -> float:
     """The same direction in [-180, 180)."""
     return (angle + 180.0) % 360.0 - 180.0
-
-
-def heading(orientation: object) -> float:
-    """Degrees about the vertical axis of a ROS quaternion."""
-    x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
-    return math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))

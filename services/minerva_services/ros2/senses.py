@@ -11,20 +11,17 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from minerva_bus.world.readings import Mount, Scan, Sightings
-from minerva_services.ros2 import readings
-from minerva_services.ros2.frames import Frames
 from minerva_services.ros2.messages import (
     DETECTIONS,
     LASER_SCAN,
     ODOMETRY,
     TRANSFORMS,
-    GarbageError,
     messages,
-    seconds,
 )
 from minerva_services.ros2.mounts import UnplacedError, mounting_of
 from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.session import Session
+from minerva_services.ros_messages import Frames, GarbageError, readings
 
 _KEPT: Final = 8
 """Scans, and images' sightings, that wait for a frame; the newest counts."""
@@ -36,10 +33,17 @@ class Senses:
     """The last scans and sightings of one robot; Zenoh's threads put them here.
 
     `moved(time, pose)` is told what odometry says. Without odometry there is no use for the
-    robot's clock, and the time is that of arrival.
+    robot's clock, and the time is that of arrival. `heard()` is called after each message.
     """
 
-    def __init__(self, base: str, mount: Mount | None, moved: Callable[[float, Pose], None]):
+    def __init__(
+        self,
+        base: str,
+        mount: Mount | None,
+        moved: Callable[[float, Pose], None],
+        heard: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._heard = heard
         self.odometry_frame = "odom"
         self.scanned = False
         self._base, self._mount, self._moved = base, mount, moved
@@ -74,6 +78,16 @@ class Senses:
         with self._lock:
             return tuple(self._sightings)
 
+    def measured(self, *, scan: bool, detections: bool) -> float:
+        """The time up to which both have come, those of them that are wanted."""
+        with self._lock:
+            times = [
+                waiting[-1].time if waiting else -math.inf
+                for wanted, waiting in ((scan, self._scans), (detections, self._sightings))
+                if wanted
+            ]
+        return min(times, default=math.inf)
+
     @property
     def counts(self) -> dict[str, int]:
         """What was passed over, and how often."""
@@ -96,11 +110,12 @@ class Senses:
                 self.count("without a transform")
             except GarbageError:
                 self.count("garbage")
+            self._heard()
 
         return hear
 
     def _take_odometry(self, message: Any) -> None:
-        pose, stamp = readings.pose_of(message.pose.pose), seconds(message.header.stamp)
+        pose, stamp = Pose(*readings.place_of(message.pose.pose)), readings.stamp_of(message)
         self.odometry_frame = message.header.frame_id or "odom"
         self._moved(stamp, pose)
 

@@ -8,25 +8,28 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, ClassVar, Final, TypeAlias
 
-from minerva_bus.world.readings import CENTRE, Mount, Reading
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.types import Cells, Degrees, Metres
+from minerva_bus.world.readings import Mount, Reading
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
-from minerva_services.ros2 import readings
-from minerva_services.ros2.frames import Frames, Mounting
+from minerva_services.bridging.bridge import Said
+from minerva_services.making import Maker
 from minerva_services.ros2.messages import (
     BATTERY,
     COMPRESSED,
     DETECTIONS,
+    GRID,
     IMAGE,
     LASER_SCAN,
     ODOMETRY,
     TRANSFORMS,
-    GarbageError,
     messages,
 )
 from minerva_services.ros2.mounts import UnplacedError, mount_of, mounting_of
-from minerva_services.ros2.network import Network
+from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.session import Session
+from minerva_services.ros_messages import Frames, GarbageError, Mounting, images, readings
 
 _WAITING: Final = 100
 """Messages that wait for their turn, at most; the oldest are dropped."""
@@ -56,6 +59,12 @@ class Ros2(Bridge):
         detections: topic of Detection3DArray messages, whose classes are markers, on `sightings`.
         base: the robot's own frame.
         mount: "x, y, degrees" of the laser on the robot.
+        map: topic of OccupancyGrid messages; each is an event of the type `map_event`.
+        map_event: its type, with `cells` as a robot's grid has them (0 unknown, 1 free, 9 an
+            obstacle), and the width of a `cell`, `x`, `y` and `angle` of the corner.
+        authority: for tls/: the certificate of who has signed the router's, a PEM file.
+        certificate: our own, where the router asks for one.
+        key: and its private key.
 
     """
 
@@ -77,9 +86,15 @@ class Ros2(Bridge):
         detections: str = "",
         base: str = "base_link",
         mount: str = "",
+        map: str = "",
+        map_event: str = "eMap",
+        authority: str = "",
+        certificate: str = "",
+        key: str = "",
     ) -> None:
         super().__init__()
-        self._network = Network(router, layout, domain, namespace, humble)
+        tls = Tls(authority, certificate, key)
+        self._network = Network(router, layout, domain, namespace, humble, tls)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
         self._base = base
@@ -88,6 +103,9 @@ class Ros2(Bridge):
         self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
         for name, _, _ in self._wanted.values():
             self._network.name(name)
+        self._map, self._map_event = map, map_event
+        if map:
+            self._network.name(map)
         topics = sorted({topic for _, topic, _ in self._wanted.values()})
         self.publishes = tuple(topics)
 
@@ -99,16 +117,23 @@ class Ros2(Bridge):
         table: dict[str, tuple[str, str, Make]] = {
             LASER_SCAN: (scan, "scan", self._scan),
             ODOMETRY: (odometry, "odometry", partial(readings.odometry_of, robot=robot)),
-            IMAGE: (image, "image", partial(self._image, readings.image_of)),
-            COMPRESSED: (compressed, "image", partial(self._image, readings.file_of)),
+            IMAGE: (image, "image", partial(self._image, images.image_of)),
+            COMPRESSED: (compressed, "image", partial(self._image, images.file_of)),
             BATTERY: (battery, "battery", partial(readings.battery_of, robot=robot)),
             DETECTIONS: (detections, "sightings", self._sightings),
         }
         return {message: row for message, row in table.items() if row[0]}
 
     def joined(self, world: WorldInfo) -> None:
-        """Raises MisuseError where rosbags is missing."""
+        """Raises MisuseError where rosbags is missing, or the world has no event for maps."""
         messages()
+        if self._map:
+            data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
+            self._makes_map = Maker("ros2", world, self._map_event, **data)
+
+    def generates(self) -> tuple[str, ...]:
+        """The type of the events that maps are."""
+        return (self._map_event,) if self._map else ()
 
     def open(self) -> Source:
         """Raises SourceError where the network does not answer."""
@@ -117,15 +142,19 @@ class Ros2(Bridge):
         session.subscribe("/tf_static", TRANSFORMS, source.hears(TRANSFORMS), lasting=True)
         for message, (topic, _, _) in self._wanted.items():
             session.subscribe(topic, message, source.hears(message))
+        if self._map:
+            session.subscribe(self._map, GRID, source.hears(GRID), lasting=True)
         return source
 
-    def reading(self, message: str, data: bytes) -> tuple[str, Reading] | None:
+    def reading(self, message: str, data: bytes) -> Said | None:
         """What a message says; garbage, and what has no known place, is counted."""
         try:
             value = messages().decode(message, data)
             if message == TRANSFORMS:
                 self._frames.hear(value)
                 return None
+            if message == GRID:
+                return self._known(value)
             _, topic, make = self._wanted[message]
             return topic, make(value)
         except UnplacedError:
@@ -134,12 +163,16 @@ class Ros2(Bridge):
             self.count("garbage")
         return None
 
+    def _known(self, message: Any) -> Event:
+        known = readings.known_of(message)
+        return self._makes_map(known.cells, known.cell, *known.corner, receivers=(self._robot,))
+
     def _scan(self, message: Any) -> Reading:
         return readings.scan_of(message, self._robot, self._mounting(message, self._mount))
 
     def _image(self, make: Callable[..., Reading], message: Any) -> Reading:
         known = self._frames.mounting(self._base, message.header.frame_id)
-        return make(message, self._robot, known.mount if known is not None else CENTRE)
+        return make(message, self._robot, known or Mounting())
 
     def _sightings(self, message: Any) -> Reading:
         placed = self._frames.matrix(self._base, message.header.frame_id)
@@ -173,8 +206,8 @@ class _Listening:
 
         return hear
 
-    def read(self, stop: threading.Event) -> Iterator[tuple[str, Reading] | None]:
-        """Readings; raises SourceError where the link is lost."""
+    def read(self, stop: threading.Event) -> Iterator[Said | None]:
+        """Readings and maps; raises SourceError where the link is lost."""
         while not stop.is_set():
             with self._news:
                 if not self._waiting:

@@ -66,7 +66,10 @@ class Session:
 
     def __init__(self, network: Network, node: str) -> None:
         config = zenoh.Config()
-        for key, value in (_CONFIG | {"connect/endpoints": [network.router]}).items():
+        settings = _CONFIG | {"connect/endpoints": [network.router]}
+        if network.tls:
+            settings |= {"transport/link/tls": network.tls.settings()}
+        for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
         try:
             self._session = zenoh.open(config)

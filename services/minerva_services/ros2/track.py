@@ -34,6 +34,11 @@ class Track:
         """The last pose."""
         return self._poses[-1] if self._poses else None
 
+    @property
+    def latest(self) -> float:
+        """The time of the last pose; -inf before it."""
+        return self._times[-1] if self._times else -math.inf
+
     def add(self, time: float, pose: Pose) -> bool:
         """Take a pose; whether it has jumped where no robot can have driven."""
         jumped = False

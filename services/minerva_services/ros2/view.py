@@ -19,11 +19,12 @@ from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.ros2 import messages as types
 from minerva_services.ros2.link import Link, say
-from minerva_services.ros2.messages import GarbageError, messages
-from minerva_services.ros2.network import Network
+from minerva_services.ros2.messages import messages
+from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.plane import Pose
-from minerva_services.ros2.readings import pose_of
 from minerva_services.ros2.session import Publisher, Session
+from minerva_services.ros_messages import GarbageError
+from minerva_services.ros_messages.readings import place_of
 
 Cells = NDArray[np.int16]
 _BEAT: Final = 0.25
@@ -107,6 +108,9 @@ class Ros2View(Device, draws=("ePicture",)):
         event: the type of the order, whose `marker` is the marker's name.
         frame: the map frame.
         every: frames from one picture to the next.
+        authority: for tls/: the certificate of who has signed the router's, a PEM file.
+        certificate: our own, where the router asks for one.
+        key: and its private key.
 
     """
 
@@ -128,8 +132,12 @@ class Ros2View(Device, draws=("ePicture",)):
         event: str = "eObjective",
         frame: str = "map",
         every: int = 10,
+        authority: str = "",
+        certificate: str = "",
+        key: str = "",
     ) -> None:
-        self._network = Network(router, layout, domain, namespace, humble)
+        tls = Tls(authority, certificate, key)
+        self._network = Network(router, layout, domain, namespace, humble, tls)
         self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
         for topic in (*self._out.values(), goal):
             if topic:
@@ -202,7 +210,7 @@ class Ros2View(Device, draws=("ePicture",)):
         """A goal is an order, or a line that says why not."""
         try:
             message = messages().decode(types.POSE_STAMPED, data)
-            goal = pose_of(message.pose)
+            goal = Pose(*place_of(message.pose))
         except GarbageError:
             self._counts["garbage"] += 1
             return

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.playing import Mounting
-from minerva_services.rosbag.errors import UnusableError
+from minerva_services.ros_messages import Frames, GarbageError
 from minerva_services.rosbag.messages import CONVERSIONS
-from minerva_services.rosbag.mounts import Frames
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -68,7 +66,7 @@ class Bag:
             try:
                 yield self._recorded(message, self._played[connection.id], stamp * _NANO)
                 some = True
-            except UnusableError as error:
+            except (GarbageError, AttributeError, TypeError) as error:  # bags define types, too
                 line = f"{self.path}: a message of {connection.topic} is passed over: {error}"
                 self.pass_over(_UNUSABLE, line)
         if not some:
@@ -105,13 +103,10 @@ class Bag:
     def _recorded(self, message: Any, played: Played, stamp: float) -> Recorded:
         header = message.header
         time = header.stamp.sec + header.stamp.nanosec * _NANO or stamp
-        mount, upside_down = self._frames.mount(header.frame_id)
-        mount = self.mounting.over(mount)
+        found = self._frames.on_its_robot(header.frame_id)
+        mounting = replace(found, mount=self.mounting.over(found.mount))
         read = CONVERSIONS[played.connection.msgtype].read
-        reading = read(message, self.robot, time, mount)
-        if upside_down and isinstance(reading, Scan):
-            reading = replace(reading, first=-reading.first, step=-reading.step)
-        return Recorded(stamp, played.topic, reading)
+        return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
 
     def _chosen(self) -> Iterator[Played]:
         """The connections that are played. Raises RecordingError."""
@@ -160,7 +155,7 @@ class Bag:
             for connection, _, data in self._reader.messages(static):
                 message = self._decoded(data, connection)
                 if message is not None:
-                    self._frames.learn(message.transforms)
+                    self._frames.hear(message)
         except Exception as error:  # as above
             self.pass_over(_BROKEN, f"{self.path}: /{_STATIC} breaks off: {_line(error)}")
 

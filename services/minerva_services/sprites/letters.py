@@ -18,11 +18,16 @@ _LABEL = 17
 _FINE = 4
 
 
-@lru_cache(maxsize=64)
 def font(size: int) -> pygame.font.Font:
     """pygame's font in so many pixels."""
     if not pygame.font.get_init():
         pygame.font.init()
+        _font.cache_clear()
+    return _font(size)
+
+
+@lru_cache(maxsize=64)
+def _font(size: int) -> pygame.font.Font:
     return pygame.font.Font(None, size)
 
 

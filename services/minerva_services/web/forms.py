@@ -8,7 +8,8 @@ from typing import Any
 
 from viser import GuiApi, GuiDropdownHandle, GuiEvent, GuiSliderHandle
 
-from minerva_bus.grammar.symbols import EventType, Field
+from minerva_bus.grammar.fields import Field
+from minerva_bus.grammar.symbols import EventType
 from minerva_services.web.orders import kinds_of_data, title
 
 _SPANS = {

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.grammar.symbols import EventType, Field
+from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.services import WorldInfo
 

@@ -9,9 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.world.readings import Image, Mount
+from minerva_bus.world.readings import Image
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.rosbag.errors import UnusableError
+from minerva_services.ros_messages.errors import GarbageError
+from minerva_services.ros_messages.frames import Mounting
+from minerva_services.ros_messages.readings import stamp_of
 
 _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {
     "rgb8": (0, 1, 2),
@@ -24,36 +26,43 @@ _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {
 }
 """Which channels of a pixel are its red, green and blue, or its grey, by encoding."""
 
+_CENTRE: Final = Mounting()
 _FOUR: Final = ("rgba8", "bgra8")
 _MOST_PIXELS: Final = 100_000_000
 
 
-def image(message: Any, robot: str, time: float, mount: Mount) -> Image:
-    """sensor_msgs/Image as rgb8 or mono8. Raises UnusableError."""
+def image_of(
+    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+) -> Image:
+    """sensor_msgs/Image as rgb8 or mono8. Raises GarbageError."""
     name, width, height = str(message.encoding), int(message.width), int(message.height)
     channels = _CHANNELS.get(name)
     if channels is None:
-        raise UnusableError(f"the encoding {name[:20]!r} is none of {', '.join(_CHANNELS)}")
+        raise GarbageError(f"the encoding {name[:20]!r} is none of {', '.join(_CHANNELS)}")
     pixels = _pixels(message, width, height, 4 if name in _FOUR else len(channels))
     data = np.ascontiguousarray(pixels[:, :, channels]).tobytes()
-    return Image(robot, data, "rgb8" if len(channels) == 3 else "mono8", width, height, time, mount)
+    kind = "rgb8" if len(channels) == 3 else "mono8"
+    time = stamp_of(message) if time is None else time
+    return Image(robot, data, kind, width, height, time, mounting.mount)
 
 
 def _pixels(message: Any, width: int, height: int, depth: int) -> NDArray[np.uint8]:
     """The bytes of the pixels without what pads the rows, (height, width, depth)."""
     data, step = np.asarray(message.data, np.uint8), int(message.step)
     if not (0 < width * height <= _MOST_PIXELS and step >= width * depth):
-        raise UnusableError(f"{width}×{height} pixels in rows of {step} bytes are no image")
+        raise GarbageError(f"{width}×{height} pixels in rows of {step} bytes are no image")
     if data.size < step * height:
-        raise UnusableError(f"{data.size} bytes are too few for {height} rows of {step}")
+        raise GarbageError(f"{data.size} bytes are too few for {height} rows of {step}")
     rows = data[: step * height].reshape(height, step)
     return rows[:, : width * depth].reshape(height, width, depth)
 
 
-def compressed_image(message: Any, robot: str, time: float, mount: Mount) -> Image:
+def file_of(
+    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+) -> Image:
     """sensor_msgs/CompressedImage, a JPEG or a PNG as it is.
 
-    Raises UnusableError, and RecordingError without Pillow.
+    Raises GarbageError, and RecordingError without Pillow.
     """
     try:
         from PIL import Image as Pillow  # late: of the extra ros
@@ -68,5 +77,6 @@ def compressed_image(message: Any, robot: str, time: float, mount: Mount) -> Ima
             (width, height), encoding = opened.size, str(opened.format).lower()
     except Exception as error:  # decoders of damaged files raise nearly anything
         kind = str(message.format)[:20]
-        raise UnusableError(f"{kind!r} of {len(data)} bytes is no JPEG or PNG") from error
-    return Image(robot, data, encoding, width, height, time, mount)
+        raise GarbageError(f"{kind!r} of {len(data)} bytes is no JPEG or PNG") from error
+    time = stamp_of(message) if time is None else time
+    return Image(robot, data, encoding, width, height, time, mounting.mount)

@@ -1,0 +1,115 @@
+"""A ROS 2 robot that goes by the world's clock decides what the simulated one decides."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rosbags")
+pytest.importorskip("mcap")
+
+from minerva_agents.robot.vocabulary import eCamera
+from minerva_bus import Frame, Tick, Vocabulary, WorldInfo
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import agents
+from minerva_bus.launch.specs import find_world
+from minerva_bus.record.reader import Record
+from minerva_bus.world.readings import Sighting, Sightings
+from minerva_services.camera import Camera
+from minerva_services.ros2.geometry import Command
+from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.steering import Limits
+from minerva_services.ros2.stepping import NANO, is_rounding, phases
+from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
+from tests.bus.running import here
+
+EXACT = ("--clock", "--laser-yaw", "0", "--acceleration", "inf", "--turn-acceleration", "inf")
+DEVICE = """[process.physics]
+service = "ros2_robot"
+router = "{endpoint}"
+clock = "clock"
+speed = 1.0
+turn = 180.0
+near = 0.001
+aligned = 0.1
+
+"""
+LIMITS = Limits(1.0, 180.0, 1.0, 360.0)
+
+
+def with_ros(endpoint):
+    """The robot's world with the lines of one device changed."""
+    text = find_world("robot").read_text()
+    begin, end = text.index("[process.physics]"), text.index("[process.gLaser]")
+    return text[:begin] + DEVICE.format(endpoint=endpoint) + text[end:]
+
+
+def decisions(path):
+    """Of each frame what the robot does, and where it takes itself to be."""
+    keys = ("action", "row", "column", "angle", "plan_rows", "plan_columns", "objective")
+    made = []
+    with Record(path) as record:
+        for _, scene in record.strings():
+            state = next(one for one in agents(scene) if one.id == "r1").state
+            made.append({key: str(state[key]) for key in keys})
+    return made
+
+
+def run(folder, world, plan, objective):
+    """A run's summary and its decisions."""
+    path = folder / f"{Path(world).stem}.mcap"
+    words = ["--map", plan, "--objective", objective, "--in-process", "--record", path]
+    done = here(folder, "run", world, *words, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1]), decisions(path)
+
+
+@pytest.mark.parametrize(("build", "objective"), [(hall, "door"), (house, "desk")])
+def test_it_decides_as_the_simulated_robot_frame_by_frame(tmp_path, build, objective):
+    plan, endpoint = build(tmp_path), free_endpoint()
+    simulated, wanted = run(tmp_path, "robot", plan, objective)
+    world = tmp_path / "ros.toml"
+    world.write_text(with_ros(endpoint))
+    with RosRobot(plan, endpoint, *EXACT):
+        ros, made = run(tmp_path, world, plan, objective)
+    for number, (one, other) in enumerate(zip(made, wanted, strict=False)):
+        assert one == other, f"frame {number}"
+    assert len(made) == len(wanted) > 20
+    assert ros["digest"] == simulated["digest"]
+
+
+@pytest.mark.parametrize(
+    ("command", "lasts"),
+    [((0.0, 0.0), 0.1), ((0.0, 0.08), 0.1), ((9.0, 0.02), 0.1), ((90.0, 0.1), 0.6)],
+)
+def test_a_command_in_phases_is_whole_and_as_fast_as_allowed(command, lasts):
+    turned = driven = seconds = 0.0
+    for velocity, nanoseconds in phases(Command(*command), 0.1, LIMITS):
+        turned += velocity.turn * nanoseconds / NANO
+        driven += velocity.speed * nanoseconds / NANO
+        seconds += nanoseconds / NANO
+        assert abs(velocity.turn) <= LIMITS.turn
+        assert abs(velocity.speed) <= LIMITS.speed
+    assert (turned, driven) == pytest.approx(command, abs=1e-12)
+    assert seconds == pytest.approx(lasts, abs=1e-8)
+
+
+@pytest.mark.parametrize(("resolution", "told"), [(0.0, (1.23456, -9.87654)), (0.1, (1.2, -9.9))])
+def test_a_camera_sees_as_finely_as_it_is_told(resolution, told):
+    camera = Camera(resolution=resolution)
+    camera.joined(WorldInfo("w", Vocabulary.of(eCamera), 0, 0.1))
+    seen = Sightings("r1", (Sighting("door", 1.23456, -9.87654),), 0.0)
+    (event,) = camera.generate(Tick(Frame(0), "camera", readings=(seen,)))
+    assert (event.dist, event.angle) == pytest.approx(told, abs=1e-12)
+
+
+@pytest.mark.parametrize("resolution", [-1.0, float("inf"), float("nan")])
+def test_a_wrong_resolution(resolution):
+    with pytest.raises(MisuseError, match=r"resolution is .*; expected a number from 0"):
+        Camera(resolution=resolution)
+
+
+def test_a_micrometre_is_rounding():
+    assert is_rounding(Pose(5e-7, 5e-7, 5e-7))
+    assert not is_rounding(Pose(2e-6, 0.0, 0.0))
+    assert not is_rounding(Pose(0.0, 0.0, 2e-6))

@@ -1,0 +1,78 @@
+"""Maps that a ROS 2 robot has made, as events of a world."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+
+from minerva_agents.robot.vocabulary import eLaser
+from minerva_bus import Cells, Degrees, EventType, Metres, Vocabulary, WorldInfo
+from minerva_bus.errors import MisuseError
+from minerva_services.bridging.testing import Running
+from minerva_services.ros2 import Ros2
+from minerva_services.ros2 import messages as types
+from minerva_services.ros2.messages import messages
+from minerva_services.ros2.network import Network
+from minerva_services.ros2.session import Session
+from minerva_services.ros2.view import occupancy
+from minerva_services.ros_messages import GarbageError
+from minerva_services.ros_messages.readings import known_of
+from tests.bridges.ros2_rig import network
+
+eMap = EventType("eMap", cells=Cells, cell=Metres, x=Metres, y=Metres, angle=Degrees)
+INFO = WorldInfo("w", Vocabulary.of(eMap), 0, 0.1)
+TOLD = [-1, 0, 100, 24, 25, 65]
+
+
+def grid(data=TOLD, width=3, height=2, cell=0.05, turned=0.0):
+    make = messages()
+    about = make.make(
+        "nav_msgs/msg/MapMetaData", map_load_time=make.time(0), resolution=cell,
+        width=width, height=height, origin=make.pose(-1.0, 2.0, turned),
+    )  # fmt: skip
+    return make.make(
+        types.GRID, header=make.header("map", 0), info=about, data=np.array(data, np.int8)
+    )
+
+
+def test_a_map_comes_to_one_who_is_late():
+    with network() as (endpoint, _):
+        session = Session(Network(endpoint), "slam")
+        slam = session.publisher("map", types.GRID, lasting=True)
+        slam.put(grid(turned=90.0))
+        bridge = Ros2(endpoint, map="map", robot="r7")
+        assert bridge.generates() == ("eMap",)
+        bridge.joined(INFO)
+        with Running(bridge) as running:
+            running.wait_for(lambda: running.emitted, "the map")
+            event = running.emitted[0]
+        session.close()
+    assert event.receivers == ("r7",)
+    assert event.cells.tolist() == [[0, 1], [1, 0], [9, 9]]
+    assert (event.cell, event.x, event.y) == (0.05, -1.0, 2.0)
+    assert event.angle == pytest.approx(90.0)
+
+
+def test_what_goes_out_as_a_map_comes_in_as_the_same():
+    cells = np.array([[0, 1, 9], [1, 9, 0]], np.int16)
+    told = grid(occupancy(cells), width=2, height=3)
+    assert np.array_equal(known_of(told).cells, cells)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"width": 4}, "an OccupancyGrid of 6 cells for 4 × 2"),
+        ({"data": [], "width": 0}, "of 0 cells for 0 × 2"),
+        ({"cell": 0.0}, "whose cells are 0.0 m wide"),
+        ({"turned": float("nan")}, "pose is no finite number"),
+    ],
+)
+def test_what_is_no_map(options, why):
+    with pytest.raises(GarbageError, match=why):
+        known_of(grid(**options))
+
+
+def test_a_world_without_such_an_event_is_told():
+    with pytest.raises(MisuseError, match="has no event type eMap"):
+        Ros2("tcp/h:1", map="map").joined(WorldInfo("w", Vocabulary.of(eLaser), 0, 0.1))

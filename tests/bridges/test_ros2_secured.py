@@ -1,0 +1,97 @@
+"""The link to a robot's router over TLS: with certificates, without, and with wrong ones."""
+
+import json
+
+import pytest
+
+pytest.importorskip("rosbags")
+pytest.importorskip("cryptography")
+import zenoh
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch.keys import Keys
+from minerva_bus.launch.keys_certificates import Wanted
+from minerva_services.bridging import SourceError
+from minerva_services.ros2 import Ros2
+from minerva_services.ros2 import messages as types
+from minerva_services.ros2.messages import messages
+from minerva_services.ros2.network import Network, Tls
+from minerva_services.ros2.session import Session
+from tests.bus.running import eventually
+
+
+def keys_in(folder):
+    keys = Keys(folder)
+    keys.init()
+    keys.issue("robot", Wanted(("operator",)))
+    return keys
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory):
+    return keys_in(tmp_path_factory.mktemp("keys"))
+
+
+@pytest.fixture(scope="module")
+def endpoint(keys):
+    """A router that lets in only who shows a certificate, as rmw_zenohd may be set up."""
+    own = keys.credentials("coordinator")
+    config = zenoh.Config()
+    for key, value in {
+        "mode": "router",
+        "listen/endpoints": ["tls/127.0.0.1:0"],
+        "scouting/multicast/enabled": False,
+        "adminspace/enabled": True,
+        "transport/link/tls": {
+            "root_ca_certificate": str(own.authority),
+            "listen_private_key": str(own.key),
+            "listen_certificate": str(own.certificate),
+            "enable_mtls": True,
+        },
+    }.items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config) as session:
+        (reply,) = session.get(f"@/{session.zid()}/router", timeout=5.0)
+        locators = json.loads(reply.ok.payload.to_string())["locators"]
+        yield next(one for one in locators if one.startswith("tls/127.0.0.1"))
+
+
+def files(keys, name="robot"):
+    own = keys.credentials(name)
+    return Tls(str(own.authority), str(own.certificate), str(own.key))
+
+
+def test_messages_go_over_a_secured_link(keys, endpoint):
+    network, heard = Network(endpoint, tls=files(keys)), []
+    one, other = Session(network, "one"), Session(network, "other")
+    one.subscribe("cmd_vel", types.TWIST, heard.append)
+    motors = other.publisher("cmd_vel", types.TWIST)
+    eventually(lambda: motors.put(messages().twist(0.5, 0.0)) or heard, "a twist comes")
+    one.close()
+    other.close()
+
+
+def test_who_shows_no_certificate_or_a_wrong_one_stays_outside(keys, endpoint, tmp_path):
+    own = files(keys)
+    stranger = files(keys_in(tmp_path / "others"))
+    wrong = Tls(own.authority, stranger.certificate, stranger.key)
+    for tls in (Tls(own.authority), wrong):
+        with pytest.raises(SourceError, match="no ROS 2 network answers at tls/"):
+            Session(Network(endpoint, tls=tls), "stranger")
+
+
+@pytest.mark.parametrize(
+    ("router", "options", "why"),
+    [
+        (
+            "tls/h:1",
+            {"authority": "nothing.pem"},
+            "authority is 'nothing.pem'; expected a PEM file",
+        ),
+        ("tls/h:1", {"certificate": __file__}, "certificate and key belong together"),
+        ("tcp/h:1", {"authority": __file__}, "certificates are for tls/ and quic/"),
+    ],
+)
+def test_wrong_options(router, options, why):
+    with pytest.raises(MisuseError, match=why):
+        Ros2(router, **options)

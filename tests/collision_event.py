@@ -1,0 +1,16 @@
+"""eCollision with all data that a service can tell, for the worlds of tests."""
+
+from minerva_bus import EventType, Metres
+
+eCollision = EventType(
+    "eCollision",
+    shortfall=Metres,
+    other=str,
+    what=str,
+    x=Metres,
+    y=Metres,
+    nx=float,
+    ny=float,
+    depth=Metres,
+    begins=bool,
+)
