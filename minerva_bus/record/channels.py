@@ -19,6 +19,9 @@ FRAME: Final = "minerva/frame"
 CHECKPOINT: Final = "minerva/checkpoint"
 """Before a frame: what is needed beside the string after it to go on from there."""
 
+SENSED: Final = "minerva/topic"
+"""What came on sensor topics, where that is recorded."""
+
 TIMING: Final = "minerva/timing"
 """How long a frame took."""
 
@@ -26,6 +29,12 @@ LOG: Final = "log"
 MAP: Final = "map"
 POSES: Final = "poses/"
 """Before the symbol of an agent kind."""
+
+TOPICS: Final = "topics/"
+"""Before the name of a sensor topic and that of who publishes there."""
+
+TRANSFORMS: Final = "transforms"
+"""Where those are whose sensors are shown."""
 
 NANO: Final = 1_000_000_000
 _LATEST: Final = (1 << 64) - 1
@@ -40,11 +49,15 @@ def _object(title: str = "", **properties: Any) -> dict[str, Any]:
 
 
 _TIME: Final = _object("time", sec=_WHOLE, nsec=_WHOLE)
+_POINT: Final = _object("foxglove.Vector3", x=_NUMBER, y=_NUMBER, z=_NUMBER)
+_TURN: Final = _object("foxglove.Quaternion", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
 _POSE: Final = _object(
     "foxglove.Pose",
-    position=_object("foxglove.Vector3", x=_NUMBER, y=_NUMBER, z=_NUMBER),
-    orientation=_object("foxglove.Quaternion", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER),
+    position=_POINT,
+    orientation=_TURN,
 )
+_NUMBERS: Final = {"type": "array", "items": _NUMBER}
+_BYTES: Final = {"type": "string", "contentEncoding": "base64"}
 _PACKED: Final = _object("foxglove.PackedElementField", name=_TEXT, offset=_WHOLE, type=_WHOLE)
 
 SCHEMAS: Final[dict[str, dict[str, Any]]] = {
@@ -74,7 +87,51 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
         row_stride=_WHOLE,
         cell_stride=_WHOLE,
         fields={"type": "array", "items": _PACKED},
-        data={"type": "string", "contentEncoding": "base64"},
+        data=_BYTES,
+    ),
+    "foxglove.LaserScan": _object(
+        "foxglove.LaserScan",
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        pose=_POSE,
+        start_angle=_NUMBER,
+        end_angle=_NUMBER,
+        ranges=_NUMBERS,
+        intensities=_NUMBERS,
+    ),
+    "foxglove.CompressedImage": _object(
+        "foxglove.CompressedImage", timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT
+    ),
+    "foxglove.RawImage": _object(
+        "foxglove.RawImage",
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        width=_WHOLE,
+        height=_WHOLE,
+        encoding=_TEXT,
+        step=_WHOLE,
+        data=_BYTES,
+    ),
+    "foxglove.PoseInFrame": _object(
+        "foxglove.PoseInFrame", timestamp=_TIME, frame_id=_TEXT, pose=_POSE
+    ),
+    "foxglove.LocationFix": _object(
+        "foxglove.LocationFix",
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        latitude=_NUMBER,
+        longitude=_NUMBER,
+        altitude=_NUMBER,
+        position_covariance=_NUMBERS,
+        position_covariance_type=_WHOLE,
+    ),
+    "foxglove.FrameTransform": _object(
+        "foxglove.FrameTransform",
+        timestamp=_TIME,
+        parent_frame_id=_TEXT,
+        child_frame_id=_TEXT,
+        translation=_POINT,
+        rotation=_TURN,
     ),
 }
 """JSON schemas of the messages in JSON, by the names that Foxglove and Lichtblick know."""

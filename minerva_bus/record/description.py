@@ -16,6 +16,7 @@ from minerva_bus.protocol.limits import Limits
 from minerva_bus.protocol.plain import listed, mapped, number, pack, text, unpack, whole
 from minerva_bus.protocol.values import Reader, plain_scene
 from minerva_bus.record.errors import RecordError
+from minerva_bus.record.norms import plain_norm, read_norms
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
 
@@ -74,6 +75,7 @@ def encode_description(told: Description) -> bytes:
         "frames": world.frames,
         "until": world.until,
         "expected": sorted(world.expected),
+        "norms": [plain_norm(norm) for norm in world.norms],
         "file": told.file,
         "rate": told.rate,
         "options": dict(told.options),
@@ -106,9 +108,10 @@ def decode_description(data: bytes) -> Description:
 
 def _description(plain: Mapping[str, Any]) -> Description:
     vocabulary = read_vocabulary(plain["vocabulary"])
+    reader = Reader(vocabulary, LIMITS)
     world = World(
         name=text(plain["name"], "the name"),
-        scene=Reader(vocabulary, LIMITS).scene(plain["string"]),
+        scene=reader.scene(plain["string"]),
         vocabulary=vocabulary,
         seed=whole(plain["seed"], "the seed", _LEAST),
         dt=number(plain["dt"], "dt"),
@@ -117,6 +120,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         frames=whole(plain["frames"], "frames"),
         until=text(plain["until"], "until"),
         expected=frozenset(_texts(plain["expected"])),
+        norms=read_norms(plain.get("norms", []), reader),
     )
     return Description(
         world,

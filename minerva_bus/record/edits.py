@@ -66,6 +66,11 @@ def edit_between(old: Scene, new: Scene, depth: int = 0) -> Edit:
 
 def _counterparts(before: Sequence[Piece], after: Sequence[Piece], same: int) -> Iterator[int]:
     """For each new piece the place of the old one that it is, or was, or -1."""
+    if len(before) == len(after) and all(
+        map(_alike, islice(before, same, None), islice(after, same, None))
+    ):
+        yield from range(same, len(after))  # As nearly always: nobody has come or gone.
+        return
     here = {id(piece): place for place, piece in enumerate(before) if place >= same}
     kept = here.keys() & map(id, islice(after, same, None))
     was = dict(zip(_keys(before, same, kept), range(same, len(before)), strict=True))
@@ -125,6 +130,15 @@ def _same_ahead(before: Sequence[Piece], after: Sequence[Piece]) -> int:
         return shorter
     pairs = zip(before, after, strict=False)
     return next((place for place, (one, two) in enumerate(pairs) if one is not two), shorter)
+
+
+def _alike(old: Piece, new: Piece) -> bool:
+    """Whether these are the same piece, or the same agent or symbol, changed."""
+    if old is new:
+        return True
+    if isinstance(old, AgentNode) and isinstance(new, AgentNode):
+        return old.id == new.id
+    return type(old) is type(new) and old.symbol == new.symbol
 
 
 def _keys(pieces: Sequence[Piece], begin: int, kept: Container[int]) -> Iterator[Hashable]:

@@ -10,8 +10,11 @@ from typing import Any
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.record.errors import RecordError
 from minerva_bus.record.messages import Frame
 from minerva_bus.record.reader import Record
+from minerva_bus.record.sensing import Dropped
+from minerva_bus.world.norms import SOURCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +22,10 @@ class Info:
     """A record in figures.
 
     `seconds` are the world's, `wall_seconds` the clock's; `missing` counts frames that were left
-    out. `first_agents` and `last_agents` say how many agents of each kind there were. `checked`:
-    all digests have been compared.
+    out, `topics` readings by topic, `dropped` messages on topics that could not be kept.
+    `first_agents` and `last_agents` say how many agents of each kind there were,
+    `broken` how often norms have been broken. `checked`: all
+    digests have been compared.
     """
 
     world: str
@@ -35,7 +40,10 @@ class Info:
     events: Mapping[str, int]
     first_agents: Mapping[str, int]
     last_agents: Mapping[str, int]
+    broken: Mapping[str, int]
     log_lines: int
+    topics: Mapping[str, int]
+    dropped: int
     timings: Mapping[str, float]
     options: Mapping[str, str]
     versions: Mapping[str, str]
@@ -60,6 +68,9 @@ class Info:
             "time": f"{self.seconds:.2f} s of the world, {self.wall_seconds:.2f} s by the clock",
             "agents": _pairs(kinds),
             "events": _pairs({name: f"{count:,}" for name, count in self.events.items()}),
+            "norms": _pairs({name: f"{count:,}" for name, count in self.broken.items()}),
+            "topics": _pairs({name: f"{count:,}" for name, count in self.topics.items()})
+            + (f" ({self.dropped:,} messages dropped)" if self.dropped else ""),
             "a frame": _pairs({one: f"{1000 * s:.2f} ms" for one, s in self.timings.items()}),
             "log": f"{self.log_lines:,} lines" if self.log_lines else "",
             "options": _pairs(options),
@@ -80,6 +91,7 @@ def info_of(record: Record, check: bool = False) -> Info:
     for frame, scene in record.strings(check):  # noqa: B007
         count, last = count + 1, frame
         events.update(_counted(frame))
+    topics, dropped = _sensed(record)
     reached = last.number + 1 if last is not None else 0
     return Info(
         world=world.name,
@@ -94,7 +106,10 @@ def info_of(record: Record, check: bool = False) -> Info:
         events=dict(sorted(events.items())),
         first_agents=kinds_in(world.scene),
         last_agents=kinds_in(scene),
+        broken=_broken(record),
         log_lines=sum(1 for _ in record.log()),
+        topics=topics,
+        dropped=dropped,
         timings=_means(record.timings()),
         options=record.description.options,
         versions=record.description.versions,
@@ -102,11 +117,34 @@ def info_of(record: Record, check: bool = False) -> Info:
     )
 
 
+def _broken(record: Record) -> dict[str, int]:
+    """How often each norm of a world has been broken."""
+    if not record.description.world.norms:
+        return {}
+    try:
+        saved = record.end()[0].saved
+    except RecordError:  # it has no checkpoints
+        return {}
+    return dict(saved.get(SOURCE, {}).get("broken", {}))
+
+
 def _counted(frame: Frame) -> Counter[str]:
     counts: Counter[str] = Counter()
     for event in frame.events:
         counts[event.type] += len(event) if isinstance(event, Events) else 1
     return counts
+
+
+def _sensed(record: Record) -> tuple[dict[str, int], int]:
+    """How many readings there are by topic, and how many messages were dropped."""
+    counts: Counter[str] = Counter()
+    dropped = 0
+    for _, told in record.sensed():
+        if isinstance(told, Dropped):
+            dropped += told.count
+        else:
+            counts[told.topic] += len(told.readings)
+    return dict(sorted(counts.items())), dropped
 
 
 def kinds_in(scene: Scene) -> dict[str, int]:

@@ -10,7 +10,7 @@ such attributes have no place. What stands around an agent moves it as its symbo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, TransformationNode, still, walk
+from minerva_bus.grammar.scene import (
+    AgentNode,
+    FigureNode,
+    Piece,
+    Scene,
+    TransformationNode,
+    still,
+    walk,
+)
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import Pose, resolve
 
@@ -26,6 +34,7 @@ Numbers = NDArray[np.float64]
 _Get = Callable[[str, float], Numbers]
 
 _NUMBERS: Final = frozenset(("real", "int"))
+_ORIGIN: Final = Pose()
 _PLANE: Final = frozenset(("x", "y"))
 _GRID: Final = frozenset(("row", "column"))
 
@@ -40,6 +49,11 @@ class Places:
     y: Numbers
     angle: Numbers
 
+    def of(self, wanted: Container[str]) -> Iterator[tuple[str, float, float, float]]:
+        """Id, x, y and angle of those with these ids."""
+        rows = zip(self.ids, self.x.tolist(), self.y.tolist(), self.angle.tolist(), strict=True)
+        return (row for row in rows if row[0] in wanted)
+
 
 def placed_kinds(vocabulary: Vocabulary) -> dict[str, frozenset[str]]:
     """The kinds whose agents have places, each with its attributes that are numbers."""
@@ -50,25 +64,37 @@ def placed_kinds(vocabulary: Vocabulary) -> dict[str, frozenset[str]]:
     return {kind: names for kind, names in numbers.items() if names >= _PLANE or names >= _GRID}
 
 
-def places(scene: Scene, vocabulary: Vocabulary, most: int = 0) -> dict[str, Places]:
-    """Where the agents of each kind are that has a place; of each about `most` (0: all of them).
+class Surveyor:
+    """Tells where the agents of strings over a vocabulary are; of each kind about `most` (0: all).
 
     Of many in columns every n-th is taken, so that they are the same ones as long as they live.
     """
-    found: dict[str, list[Places]] = {}
-    for one in _all_places(scene, vocabulary, most):
-        found.setdefault(one.kind, []).append(one)
-    return {kind: _together(kind, some) for kind, some in sorted(found.items())}
 
+    def __init__(self, vocabulary: Vocabulary, most: int = 0) -> None:
+        self.placed = placed_kinds(vocabulary)
+        self._vocabulary = vocabulary
+        self._most = most
 
-def _all_places(scene: Scene, vocabulary: Vocabulary, most: int) -> Iterator[Places]:
-    placed = placed_kinds(vocabulary)
-    for piece in scene.pieces:
-        if isinstance(piece, Columns):
-            if piece.symbol in placed:
-                yield _of_columns(piece, placed[piece.symbol], most)
-        elif isinstance(piece, AgentNode) or not (isinstance(piece, FigureNode) or still(piece)):
-            yield from _of_nodes(Scene((piece,)), vocabulary, placed)
+    def places(self, scene: Scene) -> dict[str, Places]:
+        """Where the agents of each kind are that has a place."""
+        found: dict[str, list[Places]] = {}
+        for one in self._all_places(scene):
+            found.setdefault(one.kind, []).append(one)
+        return {kind: _together(kind, some) for kind, some in sorted(found.items())}
+
+    def _all_places(self, scene: Scene) -> Iterator[Places]:
+        nodes: list[Piece] = []
+        for piece in scene.pieces:
+            if isinstance(piece, Columns):
+                if piece.symbol in self.placed:
+                    yield from _of_nodes(nodes, self._vocabulary, self.placed)
+                    yield _of_columns(piece, self.placed[piece.symbol], self._most)
+                    nodes = []
+            elif isinstance(piece, AgentNode) or not (
+                isinstance(piece, FigureNode) or still(piece)
+            ):
+                nodes.append(piece)
+        yield from _of_nodes(nodes, self._vocabulary, self.placed)
 
 
 def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
@@ -85,11 +111,12 @@ def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
 
 
 def _of_nodes(
-    scene: Scene, vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
+    pieces: Sequence[Piece], vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
 ) -> Iterator[Places]:
-    """Those of a string, one by one, moved by the transformations in whose scopes they are."""
-    poses = [Pose()]
-    for opens, node in walk(scene):
+    """Those of some pieces, moved by the transformations in whose scopes they are."""
+    poses = [_ORIGIN]
+    found: dict[str, list[tuple[AgentNode, Pose]]] = {}
+    for opens, node in walk(Scene(tuple(pieces))):
         if isinstance(node, FigureNode):
             continue
         if isinstance(node, TransformationNode):
@@ -98,7 +125,9 @@ def _of_nodes(
             else:
                 poses.pop()
         elif opens and node.symbol in placed:
-            yield _of_agent(node, placed[node.symbol], poses[-1])
+            found.setdefault(node.symbol, []).append((node, poses[-1]))
+    for kind, some in found.items():
+        yield _of_agents(kind, some, placed[kind])
 
 
 def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose:
@@ -114,15 +143,24 @@ def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose
     )
 
 
-def _of_agent(node: AgentNode, names: frozenset[str], pose: Pose) -> Places:
-    state = node.state
+def _of_agents(kind: str, some: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]) -> Places:
+    nodes = [node for node, _ in some]
 
     def get(name: str, default: float) -> Numbers:
-        return np.array([state[name] if name in names else default], np.float64)
+        if name not in names:
+            return np.full(len(nodes), default)
+        return np.array([node.values[node.names.index(name)] for node in nodes], np.float64)
 
     x, y, angle = _place(names, get)
-    at = pose.then(float(x[0]), float(y[0]), float(angle[0]), 0.0)
-    return Places(node.symbol, [node.id], np.array([at.x]), np.array([at.y]), np.array([at.angle]))
+    ids = [node.id for node in nodes]
+    if all(pose is _ORIGIN for _, pose in some):
+        return Places(kind, ids, x, y, angle)
+    at = np.array([(pose.x, pose.y, pose.angle) for _, pose in some])
+    turned = np.radians(at[:, 2])
+    cos, sin = np.cos(turned), np.sin(turned)
+    return Places(
+        kind, ids, at[:, 0] + x * cos - y * sin, at[:, 1] + x * sin + y * cos, at[:, 2] + angle
+    )
 
 
 def _place(names: frozenset[str], get: _Get) -> tuple[Numbers, Numbers, Numbers]:

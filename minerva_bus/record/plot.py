@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -12,29 +12,9 @@ from minerva_bus.record.drawing import Ground, draw_tracks, halo, limits
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.palette import Palette
 from minerva_bus.record.reader import Record
+from minerva_bus.record.style import DOTS, FAINT, INK, STYLE
 from minerva_bus.record.tracks import Story, story_of
 from minerva_bus.semantics.geometry import interpret
-
-INK: Final = "#2f3640"
-FAINT: Final = "#8a929c"
-DOTS: Final = 150
-
-_STYLE: Final = {
-    "font.size": 9,
-    "axes.edgecolor": "#c4c9cf",
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.titlesize": 10,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "text.color": INK,
-    "xtick.color": FAINT,
-    "ytick.color": FAINT,
-    "grid.color": "#e6e8eb",
-    "legend.frameon": False,
-}
 
 
 def plot(record: Record, into: Path) -> None:
@@ -49,7 +29,7 @@ def plot(record: Record, into: Path) -> None:
     except ImportError:
         raise MisuseError("plotting needs matplotlib: pip install 'minerva-bus[plot]'") from None
     story = story_of(record)
-    with mpl.rc_context(_STYLE):  # pyright: ignore
+    with mpl.rc_context(dict(STYLE)):  # pyright: ignore
         figure: Any = Figure(figsize=(12, 6.6), dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         _draw(figure, story, record)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.protocol.values import Reader
@@ -21,6 +22,7 @@ from minerva_bus.record.description import LIMITS, Description, decode_descripti
 from minerva_bus.record.edits import edited
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.messages import Frame, decode_frame, decode_string, frame_number
+from minerva_bus.record.sensing import Dropped, decode_sensed
 
 if TYPE_CHECKING:
     from mcap.records import Message
@@ -180,7 +182,8 @@ class Record:
     def messages(self, number: int) -> Iterator[tuple[str, Message]]:
         """Topic and message of all that happened before a frame, as it is in the file."""
         for topic, message in self._chunks.messages(self._chunks.topics.values()):
-            if topic != c.CHECKPOINT or message.sequence <= number:
+            late = {c.CHECKPOINT: number, c.SENSED: number - 1}.get(topic)
+            if late is None or message.sequence <= late:
                 yield topic, message
 
     def last_events(self, types: Collection[str]) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
@@ -202,6 +205,13 @@ class Record:
         """The log, in order."""
         for time, plain in self._json(c.LOG):
             yield LogLine(time, str(plain.get("name", "")), str(plain.get("message", "")))
+
+    def sensed(self) -> Iterator[tuple[float, Readings | Dropped]]:
+        """What came on sensor topics, and when, in seconds of the world's time."""
+        for _, message in self._chunks.messages((c.SENSED,)):
+            with self._explained("a message of a topic"):
+                told = decode_sensed(message.data)
+            yield message.log_time / c.NANO, told
 
     def timings(self) -> Iterator[dict[str, float]]:
         """What was measured of each frame, by name, in seconds; and its number as `frame`."""

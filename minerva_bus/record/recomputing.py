@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
+from minerva_bus.frame.enforcement import Enforcement
 from minerva_bus.frame.hosting import Host
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -27,6 +28,7 @@ class _Again:
         self._world = world
         self.composition = Composition(world.scene)
         self._host = Host(_HERE, kinds)
+        self._enforcement = Enforcement(world.norms, self.composition, {})
 
     def live(self, number: int, events: Sequence[AnyEvent]) -> list[AnyEvent]:
         """η of a frame; the events that agents have sent, in order. Raises ActivityError."""
@@ -37,9 +39,11 @@ class _Again:
         moment = Frame(number, world.dt, world.seed)
         reply = host.answer(request, moment, world.policy, world.vocabulary)
         patched = {one: Scene((host.fragments[one],)) for one in reply.patched}
-        places = composition.places(reply.emitted)
-        sent = [one for name in sorted(reply.emitted, key=places) for one in reply.emitted[name]]
-        composition.replace({**reply.changed, **patched})
+        changed = {**reply.changed, **patched}
+        ruling = self._enforcement.agents(number, changed, reply.emitted)
+        places = composition.places(ruling.sent)
+        sent = [one for name in sorted(ruling.sent, key=places) for one in ruling.sent[name]]
+        composition.replace(ruling.changed)
         return sent
 
 

@@ -12,6 +12,7 @@ Where the disk is full, the world goes on without a record, and what was flushed
 from __future__ import annotations
 
 import queue
+import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -21,8 +22,10 @@ from pathlib import Path
 from typing import IO, Final
 
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.frame.messages import FrameRecord, Readings
+from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.record.backlog import Backlog, Heard
 from minerva_bus.record.checkpoints import Kept
 from minerva_bus.record.description import Description
 from minerva_bus.record.errors import RecordError
@@ -33,13 +36,17 @@ from minerva_bus.record.writer import RecordWriter, open_for_record, part_of, ta
 WAITING: Final = 16
 PATIENCE: Final = 1.0
 CLOSING_WITHIN: Final = 30.0
+TURN: Final = 0.001
+"""Seconds that the writing thread keeps the interpreter's lock while a frame's wants it: Python's
+own five milliseconds are several frames, and giving way unasked costs more than it brings."""
+
 
 _NONE: Mapping[str, float] = {}
 
 
 @dataclass(frozen=True, slots=True)
 class _FrameItem:
-    record: FrameRecord
+    record: FrameRecord | FrameDone
     scene: Scene
     seconds: float
     timings: Mapping[str, float]
@@ -98,13 +105,16 @@ class Recorder:
             raise
         if past is not None:
             take_name(path)
-        self._items: queue.Queue[_Item | None] = queue.Queue(WAITING)
+        self._items: queue.SimpleQueue[_Item | None] = queue.SimpleQueue()
         self._stuck = False
         self._closed = False
+        self._heard = Backlog()
+        self._dropped: int = 0
         self._thread: threading.Thread | None = None
         if not durable:
             self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
             self._thread.start()
+            sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
 
     @property
     def frames(self) -> int:
@@ -113,7 +123,7 @@ class Recorder:
 
     def frame(
         self,
-        record: FrameRecord,
+        record: FrameRecord | FrameDone,
         scene: Scene,
         seconds: float,
         timings: Mapping[str, float] = _NONE,
@@ -121,6 +131,7 @@ class Recorder:
     ) -> None:
         """Record a frame; `scene` is the string after it, `seconds` the clock since the beginning.
 
+        Its digest is reckoned in the writing thread, so that no frame waits for it.
         `timings` are in seconds, by name. The `checkpoint` is that after the frame; without it, a
         world cannot go on from there.
         """
@@ -137,6 +148,18 @@ class Recorder:
         """Record a line about a member."""
         self._put(_LogItem(self._frame, seconds, member, text, warning))
 
+    def sensed(self, told: Readings, seconds: float) -> None:
+        """Record what came on a sensor topic; nothing waits for that. From any thread."""
+        self._hear(Heard(told.topic, told.member, told, self._frame, seconds))
+
+    def heard(self, topic: str, member: str, data: bytes, seconds: float) -> None:
+        """As `sensed`, of readings as the bus has brought them."""
+        self._hear(Heard(topic, member, data, self._frame, seconds))
+
+    def _hear(self, one: Heard) -> None:
+        if not (self._failure or self._closed):
+            self._heard.put(one)
+
     def close(self) -> None:
         """Write what is left, and the index. More than once does no harm."""
         if self._closed:
@@ -149,14 +172,15 @@ class Recorder:
         self._tell_failure()
         if self.lost:
             self._say(f"{self.path}: {self.lost} frames are not in the record: the disk was slow")
+        if self._heard.dropped:
+            self._say(
+                f"{self.path}: {self._heard.dropped} messages on topics are not in the record: they"
+                " came faster than they were written"
+            )
 
     def _end(self, thread: threading.Thread) -> None:
-        try:
-            self._items.put(None, timeout=CLOSING_WITHIN)
-        except queue.Full:
-            pass
-        else:
-            thread.join(CLOSING_WITHIN)
+        self._items.put(None)
+        thread.join(CLOSING_WITHIN)
         if thread.is_alive():
             self._failure = self._failure or "the disk does not answer"
 
@@ -166,11 +190,20 @@ class Recorder:
         if self._thread is None:
             self._carefully(partial(self._write_durably, item))
             return
-        try:
-            self._items.put(item, block=not self._stuck, timeout=PATIENCE)
+        if self._has_room():
+            self._items.put(item)
             self._stuck = False
-        except queue.Full:
+        else:
             self._leave_out(item)
+
+    def _has_room(self) -> bool:
+        """Whether one more can wait, now or before patience ends; a queue that waits costs more."""
+        until = 0.0 if self._stuck else time.monotonic() + PATIENCE
+        while self._items.qsize() >= WAITING:
+            if time.monotonic() >= until:
+                return False
+            time.sleep(0.001)
+        return True
 
     def _leave_out(self, item: _Item) -> None:
         if not self._stuck:
@@ -192,6 +225,7 @@ class Recorder:
     def _run(self) -> None:
         self._flush_at = time.monotonic() + self._flush_seconds
         while self._take():
+            self._carefully(self._write_heard)
             if time.monotonic() >= self._flush_at:
                 self._carefully(self._writer.flush)
                 self._flush_at = time.monotonic() + self._flush_seconds
@@ -213,11 +247,23 @@ class Recorder:
         else:
             self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
 
+    def _write_heard(self) -> None:
+        seconds = 0.0
+        while (found := self._heard.take()) is not None:
+            one, told = found
+            seconds = one.seconds
+            self._writer.sensed(told, one.frame, seconds)
+        if self._heard.dropped > self._dropped:
+            new, self._dropped = self._heard.dropped - self._dropped, self._heard.dropped
+            self._writer.dropped(new, self._frame, seconds)
+
     def _write_durably(self, item: _Item) -> None:
+        self._write_heard()
         self._write(item)
         self._writer.flush()
 
     def _finish(self) -> None:
+        self._carefully(self._write_heard)
         self._carefully(self._writer.finish)
         _shut(self._stream)
 

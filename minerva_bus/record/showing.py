@@ -40,7 +40,7 @@ _FIELDS: Final = [
 def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
     """A line of the log: `foxglove.Log`."""
     level = _WARNING if warning else _INFO
-    plain = {"timestamp": _time(time), "level": level, "message": text, "name": member}
+    plain = {"timestamp": time_stamp(time), "level": level, "message": text, "name": member}
     return _json(plain | {"file": "", "line": 0})
 
 
@@ -86,11 +86,10 @@ def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
     parameters = figure.parameters
     corner = corner_of(raster, figure, at)
     cell, cells = resolve(raster.cell, parameters), parameters[raster.cells]
-    half = math.radians(corner.angle) / 2
     return {
-        "timestamp": _time(0),
+        "timestamp": time_stamp(0),
         "frame_id": GROUND,
-        "pose": _pose(corner.x, corner.y, math.sin(half), math.cos(half)),
+        "pose": pose_of(corner.x, corner.y, corner.angle),
         "column_count": cells.shape[0],
         "cell_size": {"x": cell, "y": cell},
         "row_stride": 4 * cells.shape[0],
@@ -126,8 +125,15 @@ def _rgba(color: str, opacity: float) -> tuple[int, int, int, int]:
     return red, green, blue, round(255 * opacity)
 
 
-def _time(nanoseconds: int) -> dict[str, int]:
+def time_stamp(nanoseconds: int) -> dict[str, int]:
+    """A time as Foxglove's messages have it."""
     return {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}
+
+
+def pose_of(x: float, y: float, angle: float) -> dict[str, dict[str, float]]:
+    """A pose in the plane, metres and degrees, as Foxglove's messages have it."""
+    half = math.radians(angle) / 2
+    return _pose(x, y, math.sin(half), math.cos(half))
 
 
 def _pose(x: float, y: float, sine: float, cosine: float) -> dict[str, dict[str, float]]:

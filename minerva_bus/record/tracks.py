@@ -17,7 +17,7 @@ from minerva_bus.grammar.forms import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.record.info import kinds_in
-from minerva_bus.record.places import Numbers, Places, places
+from minerva_bus.record.places import Numbers, Places, Surveyor
 from minerva_bus.record.reader import Record
 from minerva_bus.record.showing import without_agents
 from minerva_bus.semantics.geometry import interpret
@@ -110,6 +110,7 @@ class _Telling:
         self.counts: dict[str, list[int]] = {}
         self.distances: dict[str, tuple[list[float], list[float]]] = {}
         self.goals: dict[str, tuple[float, float]] = {}
+        self._surveyor = Surveyor(vocabulary, AGENTS)
         self._labels = labels(self.ground, vocabulary)
         self._seekers = frozenset(
             kind.name for kind in vocabulary.kinds.values() if OBJECTIVE in kind.fields.names
@@ -122,7 +123,7 @@ class _Telling:
             known = self.counts.setdefault(kind, [0] * len(self.times))
             known.append(found.get(kind, 0))
         self.times.append(time)
-        there = places(scene, self.vocabulary, AGENTS)
+        there = self._surveyor.places(scene)
         for some in there.values():
             self._follow(time, some)
         if self._labels and self._seekers & there.keys():

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 
 from minerva_bus import __version__
-from minerva_bus.frame.messages import FrameRecord
+from minerva_bus.frame.messages import FrameRecord, Readings
+from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.record import channels as c
 from minerva_bus.record.checkpoints import Kept, encode_checkpoint
@@ -19,8 +20,15 @@ from minerva_bus.record.edits import edit_between
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.extra import check_installed
 from minerva_bus.record.messages import encode_frame, encode_string
-from minerva_bus.record.places import placed_kinds, places
+from minerva_bus.record.places import Surveyor
 from minerva_bus.record.reader import Record
+from minerva_bus.record.sensing import (
+    decode_sensed,
+    encode_dropped,
+    encode_readings,
+    encode_transform,
+    shown_readings,
+)
 from minerva_bus.record.showing import encode_log, encode_maps, encode_poses
 
 if TYPE_CHECKING:
@@ -35,7 +43,7 @@ KEY_AFTER: Final = 8
 SHOWN: Final = 500
 """Agents of a kind whose poses are shown; of more every n-th."""
 
-SHOWN_EVERY: Final = 0.05
+SHOWN_EVERY: Final = 0.1
 """Seconds of the world's time between two poses of an agent that are shown."""
 
 
@@ -52,6 +60,7 @@ class RecordWriter:
         self._told = told
         self._dt = told.world.dt
         self._scene = told.world.scene
+        self._surveyor = Surveyor(told.world.vocabulary, SHOWN)
         self._since_key = 0
         self._key_bytes = 0
         self._last_shown = -1.0
@@ -61,6 +70,8 @@ class RecordWriter:
         self.kept: int = 0
         self._writer = _mcap_writer(stream)
         self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._sensing: set[str] = set()
         self._begin()
         if past is None:
             self._put_beginning()
@@ -74,9 +85,22 @@ class RecordWriter:
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
         )
-        for topic in (c.WORLD, c.STRING, c.FRAME, c.CHECKPOINT):
+        for topic in (c.WORLD, c.STRING, c.FRAME, c.CHECKPOINT, c.SENSED):
             self._channels[topic] = self._writer.register_channel(topic, "msgpack", 0)
-        self._register_shown()
+        shown = dict(c.SCHEMA_OF)
+        for kind in self._surveyor.placed:
+            shown[c.POSES + kind] = "foxglove.PosesInFrame"
+        for topic, schema in shown.items():
+            self._show_in(topic, schema)
+
+    def _show_in(self, topic: str, schema: str) -> None:
+        """Have a channel for what others show."""
+        if schema not in self._schemas:
+            plain = json.dumps(c.SCHEMAS[schema]).encode()
+            made = self._writer.register_schema(schema, "jsonschema", plain)
+            self._schemas[schema] = made
+        made = self._writer.register_channel(topic, "json", self._schemas[schema])
+        self._channels[topic] = made
 
     def _put_beginning(self) -> None:
         world = self._told.world
@@ -103,23 +127,15 @@ class RecordWriter:
             )
             self.frames += topic == c.FRAME
             published = message.publish_time
+            told = decode_sensed(message.data) if topic == c.SENSED else None
+            if isinstance(told, Readings):
+                seconds = (published - self._told.began) / c.NANO
+                self._show_readings(told, message.sequence, seconds)
         self._put_string(checkpoint.frame, (published - self._told.began) / c.NANO)
-
-    def _register_shown(self) -> None:
-        schemas = {
-            name: self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-            for name, schema in c.SCHEMAS.items()
-        }
-        shown = dict(c.SCHEMA_OF)
-        for kind in placed_kinds(self._told.world.vocabulary):
-            shown[c.POSES + kind] = "foxglove.PosesInFrame"
-        for topic, schema in shown.items():
-            made = self._writer.register_channel(topic, "json", schemas[schema])
-            self._channels[topic] = made
 
     def frame(
         self,
-        record: FrameRecord,
+        record: FrameRecord | FrameDone,
         scene: Scene,
         seconds: float,
         timings: Mapping[str, float],
@@ -130,15 +146,14 @@ class RecordWriter:
         The checkpoint comes first: then a frame that was not cut off has its checkpoint, too.
         """
         edit = edit_between(self._scene, scene)
-        data = encode_frame(record.frame, record.events, edit, record.digest)
+        data = encode_frame(record.frame, record.events, edit, scene.digest)
         after = record.frame + 1
         checkpoint = encode_checkpoint(kept, self._kept) if kept is not None else b""
         if checkpoint:
             self._put(c.CHECKPOINT, checkpoint, after, seconds, after)
         self._kept = kept
         self._put(c.FRAME, data, after, seconds, record.frame)
-        timing = {"frame": record.frame, "seconds": seconds, **timings}
-        self._put(c.TIMING, json.dumps(timing).encode(), after, seconds, record.frame)
+        self._put(c.TIMING, _timing(record.frame, seconds, timings), after, seconds, record.frame)
         self._scene = scene
         self.frames += 1
         self._since_key += len(data) + len(checkpoint)
@@ -150,6 +165,24 @@ class RecordWriter:
         """Write a line of the log, in the midst of this frame."""
         time = c.time_of(frame, self._dt)
         self._put(c.LOG, encode_log(time, member, text, warning), frame, seconds)
+
+    def sensed(self, told: Readings, frame: int, seconds: float) -> None:
+        """Write what came on a sensor topic in the midst of this frame."""
+        number = told.frame if told.frame >= 0 else frame
+        self._put(c.SENSED, encode_readings(told), number, seconds, number)
+        self._show_readings(told, number, seconds)
+
+    def dropped(self, count: int, frame: int, seconds: float) -> None:
+        """Write that so many messages on topics are not in the record."""
+        self._put(c.SENSED, encode_dropped(count), frame, seconds, frame)
+
+    def _show_readings(self, told: Readings, frame: int, seconds: float) -> None:
+        for schema, data in shown_readings(told, c.time_of(frame, self._dt)):
+            topic = f"{c.TOPICS}{told.topic}/{told.member}/{schema.partition('.')[2]}"
+            if topic not in self._channels:
+                self._show_in(topic, schema)
+            self._put(topic, data, frame, seconds, frame)
+        self._sensing.update(one.robot for one in told.readings)
 
     def flush(self) -> None:
         """Let all that was written reach the disk."""
@@ -176,9 +209,14 @@ class RecordWriter:
         if self._last_shown >= 0.0 and now - self._last_shown < SHOWN_EVERY:
             return
         self._last_shown = now
-        for kind, some in places(self._scene, self._told.world.vocabulary, SHOWN).items():
-            data = encode_poses(c.time_of(frame, self._dt), some)
-            self._put(c.POSES + kind, data, frame, seconds)
+        for kind, some in self._surveyor.places(self._scene).items():
+            time = c.time_of(frame, self._dt)
+            self._put(c.POSES + kind, encode_poses(time, some), frame, seconds)
+            for robot, x, y, angle in some.of(self._sensing) if self._sensing else ():
+                if c.TRANSFORMS not in self._channels:
+                    self._show_in(c.TRANSFORMS, "foxglove.FrameTransform")
+                data = encode_transform(robot, time, x, y, angle)
+                self._put(c.TRANSFORMS, data, frame, seconds)
 
     def _put(self, topic: str, data: bytes, frame: int, seconds: float, sequence: int = 0) -> None:
         self._writer.add_message(
@@ -189,6 +227,10 @@ class RecordWriter:
             sequence=sequence & 0xFFFFFFFF,
         )
         self._dirty = True
+
+
+def _timing(frame: int, seconds: float, timings: Mapping[str, float]) -> bytes:
+    return json.dumps({"frame": frame, "seconds": seconds, **timings}).encode()
 
 
 def _mcap_writer(stream: IO[bytes]) -> Writer:

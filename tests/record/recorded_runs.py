@@ -7,8 +7,9 @@ from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
-from minerva_bus.launch.worldfile import Overrides, read_world_file
 from minerva_bus.record.checkpoints import Kept
 from minerva_bus.record.description import Description
 from minerva_bus.record.reader import Record

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus import Metres, Primitive, Transformation, Vocabulary
+from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
@@ -50,6 +50,17 @@ def test_any_string_is_made_of_any_other(given):
         check(old, other, vocabulary)  # mixed, an id might be there twice
     else:
         check(old, Scene(tuple(pieces)), vocabulary)
+
+
+class Bare(Agent, symbol="ABare"):
+    """An agent of whom nothing is known but who it is."""
+
+
+def test_another_agent_of_the_same_kind_is_another():
+    vocabulary = Vocabulary.of(PStar, Bare)
+    old = vocabulary.read("ABare#a() · PStar<size=1> · ABare#b(PStar<size=2>)")
+    new = vocabulary.read("ABare#c() · PStar<size=1> · ABare#d(PStar<size=2>)")
+    check(old, new, vocabulary)
 
 
 @given(family_strings(), family_strings())

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.cli.recording import show_difference, show_info
-from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.record.errors import RecordError
+from minerva_bus.record.messages import encode_frame
 from minerva_bus.record.writer import RecordWriter
 from tests.record.recorded_runs import bytes_of, description, happened, strings_of
 
@@ -71,12 +71,13 @@ def test_info_for_people(tmp_path, capsys):
     assert "ABird 80 → 80, AHawk 1 → 1" in said
 
 
-def test_info_checks(tmp_path):
+def test_info_checks(tmp_path, monkeypatch):
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
-    record, string = frames[0]
-    writer.frame(FrameRecord(0, record.events, {}, bytes(16)), string, 0.0, {})
+    encoded = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
+    monkeypatch.setattr("minerva_bus.record.writer.encode_frame", encoded)
+    writer.frame(*frames[0], 0.0, {})
     writer.finish()
     path, _ = files(tmp_path, stream.getvalue())
     with pytest.raises(RecordError, match="frame 0 has left a string of the digest"):

@@ -20,7 +20,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.description import World
 from minerva_bus.record.description import Description
 from minerva_bus.record.errors import RecordError
-from minerva_bus.record.places import places
+from minerva_bus.record.places import Surveyor
 from minerva_bus.record.tracks import story_of
 from minerva_bus.record.writer import RecordWriter
 from tests.record.recorded_runs import bytes_of, happened, record_of, strings_of
@@ -61,7 +61,7 @@ WORLD = Vocabulary.of(TAt, Walker, Mole, Name, Wind)
 
 
 def where(text, most=0):
-    found = places(WORLD.read(text), WORLD, most)
+    found = Surveyor(WORLD, most).places(WORLD.read(text))
     return {
         kind: [tuple(round(v, 6) for v in row) for row in zip(one.x, one.y, one.angle, strict=True)]
         for kind, one in found.items()
@@ -88,11 +88,11 @@ def test_what_stands_around_an_agent_moves_it():
 
 def test_columns_are_the_agents_they_stand_for():
     many = Walker.many("w", 40, x=np.arange(40.0), y=np.ones(40))
-    found = places(many, WORLD)["AWalker"]
-    single = places(WORLD.read(str(many)), WORLD)["AWalker"]
+    found = Surveyor(WORLD).places(many)["AWalker"]
+    single = Surveyor(WORLD).places(WORLD.read(str(many)))["AWalker"]
     assert list(found.ids) == list(single.ids)
     assert found.x.tolist() == single.x.tolist()
-    assert len(places(many, WORLD, 10)["AWalker"].ids) == 10
+    assert len(Surveyor(WORLD, 10).places(many)["AWalker"].ids) == 10
 
 
 @pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
@@ -102,7 +102,7 @@ def test_tracks_are_where_agents_were(name, tmp_path):
     with record_of(bytes_of(name), tmp_path) as record:
         story = story_of(record)
     assert len(story.times) == len(strings)
-    followed = places(strings[-1], vocabulary)
+    followed = Surveyor(vocabulary).places(strings[-1])
     assert followed
     for some in followed.values():
         for agent, x, y in zip(some.ids, some.x, some.y, strict=True):

@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.batch import single
 from minerva_bus.record import channels as c
 from minerva_bus.record.description import encode_description
 from minerva_bus.record.errors import RecordError
+from minerva_bus.record.messages import encode_frame
 from minerva_bus.record.writer import RecordWriter
 from tests.record.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
@@ -85,13 +85,15 @@ def test_frames_that_were_left_out_leave_all_others_right(tmp_path):
             record.string(7)
 
 
-def test_a_wrong_digest_is_found(tmp_path):
+def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
-    for told, string in frames[:3]:
-        digest = bytes(16) if told.frame == 2 else told.digest
-        writer.frame(FrameRecord(told.frame, told.events, {}, digest), string, 0.0, {})
+    for told, string in frames[:2]:
+        writer.frame(told, string, 0.0, {})
+    wrong = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
+    monkeypatch.setattr("minerva_bus.record.writer.encode_frame", wrong)
+    writer.frame(*frames[2], 0.0, {})
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
         assert len(list(record.strings())) == 3

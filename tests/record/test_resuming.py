@@ -9,9 +9,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides, toml_value
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.resuming import option_text, read_resumed
-from minerva_bus.launch.worldfile import Overrides, toml_value
 from minerva_bus.protocol.values import Reader
 from minerva_bus.record import channels as c
 from minerva_bus.record.checkpoints import Kept, decode_checkpoint, encode_checkpoint
