@@ -9,8 +9,18 @@ from typing import Any
 
 import zenoh
 
+from minerva_bus.bus.credentials import Credentials
 from minerva_bus.errors import BusError
+from minerva_bus.protocol.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.protocol.plain import mapped, pack, text, unpack
+
+
+def question_key(world: str, own: Credentials | None) -> str:
+    """Where one puts questions to a world, by its name; without one, to whichever is there."""
+    named = world or ANY_WORLD
+    if own is None:
+        return control_key(named)
+    return control_key(named, own.name) if own.operates else asking_key(named, own.name)
 
 
 def ask(

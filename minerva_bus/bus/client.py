@@ -10,16 +10,17 @@ from typing import Any, Self
 
 import zenoh
 
-from minerva_bus.bus.asking import ask
+from minerva_bus.bus.asking import ask, question_key
+from minerva_bus.bus.credentials import Credentials
 from minerva_bus.bus.inbox import Watch
 from minerva_bus.bus.operating import AskingOperator
-from minerva_bus.bus.session import open_client
+from minerva_bus.bus.session import not_let_in, open_client
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.alphabet import read_vocabulary
 from minerva_bus.protocol.codec import Decoder
-from minerva_bus.protocol.keys import COORDINATOR, EVERY_CONTROL, Keys
+from minerva_bus.protocol.keys import COORDINATOR, Keys
 
 ANSWER_WITHIN = 5.0
 
@@ -27,14 +28,15 @@ ANSWER_WITHIN = 5.0
 class Client:
     """A connection to the world of some name at an endpoint; without a name, to the one there.
 
-    Raises BusError where nobody answers.
+    `own` shows who asks. Raises BusError where nobody answers.
     """
 
-    def __init__(self, endpoint: str, world: str = "") -> None:
+    def __init__(self, endpoint: str, world: str = "", own: Credentials | None = None) -> None:
         self._endpoint = endpoint
-        self._session = open_client("client", endpoint)
+        self._own = own
+        self._session = open_client("client" if own is None else own.name, endpoint, own=own)
         self.operator = AskingOperator(self.ask)
-        self._control = Keys(world).control if world else EVERY_CONTROL
+        self._control = question_key(world, own)
         self.world = world or self.operator.status().world
 
     def __enter__(self) -> Self:
@@ -49,7 +51,10 @@ class Client:
         if answer is not None:
             return answer
         name = f"no world {self.world!r}" if getattr(self, "world", "") else "no world"
-        raise BusError(f"{name} answers at {self._endpoint} (minerva list shows who runs here)")
+        raise BusError(
+            f"{name} answers at {self._endpoint} (minerva list shows who runs here)"
+            f"{not_let_in(self._own)}"
+        )
 
     def vocabulary(self) -> Vocabulary:
         """The world's vocabulary."""

@@ -1,6 +1,7 @@
 """What people's commands may ask a running world: one query, one answer, both msgpack maps.
 
     {"ask": "status", "since": 0}         → {"status": {...}}
+    {"ask": "totals"}                     → {"totals": {...}}
     {"ask": "vocabulary"}                 → {"vocabulary": ...}
     {"ask": "scene"}                      → {"scene": text of w, "frame": ...}
     {"ask": "fragment", "agent": id}      → {"fragment": text, "frame": ...}
@@ -21,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from minerva_bus.bus.totals import Totals
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -28,7 +30,6 @@ from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import Member
 from minerva_bus.frame.pacing import Pace
-from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
@@ -71,6 +72,14 @@ class Running(Protocol):
 
     def measured(self) -> Mapping[str, float]:
         """The parts of a frame, in microseconds, and its bytes; from now on they are wanted."""
+        ...
+
+    def counted(self) -> Totals:
+        """What has been counted since somebody began to ask; from now on it is wanted."""
+        ...
+
+    def refused(self) -> Mapping[str, int]:
+        """How much was refused, by whose it was."""
         ...
 
     def restart(self, member: str) -> str:
@@ -120,6 +129,7 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
         bytes_out=measured.pop("bytes out", 0.0),
         phases=measured,
         happenings=running.diary.happenings(since),
+        refused=running.refused(),
     )
 
 
@@ -141,9 +151,14 @@ def _member(member: Member, wait: float) -> MemberStatus:
         pid=hello.pid,
         host=hello.host,
         expected=member.expected,
+        joins=member.joins,
         wait=wait,
         figures={**member.figures, **({"dropped": member.dropped} if member.dropped else {})},
     )
+
+
+def _totals(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"totals": running.counted().plain()}
 
 
 def _scene(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
@@ -226,8 +241,7 @@ def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member, roster = text(asked.get("member"), "the member"), running.algorithm.roster
-    offers = roster.offers()
+    member, offers = text(asked.get("member"), "the member"), running.algorithm.offers()
     if member not in offers:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")
@@ -268,7 +282,7 @@ def _pub(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
     condition = text(asked.get("condition", ""), "if")
-    parse_condition(condition)
+    vocabulary.check_condition(name, condition, "pub")
     try:
         fitted = declared.fields.values(name, values)
     except Unfit as unfit:
@@ -294,6 +308,7 @@ def _stop(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
 
 _ANSWERS: dict[str, Callable[[Running, dict[str, Any]], dict[str, Any]]] = {
     "status": _status,
+    "totals": _totals,
     "scene": _scene,
     "fragment": _fragment,
     "vocabulary": _vocabulary,

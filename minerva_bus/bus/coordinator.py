@@ -5,87 +5,53 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from concurrent.futures import TimeoutError as NoAnswer
+from dataclasses import replace
 from typing import Any, cast
 
 import zenoh
 from zenoh.handlers import Callback as Direct
 
+from minerva_bus.bus.audit import Denials
 from minerva_bus.bus.control import answer
+from minerva_bus.bus.credentials import covers
+from minerva_bus.bus.gate import STRANGERS, may_be_awaited
+from minerva_bus.bus.greetings import Greetings
+from minerva_bus.bus.guard import Guard, Place, Security
 from minerva_bus.bus.inbox import HubInbox, Tick
-from minerva_bus.bus.session import LOOPBACK, open_hub
+from minerva_bus.bus.links import Linked
+from minerva_bus.bus.presence import Successor, presence, successor
+from minerva_bus.bus.session import LOOPBACK
 from minerva_bus.bus.shortcut import nothing_to
-from minerva_bus.errors import MinervaError, ProtocolError, SceneError
+from minerva_bus.bus.totals import Totals
+from minerva_bus.bus.turned_away import TurnedAway
+from minerva_bus.bus.waiting import Deadlines, Waits
+from minerva_bus.bus.watchers import Asked, Printed, Status, Watchers
+from minerva_bus.errors import BusError, Followed, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.membership import State
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.protocol.codec import Decoder, encode
-from minerva_bus.protocol.keys import COORDINATOR, Keys, last_part
+from minerva_bus.protocol.epochs import stamp, stamped
+from minerva_bus.protocol.keys import COORDINATOR, Keys, who_asks
+from minerva_bus.protocol.limits import DEFAULT, Limits
 from minerva_bus.protocol.plain import mapped, pack, unpack
 
 STATUS_EVERY = 0.1
 NAP = 0.01
 WATCHED_FOR = 5.0
+ANSWERED_WITHIN = 2.0
 SMOOTHING = 0.3
+BACK_WITHIN = 6.0
 FEW = 3
 REPORTS_WITHIN = 3.0
 HURRIED_REPORTS_WITHIN = 0.5
 _BEGIN = s.Begin()
-
-
-def _presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
-    """What a token's sample says of a member; nothing of the coordinator's own."""
-    member = last_part(str(sample.key_expr))
-    if member == COORDINATOR:
-        return None
-    there = sample.kind == zenoh.SampleKind.PUT
-    return s.Appeared(member) if there else s.Vanished(member)
-
-
-@dataclass(frozen=True, slots=True)
-class Patience:
-    """How long a frame waits for a member: seconds until it is said, and until it is given up."""
-
-    soft: float = 1.0
-    hard: float = 30.0
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """How a running world is doing."""
-
-    frame: int
-    rate: float
-    members: int
-    phase: str
-    paused: bool = False
-    waiting: tuple[str, ...] = ()
-    waited: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Printed:
-    """A line that a member's process has printed."""
-
-    member: str
-    line: str
-
-
-@dataclass(slots=True)
-class Watchers:
-    """Whom the coordinator tells what happens; each is called in its main thread."""
-
-    said: Callable[[str, str], None]
-    status: Callable[[Status], None]
-    listening: Callable[[str], None]
-    stalled: Callable[[str, float], None]
-    frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
-    stopping: Callable[[], None] = field(default=lambda: None)
-    restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")
 
 
 class BusCoordinator:
@@ -98,10 +64,18 @@ class BusCoordinator:
         *,
         rate: float = 0.0,
         listen: str = LOOPBACK,
-        patience: Patience = Patience(),
+        deadlines: Deadlines | None = None,
         shared: bool = False,
+        routers: tuple[str, ...] = (),
+        limits: Limits = DEFAULT,
+        security: Security | None = None,
+        epoch: int = 0,
+        algorithm: FrameAlgorithm | None = None,
     ) -> None:
-        self.algorithm = FrameAlgorithm(world)
+        self.algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
+        self.epoch = epoch
+        self._stamp = stamp(epoch)
+        self._guests: frozenset[str] = self.algorithm.roster.expected() - world.expected
         self.keys = Keys(world.name)
         self.inbox = HubInbox(STATUS_EVERY)
         self._watch = watchers
@@ -112,10 +86,11 @@ class BusCoordinator:
         self._glances = Glances()
         self._ready = False
         self._watched_until = 0.0
-        self._listen = listen
-        self._shared = shared
-        self._patience = patience
-        self._decoder: Decoder = Decoder(world.vocabulary)
+        self._place = Place(listen, shared, routers)
+        self.guard = Guard(self.keys, limits, security, self._say)
+        self.limits = limits
+        self._waits = Waits(deadlines or Deadlines())
+        self._decoder: Decoder = Decoder(world.vocabulary, limits)
         self._keys_to = {
             s.EVERYONE: self.keys.all,
             s.TICKED: self.keys.tick,
@@ -126,8 +101,7 @@ class BusCoordinator:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._begin_at: float | None = None
         self._evolving_since = 0.0
-        self._waiting_since: float | None = None
-        self._told_at = 0.0
+        self._greetings = Greetings()
         self._status_at = 0.0
         self._status_frame: int = 0
         self._recorded = False
@@ -138,8 +112,7 @@ class BusCoordinator:
 
     def run(self) -> s.Ended:
         """Run the world to its end. Raises BusError where the bus cannot be set up."""
-        session, endpoint = open_hub(COORDINATOR, self._listen, shared=self._shared)
-        with session:
+        with self.guard.session(self._place, self.inbox.put) as (session, endpoint):
             self._session = session
             declared = self._declare(session)
             self._watch.listening(endpoint)
@@ -159,6 +132,27 @@ class BusCoordinator:
         """What was measured of the last frames: nothing, here."""
         self._watched_until = time.monotonic() + WATCHED_FOR
         return {}
+
+    def counted(self) -> Totals:
+        """What was counted of the frames: nothing, here."""
+        self.measured()
+        return Totals()
+
+    def refused(self) -> Mapping[str, int]:
+        """How much was refused, by whose it was."""
+        return dict(sorted(self.guard.gate.refused.items()))
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The answer to a question that another thread asks. Raises BusError as a client does."""
+        asked = Asked({"ask": question, **details})
+        self.inbox.put(asked)
+        try:
+            found = asked.later.result(ANSWERED_WITHIN)
+        except NoAnswer:
+            raise BusError(f"it has not answered for {ANSWERED_WITHIN:g} s") from None
+        if "error" in found:
+            raise BusError(str(found["error"]))
+        return found
 
     @property
     def watched(self) -> bool:
@@ -183,10 +177,14 @@ class BusCoordinator:
         self._publishers[keys.record] = record
         return [
             record.declare_matching_listener(Direct(self._on_watchers, indirect=False)),
+            *self._watch.opened(session),
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
-            session.declare_queryable(keys.control, handler()),
+            session.declare_queryable(f"{keys.control}/**", handler()),
+            session.declare_queryable(f"{keys.base}/ask/*", handler()),
             liveliness.declare_token(keys.alive(COORDINATOR)),
-            liveliness.declare_subscriber(keys.alive("*"), handler(_presence), history=True),
+            liveliness.declare_token(keys.epoch(self.epoch)),
+            liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
+            liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
         ]
 
     def _on_watchers(self, status: zenoh.MatchingStatus) -> None:
@@ -199,11 +197,25 @@ class BusCoordinator:
         if due is None:
             self._take(self.inbox.wait())
             return
+        if self.algorithm.at_rest and time.monotonic() < (until := self._rest_until()):
+            self._rest(until)
+            return
         self._take_all_until(due)
         if self._begin_at is not None and time.monotonic() >= self._begin_at:
             self._begin_at, self._ready = None, False
             self.pace.began()
             self.tell(self._begin())
+
+    def _rest_until(self) -> float:
+        rates = self.algorithm.roster.attending.rates
+        return self.pace.rest(self.last_frame_at, self._glances.next(rates))
+
+    def _rest(self, until: float) -> None:
+        """Take what comes next; where views are due by the clock, after a nap at the latest."""
+        if self.algorithm.roster.attending.rates:
+            self._take_all_until(until)
+        else:
+            self._take(self.inbox.wait())
 
     def _begin(self) -> s.Begin:
         rates = self.algorithm.roster.attending.rates
@@ -225,7 +237,15 @@ class BusCoordinator:
         elif isinstance(item, Tick):
             self._look_at_the_clock()
         elif isinstance(item, Printed):
-            self._log(item.member, item.line)
+            self._log(item.member, item.line, item.level)
+        elif isinstance(item, Asked):
+            item.later.set_result(self._answered(item.question))
+        elif isinstance(item, Successor):
+            self._meet(item.epoch)
+        elif isinstance(item, Linked | TurnedAway | Denials):
+            self.guard.notice(item)
+        elif isinstance(item, s.Appeared) and self.guard.keeps_out(item.member):
+            pass
         elif isinstance(item, zenoh.Query):
             with item:
                 self._answer(item)
@@ -233,38 +253,86 @@ class BusCoordinator:
             self.tell(item)
 
     def _answer(self, query: zenoh.Query) -> None:
+        who, orders, key = who_asks(str(query.key_expr), self.keys.world)
         try:
             asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
-            found = self._answered(asked)
+            objection = self.guard.objection_to_question(who, orders, asked.get("ask"))
+            found = {"error": objection} if objection else self._answered(asked)
         except MinervaError as error:
             found = {"error": str(error)}
-        query.reply(self.keys.control, pack(found))
+        self._watch.operated()  # What is confirmed has been written down.
+        query.reply(key, pack(found))
 
     def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """The answer to a question. Raises MinervaError where there is none."""
         return answer(asked, self)
 
-    def _log(self, member: str, text: str) -> None:
-        self.diary.said(time.time(), member, text)
+    def _log(self, member: str, text: str, level: str) -> None:
+        self.diary.said(time.time(), member, text, self.algorithm.frame, level)
 
     def _say(self, member: str, text: str) -> None:
-        self._log(member, text)
+        self._log(member, text, "warning")
         self._watch.said(member, text)
 
     def _heard(self, member: str, data: bytes) -> None:
+        if self.guard.keeps_out(member):
+            return
+        if not self.guard.gate.has_room(self._name_of(member), len(data)):
+            awaited = may_be_awaited(data, len(self._stamp)) and self.algorithm.awaits(member)
+            if not awaited:
+                self._pass_over(member)
+                return
         if data == self._nothing:  # Most answers to a tick: no need to read each.
             self.tell(m.TickReply(member, self._asked))
-            return
-        if not data:
-            return
+        elif data:
+            self._heard_in_full(member, data)
+
+    def _heard_in_full(self, member: str, data: bytes) -> None:
         try:
-            message = self._decoder.from_member(member, data)
+            if not data.startswith(self._stamp):
+                stamped(data)
+                self._pass_late(member)
+                return
+            body = data[len(self._stamp) :]
+            message = self._decoder.from_member(member, body)
         except (ProtocolError, SceneError) as error:
             self.tell(s.Violation(member, str(error)))
             return
         if isinstance(message, m.EvolveReply):
-            message = replace(message, took=time.monotonic() - self._evolving_since)
-        self.tell(message)
+            took = time.monotonic() - self._evolving_since
+            message = replace(message, took=took, heard=body)
+        elif isinstance(message, m.TickReply):
+            message = replace(message, heard=body)
+        reason = ""
+        if isinstance(message, m.Hello):
+            self._greetings.answered(member)
+            reason = self.guard.gate.objection(message)
+        self.tell(s.Violation(member, reason) if reason else message)
+
+    def _name_of(self, member: str) -> str:
+        """Its name, if it is known: of strangers there may be any number."""
+        return member if self.algorithm.roster.knows(member) else STRANGERS
+
+    def _pass_over(self, member: str) -> None:
+        """Hear nothing of what is too much."""
+        who = self._name_of(member)
+        told = self.guard.gate.too_much(who)
+        if told:
+            self._say(who, told)
+
+    def _pass_late(self, member: str) -> None:
+        """A message was for another coordinator: it counts as a late one."""
+        roster = self.algorithm.roster
+        if roster.knows(member):
+            roster.get(member).late += 1
+
+    def _meet(self, epoch: int) -> None:
+        """There is a coordinator of this epoch. Raises Followed where it has come later."""
+        if epoch > self.epoch:
+            raise Followed(
+                f"another coordinator runs the world {self.keys.world!r} now, of epoch {epoch};"
+                f" this one, of epoch {self.epoch}, stops in frame {self.algorithm.frame}"
+            )
 
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
@@ -280,7 +348,6 @@ class BusCoordinator:
         if isinstance(instruction, s.Send):
             self._send(instruction)
         elif isinstance(instruction, s.FrameDone):
-            self._waiting_since = None
             self.last_frame_at = time.monotonic()
             if self.watched:
                 self.diary.frame(instruction.frame, instruction.events)
@@ -294,7 +361,7 @@ class BusCoordinator:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
             key = self.keys.view(instruction.event_type)
-            self._put(key, self._encode(instruction.message), drop=True)
+            self._put(key, self._stamp + self._encode(instruction.message), drop=True)
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
@@ -303,12 +370,16 @@ class BusCoordinator:
             self.ended = instruction
 
     def _send(self, instruction: s.Send) -> None:
+        if isinstance(instruction.message, m.Refused):
+            self.guard.gate.count(instruction.to)
+        elif isinstance(instruction.message, m.Greet):
+            self._greetings.sent(instruction.to, time.monotonic())
         data = self._encode(instruction.message)
         if instruction.to == s.TICKED:
-            self._asked, self._nothing = self.algorithm.frame, nothing_to(data)
+            self._asked, self._nothing = self.algorithm.frame, self._stamp + nothing_to(data)
         elif instruction.to == s.HOSTS:
             self._evolving_since = time.monotonic()
-        self._put(self._key_to(instruction.to), data)
+        self._put(self._key_to(instruction.to), self._stamp + data)
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
         return encode(message)
@@ -335,16 +406,27 @@ class BusCoordinator:
         now = time.monotonic()
         if now < self._status_at + STATUS_EVERY / 2:
             return  # After a long frame the clock has knocked several times.
-        waiting = self.algorithm.waiting_for()
-        if not waiting:
-            self._waiting_since = None
-        elif self._waiting_since is None:
-            self._waiting_since, self._told_at = now, 0.0
-        waited = now - self._waiting_since if self._waiting_since is not None else 0.0
-        self.waited = waited
-        self._watch.status(self._status(now, tuple(waiting), waited))
-        if waited:
-            self._wait_aloud(waiting, waited)
+        for name in self.guard.look(now):
+            self._part_from(name)
+        self._greet_again(now)
+        algorithm = self.algorithm
+        waiting = algorithm.waiting_for()
+        step = algorithm.frame, algorithm.phase
+        self.waited = self._waits.look(step, algorithm.in_frame, waiting, now)
+        self._watch.status(self._status(now, tuple(waiting), self.waited))
+        if self.waited:
+            self._wait_aloud(waiting, now)
+
+    def _part_from(self, common_name: str) -> None:
+        """A certificate was revoked: whoever has come in by it is out."""
+        for member in self.algorithm.roster:
+            if covers(common_name, member.name) and member.state is not State.LEFT:
+                self.tell(s.Violation(member.name, self.guard.gate.shut_out(member.name)))
+
+    def _greet_again(self, now: float) -> None:
+        for name in self._greetings.unanswered(now):
+            if self.algorithm.roster.get(name).state is State.JOINING:
+                self._send(s.Send(name, m.Greet()))
 
     def _status(self, now: float, waiting: tuple[str, ...], waited: float) -> Status:
         frame = self.algorithm.frame
@@ -357,30 +439,51 @@ class BusCoordinator:
             frame, rate, here, self.algorithm.phase.value, self.pace.paused, waiting, waited
         )
 
-    def _say_for_whom(self, waiting: list[str], waited: float) -> None:
+    def _say_for_whom(self, unsaid: list[str], now: float) -> None:
         frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
-        left = f"given up in {max(0.0, self._patience.hard - waited):.0f} s"
-        if len(waiting) <= FEW:
-            for name in waiting:
-                self._say(name, f"{frame} for it for {waited:.1f} s; it is {left}")
+        waited = {name: self._waits.since(name, now) for name in unsaid}
+        if len(unsaid) <= FEW:
+            for name in unsaid:
+                outlook = self._waits.outlook(name, waited[name])
+                self._say(name, f"{frame} for it for {waited[name]:.1f} s{outlook}")
         else:
-            names = f"{', '.join(waiting[:FEW])} and {len(waiting) - FEW} more"
-            self._say(COORDINATOR, f"{frame} for {names} for {waited:.1f} s; {left}")
+            names = f"{', '.join(unsaid[:FEW])} and {len(unsaid) - FEW} more"
+            longest = max(unsaid, key=lambda name: waited[name])
+            outlook = self._waits.outlook(longest, waited[longest])
+            self._say(COORDINATOR, f"{frame} for {names} for {waited[longest]:.1f} s{outlook}")
 
-    def _wait_aloud(self, waiting: list[str], waited: float) -> None:
-        """Say for whom the world waits, ever more seldom; then give them up."""
+    def _wait_aloud(self, waiting: list[str], now: float) -> None:
+        """Say for whom the world waits, ever more seldom; then do what is to be done."""
         if self.algorithm.phase is Phase.STOPPING:
             self.tell(s.Silent())
-            if waited >= self._reports_within:
+            if self.waited >= self._reports_within:
                 self.tell(s.End("no report in time"))
             return
-        if waited >= self._patience.soft and waited >= 2 * self._told_at:
-            self._told_at = waited
+        unsaid = self._waits.unsaid(now)
+        if unsaid:
             self.tell(s.Silent())
-            self._say_for_whom(waiting, waited)
-        if waited >= self._patience.hard:
-            self._waiting_since = None
-            for name in waiting:
-                self._watch.stalled(name, waited)
-                if not self.algorithm.roster.get(name).expected:
-                    self.tell(s.Violation(name, f"it did not answer for {waited:.0f} s"))
+            self._say_for_whom(unsaid, now)
+        if self.waited >= BACK_WITHIN and self._guests:
+            self._let_go(waiting)
+        for name, then in self._waits.overdue(now):
+            self._wait_no_longer(name, then, now)
+
+    def _wait_no_longer(self, name: str, then: str, now: float) -> None:
+        waited = self._waits.since(name, now)
+        if then == "skip":
+            self.tell(s.Skip(name))
+        elif then == "stop":
+            silence = f"did not answer for {waited:.1f} s in frame {self.algorithm.frame}"
+            self._say(name, f"{silence}; the world stops")
+            self.tell(s.End(f"{name} {silence}", failed=True))
+        else:
+            self._waits.again(name, now)
+            self._watch.stalled(name, waited)
+            if not self.algorithm.roster.get(name).expected:
+                self.tell(s.Violation(name, f"it did not answer for {waited:.0f} s"))
+
+    def _let_go(self, waiting: list[str]) -> None:
+        """Wait no longer for guests of the coordinator before, who have not come back."""
+        for name in sorted(self._guests.intersection(waiting)):
+            self.tell(s.GaveUp(name))
+        self._guests = frozenset[str]()

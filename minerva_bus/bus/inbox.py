@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from threading import Event, Thread
+from threading import Event, RLock, Thread
 from typing import Any
 
 import zenoh
@@ -22,6 +22,7 @@ from zenoh.handlers import Callback, FifoChannel
 CAPACITY = 4096
 KNOCKS = CAPACITY // 2
 KNOCK = b"\x00"
+KNOCKED_WITHIN = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,7 @@ class Inbox:
     def __init__(self) -> None:
         self._side: SimpleQueue[Any] = SimpleQueue()
         self._knock: Callable[[bytes], None] = _nobody
+        self._knocking = RLock()  # A signal's handler may put, too.
 
     def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
         """Begin to hear a key; the declarations, to be undeclared at the end.
@@ -96,8 +98,15 @@ class Inbox:
         return [channel]
 
     def close(self) -> None:
-        """Nobody knocks any more."""
+        """Nobody knocks any more, and nobody is about to.
+
+        A thread that comes back from Zenoh when the interpreter has begun to end would abort the
+        process.
+        """
+        alone = self._knocking.acquire(timeout=KNOCKED_WITHIN)
         self._knock = _nobody
+        if alone:
+            self._knocking.release()
 
     def put(self, item: Any) -> None:
         """Add an item from the side; from any thread.
@@ -107,7 +116,8 @@ class Inbox:
         """
         self._side.put(item)
         if self._side.qsize() <= KNOCKS:
-            self._knock(KNOCK)
+            with self._knocking:
+                self._knock(KNOCK)
 
     def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
         """A handler for a Zenoh declaration that leads here from the side, in order of arrival.

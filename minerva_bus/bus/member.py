@@ -12,28 +12,36 @@ from typing import Any
 
 import zenoh
 
-from minerva_bus.bus.asking import ask
+from minerva_bus.bus.asking import ask, question_key
+from minerva_bus.bus.credentials import Credentials
+from minerva_bus.bus.diagnosis import obstacle
+from minerva_bus.bus.endpoints import check_endpoint
 from minerva_bus.bus.inbox import Inbox
-from minerva_bus.bus.notices import Count, Gone, Leave, Outlet, Published, Pulse, Ungreeted
+from minerva_bus.bus.lookout import Look, Looked, Lookout
+from minerva_bus.bus.name import Name
+from minerva_bus.bus.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
 from minerva_bus.bus.operating import AskingOperator
-from minerva_bus.bus.session import open_client
+from minerva_bus.bus.own_threads import OwnThreads
+from minerva_bus.bus.session import closed_in_time, not_let_in, open_client
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.participant import Participant, Refusal, Unready
+from minerva_bus.frame.participant import Participant, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.protocol.codec import Decoder, encode
+from minerva_bus.protocol.epochs import stamp, stamped
 from minerva_bus.protocol.keys import COORDINATOR, Keys, checked_name
-from minerva_bus.world.services import Device, Generator
+from minerva_bus.world.services import Device
 
 GREETING = 10.0
-NAME_FREE = 2.0
+NAME_FREE_AGAIN = 4.0
 WORLD_SEEN = 1.0
 SHOWN_WITHIN = 0.25
 ANSWERED_WITHIN = 1.0
-BACK_WITHIN = 4.0
-COUNTED_EVERY = 1.0
+CLAIMED_EVERY = 0.1
+BACK_WITHIN = 5.0
+REACHED_WITHIN = 2.0
 
 
 class BusMember:
@@ -47,24 +55,43 @@ class BusMember:
         tell: Callable[[str], None],
         *,
         shared: bool = False,
+        own: Credentials | None = None,
+        ends: bool = False,
+        back_within: float = BACK_WITHIN,
     ) -> None:
+        """A participant, the world of some name at an endpoint, and who shows that it is.
+
+        `ends`: a free-running service that has said all there is to say leaves the world.
+        `back_within`: seconds for which a world is looked for that is out of sight.
+        """
         checked_name(participant.name, "a member")
         self.participant = participant
         self.keys = Keys(world)
         self.inbox = Inbox()
         self._endpoint = endpoint
         self._shared = shared
+        self._own = own
         self._tell = tell
         self._decoder = Decoder()
         self._topics = f"{self.keys.base}/topic/"
         self._alive = self.keys.alive(COORDINATOR)
+        self._name = Name(participant.name, self.keys.alive(participant.name))
+        self._control = question_key(world, own)
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._stop = threading.Event()
         self._shown_at = 0.0
-        self._pulsed = threading.Event()
-        self._parting: threading.Timer | None = None
+        self._epoch = -1
+        self._stamp = b""
+        self._lookout = Lookout(
+            f"{participant.name}: the world {world!r}",
+            back_within,
+            lambda: obstacle(check_endpoint(endpoint), own, REACHED_WITHIN),
+            tell,
+            self.inbox.put,
+        )
+        self._claimed_at = 0.0
+        self._unheard = 0
         self._figures: m.Figures = {}
-        self._outlet = Outlet(self.inbox.put, self._stop)
+        self._threads = OwnThreads(participant.name, self.inbox.put, tell, ends=ends)
         self._deeds: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._heard_first,
             zenoh.Sample: self._heard_aside,
@@ -74,7 +101,9 @@ class BusMember:
             Pulse: self._pulse,
             Count: self._tell_figures,
             Leave: self._leave,
-            Gone: self._go,
+            Look: self._look,
+            Looked: self._lookout.looked,
+            Claim: self._claim,
             Ungreeted: self._miss_greeting,
         }
 
@@ -88,24 +117,27 @@ class BusMember:
         Raises BusError where the world cannot be reached and Refusal where it refuses.
         """
         name = self.participant.name
-        with open_client(name, self._endpoint, shared=self._shared) as session:
+        session = open_client(name, self._endpoint, shared=self._shared, own=self._own)
+        with closed_in_time(session):
             self._find_world(session)
             self._session = session
             self.participant.operator = AskingOperator(self._ask)
-            self._wait_for_name(session)
+            self._name.wait_until_free(session)
             declared = self._declare(session)
             try:
                 return self._take_part()
             finally:
-                self._stop.set()
+                self._threads.stop()
+                self._lookout.close()
                 self.inbox.close()
                 if self.participant.service is not None:
                     self.participant.service.close()
+                self._name.give_back()
                 for one in declared:
                     one.undeclare()
 
     def _ask(self, question: str, **details: Any) -> Mapping[str, Any]:
-        answer = ask(self._session, self.keys.control, question, ANSWERED_WITHIN, details)
+        answer = ask(self._session, self._control, question, ANSWERED_WITHIN, details)
         if answer is None:
             raise BusError(f"the world {self.keys.world!r} has not answered for a second")
         return answer
@@ -117,18 +149,7 @@ class BusMember:
             if time.monotonic() > until:
                 raise BusError(
                     f"there is no world {self.keys.world!r} at {self._endpoint};"
-                    " is that its name (minerva list)?"
-                )
-            time.sleep(0.02)
-
-    def _wait_for_name(self, session: zenoh.Session) -> None:
-        """A name is free some milliseconds after its last bearer has died."""
-        key, until = self.keys.alive(self.participant.name), time.monotonic() + NAME_FREE
-        while list(session.liveliness().get(key, timeout=1.0)):
-            if time.monotonic() > until:
-                raise BusError(
-                    f"there is a member {self.participant.name!r} in the world already;"
-                    " choose another name (--name)"
+                    f" is that its name (minerva list)?{not_let_in(self._own)}"
                 )
             time.sleep(0.02)
 
@@ -147,7 +168,7 @@ class BusMember:
         declared += [self._answers, *self._publishers.values()]
         liveliness = session.liveliness()
         declared.append(liveliness.declare_subscriber(self._alive, handler(), history=True))
-        declared.append(liveliness.declare_token(keys.alive(name)))
+        self._name.take(session)
         return list(reversed(declared))
 
     def _listens(self) -> list[str]:
@@ -211,22 +232,16 @@ class BusMember:
         return deed is None or deed(item) is not False
 
     def _emit(self, event: AnyEvent) -> None:
+        self._unheard += not self._stamp
         self._send(self.participant.emitted(event))
-        self._outlet.taken()
+        self._threads.taken()
 
     def _publish(self, told: Published) -> None:
         self._send(self.participant.published(told.topic, told.reading))
-        self._outlet.taken()
+        self._threads.taken()
 
     def _leave(self, _: Leave) -> bool:
         self._send(m.Leaving(self.participant.name))
-        return False
-
-    def _go(self, _: Gone) -> bool:
-        """The world was lost from sight; False unless it has come back."""
-        if self._parting is None:
-            return True
-        self._tell(f"{self.participant.name}: the world {self.keys.world!r} is gone")
         return False
 
     def _miss_greeting(self, _: Ungreeted) -> None:
@@ -239,7 +254,7 @@ class BusMember:
     def _pulse(self, _: Pulse) -> bool:
         """Let the service look about; False when it wants to leave."""
         service = self.participant.service
-        self._pulsed.clear()
+        self._threads.felt()
         if service is None:
             return True
         service.pulse()
@@ -252,54 +267,96 @@ class BusMember:
             self._figures = figures
             self._send(m.Doing(self.participant.name, figures))
 
-    def _count(self) -> None:
-        while not self._stop.wait(COUNTED_EVERY):
-            self.inbox.put(Count())
-
-    def _give_pulses(self, every: float) -> None:
-        """Knock every so many seconds, but not while a pulse still waits to be felt."""
-        while not self._stop.wait(every):
-            if not self._pulsed.is_set():
-                self._pulsed.set()
-                self.inbox.put(Pulse())
-
     def _heard_first(self, data: bytes) -> None:
-        message = tick(data) if self.participant.world is not None else None
+        body = self._of_my_coordinator(data)
+        if body is None:
+            return
+        message = tick(body) if self.participant.world is not None else None
         if message is None:
-            self._heard(self._first, data)
+            self._heard(self._first, body)
             return
         for answer in self.participant.receive(message):
             if says_nothing(answer, message.frame):
-                self._answers.put(nothing_to(data))
+                self._answers.put(self._stamp + nothing_to(body))
             else:
                 self._send(answer)
 
     def _heard_aside(self, sample: zenoh.Sample) -> bool:
         key = str(sample.key_expr)
-        if key != self._alive:
+        if key.startswith(self._topics):
             self._heard(key, sample.payload.to_bytes())
+        elif key != self._alive:
+            body = self._of_my_coordinator(sample.payload.to_bytes())
+            if body is not None:
+                self._heard(key, body)
         elif sample.kind == zenoh.SampleKind.DELETE:
             self._lose()
         else:
             self._find_again()
         return True
 
+    def _of_my_coordinator(self, data: bytes) -> bytes | None:
+        """A message without its epoch; None where it is not from the coordinator that counts.
+
+        That is the last one that has greeted, refused or stopped this member.
+        """
+        if self._stamp and data.startswith(self._stamp):
+            return data[len(self._stamp) :]
+        try:
+            epoch, body = stamped(data)
+        except ProtocolError:
+            return None
+        if epoch <= self._epoch or not _begins(self._decoder.to_member, body):
+            return None
+        self._epoch, self._stamp = epoch, stamp(epoch)
+        return body
+
+    # --- a world out of sight ---
+
     def _lose(self) -> None:
-        """The world cannot be seen: it has ended, or the link to it has, for now."""
-        if self._parting is None:
-            self._tell(
-                f"{self.participant.name}: the world {self.keys.world!r} cannot be seen;"
-                f" it may come back within {BACK_WITHIN:.0f} s"
-            )
-            self._parting = threading.Timer(BACK_WITHIN, self.inbox.put, (Gone(),))
-            self._parting.daemon = True
-            self._parting.start()
+        """The world cannot be seen: it has ended, or the link to it has, for now.
+
+        Whatever the coordinator says before it greets anew is not for this member: another may
+        have taken its place. So it takes its name back when it is free, and not before.
+        """
+        if self._lookout.away:
+            return
+        self._lookout.lost()
+        self._name.give_back()
+        if self._stamp:
+            self._epoch, self._stamp = self._epoch - 1, b""
+
+    def _look(self, _: Look) -> bool:
+        return self._lookout.look()
 
     def _find_again(self) -> None:
-        if self._parting is not None:
-            self._parting.cancel()
-            self._parting = None
-            self._tell(f"{self.participant.name}: the world {self.keys.world!r} is back")
+        if self._lookout.away:
+            self._claimed_at = time.monotonic()
+            self._claim(Claim())
+
+    def _claim(self, _: Claim) -> None:
+        """Take part again under its name. Raises BusError where another one has it now."""
+        if not self._lookout.away:
+            return
+        if not self._name.taken(self._session):
+            self._name.take(self._session)
+            self._lookout.found()
+            if self._unheard:
+                self._tell(f"{self.participant.name}: {self._unheard} events of it were not heard")
+                self._unheard = 0
+        elif time.monotonic() < self._claimed_at + NAME_FREE_AGAIN:
+            self._in(CLAIMED_EVERY, Claim())
+        else:
+            raise BusError(
+                f"the world {self.keys.world!r} is back, but there is another"
+                f" {self.participant.name!r} in it by now: this one ends"
+            )
+
+    def _in(self, seconds: float, item: Any) -> None:
+        """Hear something by and by."""
+        timer = threading.Timer(seconds, self.inbox.put, (item,))
+        timer.daemon = True
+        timer.start()
 
     def _heard(self, key: str, data: bytes) -> None:
         message = self._decode(key, data)
@@ -311,7 +368,7 @@ class BusMember:
         if joining and self.participant.world is not None:
             self._greeting.cancel()
             self._decoder = Decoder(self.participant.world.vocabulary)
-            self._run_freely()
+            self._threads.start(self.participant.service)
 
     def _decode(self, key: str, data: bytes) -> m.ToMember | m.Readings | None:
         topic = key.split("/")[3:] if key.startswith(self._topics) else None
@@ -328,9 +385,11 @@ class BusMember:
             return None
 
     def _send(self, message: m.FromMember | m.Readings) -> None:
-        readings = isinstance(message, m.Readings)
-        publisher = self._publishers[message.topic] if readings else self._answers
-        publisher.put(encode(message))
+        """Send something; before the coordinator has greeted, nobody could know whom it is for."""
+        if isinstance(message, m.Readings):
+            self._publishers[message.topic].put(encode(message))
+        elif self._stamp:
+            self._answers.put(self._stamp + encode(message))
 
     def _report_failure(self, error: Exception) -> None:
         frame = self.participant.frame
@@ -340,20 +399,10 @@ class BusMember:
         )
         self._send(m.Failed(self.participant.name, frame, problem, shown))
 
-    def _run_freely(self) -> None:
-        service = self.participant.service
-        if isinstance(service, Generator) and not service.lockstep:
-            threading.Thread(target=self._emit_all, args=(service,), daemon=True).start()
-        if service is not None:
-            threading.Thread(target=self._count, daemon=True).start()
-        if service is not None and service.pulse_every > 0:
-            every = service.pulse_every
-            threading.Thread(target=self._give_pulses, args=(every,), daemon=True).start()
 
-    def _emit_all(self, service: Generator) -> None:
-        try:
-            service.run(self._outlet, self._stop)
-        except MinervaError as error:
-            self.inbox.put(Unready(f"{self.participant.name} cannot go on: {error}"))
-        except Exception as error:
-            self.inbox.put(error)
+def _begins(read: Callable[[bytes], m.ToMember], body: bytes) -> bool:
+    """Whether a message is one that a coordinator begins, or ends, with."""
+    try:
+        return isinstance(read(body), m.Greet | m.Refused | m.Stop)
+    except (ProtocolError, SceneError):
+        return False

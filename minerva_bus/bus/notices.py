@@ -22,8 +22,8 @@ class Ungreeted:
 
 
 @dataclass(frozen=True, slots=True)
-class Gone:
-    """The world has not come back."""
+class Claim:
+    """It is time to see whether the member's name is free again."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,13 @@ from time import perf_counter
 from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.totals import Totals
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.protocol.codec import Decoder
+from minerva_bus.protocol.limits import Limits
 
 MICRO = 1e6
 RECENT = 64
@@ -33,6 +35,7 @@ class Tally:
         self._sums: dict[str, float] = {}
         self._frames: dict[str, array[float]] = {}
         self._recent: deque[dict[str, float]] = deque(maxlen=RECENT)
+        self.totals = Totals()
 
     def add(self, name: str, amount: float) -> None:
         """Count an amount towards this frame."""
@@ -42,6 +45,7 @@ class Tally:
         """The frame is over."""
         sums, self._sums = self._sums, {}
         self._recent.append(sums)
+        self.totals.add(sums)
         for name, amount in sums.items() if self.keep else ():
             self._frames.setdefault(name, array("d")).append(amount)
 
@@ -77,8 +81,8 @@ def _figures(amounts: array[float]) -> Figures:
 class TimedDecoder(Decoder):
     """A decoder that counts its time."""
 
-    def __init__(self, world: World, tally: Tally) -> None:
-        super().__init__(world.vocabulary)
+    def __init__(self, world: World, tally: Tally, limits: Limits) -> None:
+        super().__init__(world.vocabulary, limits)
         self._tally = tally
 
     def from_member(self, member: str, data: bytes) -> m.FromMember:
@@ -110,8 +114,8 @@ class MeasuringCoordinator(BusCoordinator):
         self.tally = Tally(keep)
         self._measuring = False
         self._asked_at = self._ended_at = perf_counter()
-        self._plain_decoder = Decoder(world.vocabulary)
-        self._timed_decoder: Decoder = TimedDecoder(world, self.tally)
+        self._plain_decoder = self._decoder
+        self._timed_decoder: Decoder = TimedDecoder(world, self.tally, self.limits)
         self._measure(keep)
 
     def profile(self) -> Mapping[str, Figures]:
@@ -123,6 +127,11 @@ class MeasuringCoordinator(BusCoordinator):
         super().measured()
         self._measure(True)
         return self.tally.recent()
+
+    def counted(self) -> Totals:
+        """What was counted of the frames while somebody asked; so will be the next ones."""
+        self.measured()
+        return self.tally.totals
 
     def _measure(self, measuring: bool) -> None:
         self._decoder = self._timed_decoder if measuring else self._plain_decoder
@@ -177,6 +186,8 @@ class MeasuringCoordinator(BusCoordinator):
             super()._do(instruction)
             return
         began = perf_counter()
+        if isinstance(instruction, s.FrameDone):
+            self.tally.totals.count(instruction.events)
         super()._do(instruction)
         shows = isinstance(instruction, s.Send | s.Show)
         if shows and isinstance(instruction.message, m.ViewShown):

@@ -1,6 +1,7 @@
 """Zenoh sessions: the coordinator is the hub, every other member a client of it.
 
-Loopback only and no discovery unless an endpoint says otherwise; no router, no daemon.
+Loopback only and no discovery unless an endpoint says otherwise; no router and no daemon, but
+where several networks are to be joined.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -9,14 +10,23 @@ from __future__ import annotations
 
 import json
 import os
-import socket
+import sys
+import threading
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import zenoh
 
+from minerva_bus.bus.credentials import Credentials
+from minerva_bus.bus.diagnosis import check_reachable, why_unreachable
+from minerva_bus.bus.endpoints import check_endpoint, check_port_free
+from minerva_bus.bus.sockets import let_dead_links_go
 from minerva_bus.errors import BusError
 
 LOOPBACK = "tcp/127.0.0.1:0"
+REACHED_WITHIN = 5.0
 
 # A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
 # those that read (rx): two hand-overs for a message. Where they are the same it is one, and a
@@ -49,27 +59,70 @@ _SHARED: dict[str, Any] = {
 _UNSHARED: dict[str, Any] = {"transport/shared_memory/enabled": False}
 
 
+_CLOSED_WITHIN = 1.0
+_still_closing: list[threading.Thread] = []
+_REFUSED_WITHIN = 1.5
+"""Seconds that a secured link may take: it is refused without a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Secured:
+    """What secures a coordinator's session.
+
+    `access` is Zenoh's access control (`access.access_control`), `filters` its low-pass filters;
+    `local` an endpoint for processes of this machine, who show no certificate.
+    """
+
+    own: Credentials
+    local: str
+    access: Mapping[str, Any]
+    filters: Sequence[Mapping[str, Any]] = ()
+
+
 def open_hub(
-    name: str, listen: str = LOOPBACK, *, shared: bool = False
+    name: str,
+    listen: str = LOOPBACK,
+    *,
+    shared: bool = False,
+    secured: Secured | None = None,
+    routers: Sequence[str] = (),
 ) -> tuple[zenoh.Session, str]:
-    """The coordinator's session and the endpoint at which members find it.
+    """The coordinator's session and the endpoint at which members of this machine find it.
 
     `shared`: messages from a megabyte on go through shared memory to those who can do so too.
-    Raises BusError where the endpoint cannot be listened to.
+    `routers` are Zenoh routers that it joins. Raises BusError where the endpoint cannot be
+    listened to, or a router not be reached.
     """
-    check_endpoint(listen)
-    _check_port_free(listen)
+    check_port_free(check_endpoint(listen))
     os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
-    options = {"listen/endpoints": [listen], "listen/exit_on_failure": True}
-    config = _config("router", name, options, shared)
+    endpoints = [listen] if secured is None else sorted({listen, secured.local})
+    options: dict[str, Any] = {
+        "listen/endpoints": endpoints,
+        "listen/exit_on_failure": True,
+    }
+    own = None if secured is None else secured.own
+    if secured is not None:
+        options["access_control"] = secured.access
+        options["low_pass_filter"] = list(secured.filters)
+    if routers:
+        options |= _connecting(list(routers), REACHED_WITHIN)
     try:
-        session = zenoh.open(config)
+        for router in routers:
+            check_reachable(check_endpoint(router), REACHED_WITHIN)
+        session = zenoh.open(_config("router", name, options, shared, own))
+    except BusError as error:
+        raise BusError(f"no router can be joined: {error}") from None
     except zenoh.ZError as error:
+        for router in routers:
+            why = why_unreachable(check_endpoint(router), own, REACHED_WITHIN)
+            raise BusError(f"no router can be joined: {why}") from None
         raise BusError(f"cannot listen at {listen}: {_short(error)}") from None
-    return session, _listening_at(session, listen)
+    let_dead_links_go(session)
+    return session, listening_at(session, listen) if secured is None else secured.local
 
 
-def _listening_at(session: zenoh.Session, listen: str) -> str:
+def listening_at(session: zenoh.Session, listen: str) -> str:
+    """Where a session listens that was told to at this endpoint, its port perhaps 0."""
     if not listen.endswith(":0"):
         return listen
     for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
@@ -83,16 +136,75 @@ def _listening_at(session: zenoh.Session, listen: str) -> str:
 
 
 def open_client(
-    name: str, connect: str, patience: float = 5.0, *, shared: bool = False
+    name: str,
+    connect: str,
+    patience: float = REACHED_WITHIN,
+    *,
+    shared: bool = False,
+    own: Credentials | None = None,
 ) -> zenoh.Session:
-    """A member's session; `shared` as for the hub.
+    """A member's session; `shared` as for the hub; by `own` it shows who it is.
 
     Raises BusError with what to check where nobody answers.
     """
-    check_endpoint(connect)
-    options: dict[str, Any] = {
-        "connect/endpoints": [connect],
-        "connect/timeout_ms": int(patience * 1000),
+    asked = check_endpoint(connect)
+    if asked.secured and own is None:
+        raise BusError(f"{connect} wants to know who you are: --keys FOLDER names your keys")
+    if not asked.local:  # On this machine, one that was killed may be about to come back.
+        check_reachable(asked, patience)
+    within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
+    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
+    try:
+        session = zenoh.open(_config("client", name, _connecting([connect], within), shared, own))
+    except zenoh.ZError:
+        raise BusError(why_unreachable(asked, own, patience)) from None
+    let_dead_links_go(session)
+    return session
+
+
+@contextmanager
+def closed_in_time(session: zenoh.Session) -> Generator[None]:
+    """Close a session in the end, but do not wait for long.
+
+    Zenoh waits until it has given up a link that it is making, which takes up to ten seconds.
+    Whoever wants to end the process before that has to `end_at_once`.
+    """
+
+    def close() -> None:
+        session.close()
+
+    try:
+        yield
+    finally:
+        closing = threading.Thread(target=close, daemon=True)
+        closing.start()
+        closing.join(_CLOSED_WITHIN)
+        if closing.is_alive():
+            _still_closing.append(closing)
+
+
+def end_at_once(code: int) -> None:
+    """End the process with this code if a session of it would hold that up."""
+    if any(one.is_alive() for one in _still_closing):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def not_let_in(own: Credentials | None) -> str:
+    """What else to think of where a secured world keeps silent: it does not say why."""
+    if own is None:
+        return ""
+    return (
+        f"; or it does not let {own.name} in, whose certificate may have been revoked, or issued"
+        " after it began"
+    )
+
+
+def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
+    return {
+        "connect/endpoints": endpoints,
+        "connect/timeout_ms": int(within * 1000),
         "connect/exit_on_failure": True,
         "connect/retry": {
             "period_init_ms": 20,
@@ -100,54 +212,46 @@ def open_client(
             "period_increase_factor": 1.5,
         },
     }
-    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
-    try:
-        return zenoh.open(_config("client", name, options, shared))
-    except zenoh.ZError:
-        raise BusError(
-            f"nobody answers at {connect} within {patience:g} s; is the world running"
-            " (minerva list), and are address, port and protocol right?"
-        ) from None
 
 
-def _config(mode: str, name: str, options: dict[str, Any], shared: bool) -> zenoh.Config:
+def _tls(own: Credentials) -> dict[str, Any]:
+    """One certificate for both directions: who it is for says which of them counts."""
+    sides = {
+        f"{side}_{what}": str(path.absolute())
+        for side in ("listen", "connect")
+        for what, path in (("private_key", own.key), ("certificate", own.certificate))
+    }
+    return {
+        "root_ca_certificate": str(own.authority.absolute()),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+        **sides,
+    }
+
+
+def router_config(own: Credentials, listen: str, access: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration of a Zenoh router that carries a world between networks, for zenohd."""
+    return {
+        "mode": "router",
+        "listen": {"endpoints": [listen]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "timestamping": {"enabled": False},
+        "transport": {"link": {"tls": _tls(own)}},
+        "access_control": dict(access),
+    }
+
+
+def _config(
+    mode: str, name: str, options: dict[str, Any], shared: bool, own: Credentials | None
+) -> zenoh.Config:
     config = zenoh.Config()
     memory = _SHARED if shared else _UNSHARED
     settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
+    if own is not None:
+        settings["transport/link/tls"] = _tls(own)
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def check_endpoint(endpoint: str) -> None:
-    """Complain of what cannot be an endpoint. Raises BusError."""
-    kind, _, address = endpoint.partition("/")
-    if kind not in ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream") or not address:
-        raise BusError(
-            f"{endpoint!r} is no endpoint; expected tcp/HOST:PORT, tls/HOST:PORT, quic/HOST:PORT"
-            " or unixsock-stream/PATH"
-        )
-    host, _, port = address.rpartition(":")
-    if kind != "unixsock-stream" and (not host or not port.isdecimal() or int(port) > 65535):
-        raise BusError(f"{endpoint!r} is no endpoint; expected {kind}/HOST:PORT")
-
-
-def _check_port_free(endpoint: str) -> None:
-    """Zenoh's own complaint about a port in use does not say so: ask the system first."""
-    kind, _, address = endpoint.partition("/")
-    host, _, port = address.rpartition(":")
-    if kind != "tcp" or port == "0":
-        return
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host.strip("[]"), int(port)))
-        except OSError as error:
-            raise BusError(
-                f"cannot listen at {endpoint}: {error.strerror}; choose another port, or port 0"
-                " for any that is free"
-            ) from None
 
 
 def _short(error: Exception) -> str:

@@ -15,6 +15,8 @@ from io import StringIO
 from pathlib import Path
 from unittest.mock import patch
 
+import zenoh
+
 from minerva_bus.bus.client import Client
 from minerva_bus.cli.main import main
 from minerva_bus.errors import BusError
@@ -48,6 +50,11 @@ service = "yard:Screen"
 service = "yard:Noise"
 """
 )
+
+
+def put(session, key, data):
+    """Put something that is not dropped where many messages are under way."""
+    session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def eventually(what, why, patience=PATIENCE):
@@ -112,11 +119,14 @@ def summary(done):
 
 
 class Run:
-    """A command that runs; its output is gathered, and it is gone in the end."""
+    """A command that runs; its output is gathered, and it is gone in the end.
 
-    def __init__(self, folder, *words):
+    `inside`: the words before it, where it runs elsewhere than here.
+    """
+
+    def __init__(self, folder, *words, inside=()):
         self.process = subprocess.Popen(
-            [*MINERVA, *map(str, words)], cwd=folder, env=environment(folder),
+            [*inside, *MINERVA, *map(str, words)], cwd=folder, env=environment(folder),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
             start_new_session=True,
         )  # fmt: skip
@@ -191,8 +201,8 @@ class Run:
 class World(Run):
     """`minerva run`, with its members known by their processes."""
 
-    def __init__(self, path, *words):
-        super().__init__(path.parent, "run", path, *words)
+    def __init__(self, path, *words, inside=()):
+        super().__init__(path.parent, "run", path, *words, inside=inside)
         self.path = path
         self.name = path.stem
         self.pids = {}
@@ -237,6 +247,26 @@ class World(Run):
         self.pids |= {one.name: one.pid for one in found.members if one.pid not in strange}
         return {one.name: asdict(one) for one in found.members}
 
+    def coordinator(self):
+        """The coordinator's process: of those that the launcher has started, it is no member."""
+
+        def alone():
+            members = {one["pid"] for one in self.members().values()}
+            others = set(children(self.process.pid)) - members
+            return others if members and len(others) == 1 else None
+
+        return eventually(alone, f"a coordinator\n{self.text}").pop()
+
+    def kill_coordinator(self):
+        """Kill it, and wait for the one that goes on."""
+        pid = self.coordinator()
+        os.kill(pid, signal.SIGKILL)
+
+        def followed():
+            return self.members() and pid not in children(self.process.pid)
+
+        eventually(followed, f"another coordinator\n{self.text}")
+
     def look(self):
         """Learn of all processes below the launcher."""
         for pid in below(self.process.pid):
@@ -260,8 +290,22 @@ class World(Run):
         eventually(lambda: not any(map(alive, pids)), f"of {self.pids} some are left", patience)
 
 
+def children(pid):
+    """The processes that one has started."""
+    return _by_parent().get(pid, [])
+
+
 def below(pid):
     """The processes below one, by their parents."""
+    parents, found, rest = _by_parent(), [], [pid]
+    while rest:
+        mine = parents.get(rest.pop(), [])
+        found += mine
+        rest += mine
+    return found
+
+
+def _by_parent():
     parents = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -270,12 +314,7 @@ def below(pid):
             except OSError:
                 continue
             parents.setdefault(int(stat.rpartition(")")[2].split()[1]), []).append(int(entry.name))
-    found, rest = [], [pid]
-    while rest:
-        children = parents.get(rest.pop(), [])
-        found += children
-        rest += children
-    return found
+    return parents
 
 
 def alive(pid):

@@ -1,12 +1,13 @@
 """A population for runs over a real bus: fish that swim, call, are born and die at random."""
 
 import numpy as np
+import yard
+from yard import eStep
 
 from minerva_bus import (
     Agent,
     Device,
     EventType,
-    Generator,
     Metres,
     Primitive,
     Transformation,
@@ -17,7 +18,6 @@ from minerva_bus import (
 
 PDot = Primitive("PDot")
 TAt = Transformation("TAt", x=Metres)
-eStep = EventType("eStep", count=int)
 eCall = EventType("eCall", x=Metres)
 eShow = EventType("eShow", visual=True)
 
@@ -43,21 +43,8 @@ class Fish(Agent, symbol="AFish"):
         return TAt(self.x)(PDot())
 
 
-class Steps(Generator, events=("eStep",), ahead=True):
+class Steps(yard.Steps, events=("eStep",), ahead=True):
     """Depends on nothing but has a memory, which a successor inherits."""
-
-    def __init__(self):
-        self.count = 0
-
-    def generate(self, tick):
-        self.count += int(tick.random.integers(1, 5))
-        return (eStep(self.count),)
-
-    def save(self):
-        return {"count": self.count}
-
-    def restore(self, saved):
-        self.count = saved["count"]
 
 
 class Screen(Device, draws=("eShow",)):

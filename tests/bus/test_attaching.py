@@ -1,7 +1,6 @@
 """Members that come from other processes: `minerva attach`, and how it can go wrong."""
 
 import json
-import os
 import signal
 import socket
 import time
@@ -113,7 +112,7 @@ def test_an_endpoint_where_nobody_listens_is_named_fast(tmp_path):
     done = here(tmp_path, "attach", "yard:Screen", "--connect", f"tcp/127.0.0.1:{port}",
                    "--world", "yard")  # fmt: skip
     assert done.returncode == 2
-    assert f"nobody answers at tcp/127.0.0.1:{port} within 5 s" in done.stderr
+    assert f"nobody answers at tcp/127.0.0.1:{port}: nothing listens" in done.stderr
     assert time.monotonic() - began < 15
     assert "Traceback" not in done.stderr
 
@@ -203,13 +202,12 @@ def test_the_end_of_the_world_is_the_end_of_those_who_are_attached(tmp_path):
             assert "the world has ended" in one.text
 
 
-def test_the_death_of_the_coordinator_is_noticed_by_those_who_are_attached(tmp_path):
+def test_the_death_of_a_world_is_noticed_by_those_who_are_attached(tmp_path):
     with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
-        pids = set(world.runs("steps", "walkers").values())
-        (coordinator,) = set(world.pids.values()) - pids
+        world.runs("steps", "walkers")
         with attach(world, "yard:Screen", "look") as member:
             takes_part(world, "look")
-            os.kill(coordinator, signal.SIGKILL)
+            world.kill()
             member.ends()
             assert "is gone" in member.text
 

@@ -1,5 +1,7 @@
 """What a member hears comes in one order, whichever way it came."""
 
+import subprocess
+import sys
 import threading
 
 import zenoh
@@ -68,3 +70,41 @@ def test_the_hub_hears_who_has_spoken_and_a_clock():
             item = inbox.wait()
             found.append("Tick" if isinstance(item, Tick) else item)
         inbox.close()
+
+
+ENDING = """
+import sys
+import threading
+from contextlib import suppress
+from queue import Empty
+import zenoh
+from minerva_bus.bus.inbox import Inbox
+
+sys.setswitchinterval(1e-5)
+session = zenoh.open(zenoh.Config.from_json5('{scouting: {multicast: {enabled: false}}}'))
+inbox = Inbox()
+(channel,) = inbox.open(session, "much")
+
+
+def knock():
+    while True:
+        inbox.put("again")
+        with suppress(Empty):
+            inbox._side.get_nowait()
+
+
+for _ in range(4):
+    threading.Thread(target=knock, daemon=True).start()
+for _ in range(1000):
+    inbox.wait()
+channel.undeclare()
+inbox.close()
+"""
+
+
+def test_a_process_ends_well_though_somebody_still_knocks():
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=60
+        )
+        assert (done.returncode, done.stderr) == (0, "")

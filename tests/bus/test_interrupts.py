@@ -148,7 +148,7 @@ def test_in_one_process(tmp_path):
                        frames=0, rate=50)  # fmt: skip
     for number in (signal.SIGINT, signal.SIGTERM):
         with World(path, "--in-process") as world:
-            eventually(lambda w=world: "frame 3" in "\n".join(w.output), "frames go by")
+            eventually(lambda w=world: "frame 3" in w.text, "frames go by")
             assert interrupted(world, number) == 130
             assert "Traceback" not in world.text
             assert "interrupted" in "\n".join(world.output)

@@ -92,7 +92,7 @@ def test_a_member_is_started_anew(world, operator):
 
     eventually(successor, "another process")
     lines = [json.loads(one) for one in told(world, "logs", "walkers", "--json").splitlines()]
-    assert "is started anew, as a person wants it" in [one["text"] for one in lines]
+    assert "is started anew, as a person wants it" in [one["message"] for one in lines]
     assert {one["member"] for one in lines} == {"walkers"}
     assert "walkers │ is started anew" in told(world, "logs")
 

@@ -33,7 +33,8 @@ def shoal(tmp_path):
     """Writes a world of fish."""
 
     def write(hosts=2, frames=120, rate=40):
-        shutil.copy(Path(__file__).parent / "shoal.py", tmp_path)
+        for module in ("shoal.py", "yard.py"):
+            shutil.copy(Path(__file__).parent / module, tmp_path)
         path = tmp_path / "shoal.toml"
         path.write_text(WORLD.format(hosts=hosts, frames=frames, rate=rate))
         return path
@@ -91,7 +92,8 @@ def test_a_host_and_a_view_that_come_later_have_their_share(shoal):
     assert found["digest"] == alone(path)["digest"]
     shown = minerva(
         path.parent, "run", path, "--in-process", "--rate", "0", "--set", "screen.said=true"
-    ).stdout
-    whole = {int(line.split()[0]): line for line in shown.splitlines() if line[:1].isdigit()}
+    ).stderr
+    said = [line.removeprefix("in-process │ ") for line in shown.splitlines()]
+    whole = {int(line.split()[0]): line for line in said if line[:1].isdigit()}
     assert seen
     assert all(whole[frame] == line for frame, line in seen.items())

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgpack
 import pytest
 
-from minerva_bus import Event, Events
+from minerva_bus import Event, Events, Scene
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.patch import patched
@@ -128,14 +128,21 @@ def test_many_events(said: str, data: bytes) -> None:
     assert msgpack.packb(plain_event(events)) == data
 
 
-def test_a_patch() -> None:
-    ((_, data),) = examples("patch")
+@pytest.mark.parametrize(
+    ("example", "foxes"),
+    [
+        (0, 'AFox#f0<x=2, name="a">() · AFox#f1<x=4, name="é">()'),
+        (1, 'AFox#f1<x=3, name="é">() · AFox#f1:1<x=2.5, name="b">()'),
+    ],
+)
+def test_a_patch(example: int, foxes: str) -> None:
+    _, data = examples("patch")[example]
     patch = READER.columns.patch(msgpack.unpackb(data, ext_hook=msgpack.ExtType))
     assert msgpack.packb(plain_patch(patch)) == data
     two, _ = examples("string")[1:]
-    (foxes,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces
-    assert isinstance(foxes, Columns)
-    assert [node.values[0] for node in patched(foxes, patch).nodes()] == [2.0, 4.0]
+    (some,) = READER.scene(msgpack.unpackb(two[1], ext_hook=msgpack.ExtType)).pieces
+    assert isinstance(some, Columns)
+    assert Scene((patched(some, patch),)) == VOCABULARY.read(foxes)
 
 
 def test_the_digest_of_a_run() -> None:

@@ -1,8 +1,6 @@
 """Runs that are recorded: all processes or one, killed or not."""
 
 import json
-import os
-import signal
 
 import pytest
 from running import World, eventually, here, minerva, write_world
@@ -25,16 +23,16 @@ def test_a_run_on_the_bus_has_the_record_of_one_in_one_process(tmp_path):
     assert info(tmp_path / "bus.mcap")["frames"] == 40
 
 
-def test_what_was_on_the_disk_is_there_when_the_coordinator_is_killed(tmp_path):
+def test_what_was_on_the_disk_is_there_when_all_is_killed(tmp_path):
     path = write_world(tmp_path, frames=0, rate=100, record="run.mcap", durable=True)
     with World(path) as world:
-        pids = set(world.runs("steps", "walkers").values())
-        (coordinator,) = set(world.pids.values()) - pids
+        world.runs("steps", "walkers")
         with world.client() as asked:
             eventually(lambda: asked.operator.status().frame > 20, "some frames")
             frame = asked.operator.status().frame
-        os.kill(coordinator, signal.SIGKILL)
+        world.kill()
         world.ends()
+        world.gone()
     assert info(tmp_path / "run.mcap")["frames"] >= frame
 
 

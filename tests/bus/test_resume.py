@@ -1,8 +1,6 @@
 """Runs that go on where their records end: in one process or many, as if they had never stopped."""
 
 import json
-import os
-import signal
 
 import pytest
 from running import ALL_KINDS, World, eventually, here, minerva, summary, write_world
@@ -43,16 +41,15 @@ def test_a_run_goes_on_over_the_bus_in_more_processes(tmp_path):
     same(tmp_path, "whole.mcap", "on.mcap")
 
 
-def test_a_world_whose_coordinator_was_killed_goes_on_in_the_same_record(tmp_path):
+def test_a_world_that_was_killed_goes_on_in_the_same_record(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=0, rate=100, record="run.mcap", flush=0.05)
     with World(path) as world:
-        pids = set(world.runs("steps", "walkers").values())
-        members = {one["pid"] for one in world.members().values()}
-        (coordinator,) = set(world.pids.values()) - pids - members
+        world.runs("steps", "walkers")
         with world.client() as asked:
             eventually(lambda: asked.operator.status().frame > 30, "some frames")
-        os.kill(coordinator, signal.SIGKILL)
+        world.kill()
         world.ends()
+        world.gone()
     before = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
     assert not before["complete"]
     frames = before["frames"] + 20

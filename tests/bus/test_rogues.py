@@ -2,15 +2,16 @@
 
 import json
 import os
+from contextlib import suppress
 
 import msgpack
 import pytest
-import zenoh
-from running import ALL_KINDS, World, eventually, minerva, summary, write_world
+from running import ALL_KINDS, PATIENCE, World, eventually, minerva, put, summary, write_world
 
 from minerva_bus.bus.session import open_client
 from minerva_bus.frame import messages as m
 from minerva_bus.protocol.codec import encode
+from minerva_bus.protocol.epochs import stamp, stamped
 from minerva_bus.protocol.keys import Keys
 
 NAMES = ("steps", "walkers", "water", "eye", "screen", "noise")
@@ -31,8 +32,19 @@ def rogue(world):
         yield session
 
 
-def put(session, key, data):
-    session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+def epoch(session, world):
+    """The epoch of the world's coordinator, as a message begins with it."""
+    (reply,) = session.liveliness().get(Keys(world.name).epoch("*"))
+    return stamp(int(str(reply.ok.key_expr).rpartition("/")[2]))
+
+
+def said_of(world, victim, problem, rogue, data):
+    """Put it until something is said of it: a link that stands for a second is given up."""
+    for _ in range(4):
+        put(rogue, Keys(world.name).sent_by(victim), data)
+        with suppress(AssertionError):
+            return world.says(f"{victim} │ broke the protocol", problem, patience=PATIENCE / 4)
+    raise AssertionError(f"nothing is said of {victim}:\n{world.text}")
 
 
 def goes_on(world):
@@ -62,6 +74,10 @@ GARBAGE = {
         msgpack.packb(["emitted", [["eWish", [1.0, "x" * (100 << 20)]]]]),
         "bytes at once, over 67108864",
     ),
+    "a figure that is none": (
+        msgpack.packb(["doing", {"mean": float("nan")}]),
+        "the figure mean must be a finite number or a text, not nan",
+    ),
     "what it does not make": (
         msgpack.packb(["emitted", [["eWish", [0.0, ""]]]]),
         "but said it makes",
@@ -75,8 +91,7 @@ def test_what_is_said_in_a_member_s_name_is_refused_and_the_member_comes_back(wo
     data, problem = GARBAGE[what]
     victim = NAMES[list(GARBAGE).index(what) % len(NAMES)]
     pid = world.runs(victim)[victim]
-    put(rogue, Keys(world.name).sent_by(victim), data)
-    line = world.says(f"{victim} │ broke the protocol", problem)
+    line = said_of(world, victim, problem, rogue, epoch(rogue, world) + data)
     assert len(line) < 1000
     eventually(lambda: world.runs(victim)[victim] != pid, "a successor")
     goes_on(world)
@@ -99,13 +114,24 @@ def test_a_stranger_with_a_token_that_says_hello_wrongly(world, rogue, hello):
     )
     token = rogue.liveliness().declare_token(keys.alive(name))
     eventually(lambda: heard, "it is greeted")
-    assert msgpack.unpackb(heard[0]) == ["greet"]
-    put(rogue, keys.sent_by(name), hello)
+    assert msgpack.unpackb(stamped(heard[0])[1]) == ["greet"]
+    put(rogue, keys.sent_by(name), epoch(rogue, world) + hello)
     eventually(lambda: len(heard) > 1, "it is answered")
-    assert msgpack.unpackb(heard[1])[0] == "refused"
+    assert msgpack.unpackb(stamped(heard[1])[1])[0] == "refused"
     token.undeclare()
     listening.undeclare()
     goes_on(world)
+
+
+@pytest.mark.parametrize("name", ["any$*", "a b", "ä"])
+def test_a_stranger_whose_name_is_none(world, rogue, name):
+    keys = Keys(world.name)
+    token = rogue.liveliness().declare_token(keys.alive(name))
+    put(rogue, keys.sent_by(name), epoch(rogue, world) + encode(m.Leaving(name)))
+    world.says("strangers │ somebody is not heard: a member's name has up to 64")
+    token.undeclare()
+    goes_on(world)
+    assert name not in world.members()
 
 
 def test_a_stranger_that_says_nothing_holds_nobody_up(world, rogue):
@@ -137,9 +163,22 @@ def test_a_frame_that_nobody_asked_for_is_dropped(world, rogue):
     keys = Keys(world.name)
     late = world.members()["steps"]["late"]
     for frame in (0, 1 << 40):
-        put(rogue, keys.sent_by("steps"), encode(m.TickReply("steps", frame)))
+        reply = encode(m.TickReply("steps", frame))
+        put(rogue, keys.sent_by("steps"), epoch(rogue, world) + reply)
     eventually(lambda: world.members()["steps"]["late"] >= late + 2, "they are counted")
     goes_on(world)
+
+
+def test_what_has_no_epoch_is_refused_and_what_has_another_one_is_passed_over(world, rogue):
+    key, data = Keys(world.name).sent_by("walkers"), encode(m.Leaving("walkers"))
+    pid = world.runs("walkers")["walkers"]
+    for other in (0, 7, 1 << 40):
+        put(rogue, key, stamp(other) + data)
+    goes_on(world)
+    assert world.runs("walkers")["walkers"] == pid
+    put(rogue, key, data)
+    world.says("walkers │ broke the protocol: a message begins with its coordinator's epoch")
+    eventually(lambda: world.runs("walkers")["walkers"] != pid, "a successor")
 
 
 def test_a_flood_of_strangers_does_not_stop_the_world(world, rogue):

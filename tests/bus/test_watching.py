@@ -64,7 +64,6 @@ def test_views_come_and_go_and_the_world_goes_on(tmp_path):
                 assert not frames_within(operator, RATE)
             eventually(lambda: state(operator, "stopped") == "left", "its link is given up")
             os.kill(stopped.process.pid, signal.SIGCONT)
-            stopped.says("is back")
             present(operator, "stopped")
             assert not frames_within(operator, RATE)
             before = operator.status().frame

@@ -17,6 +17,7 @@ from minerva_bus import (
     on,
     view,
 )
+from minerva_bus.grammar.batch import Events
 from minerva_bus.world.readings import Battery, Sighting, Sightings
 
 PDot = Primitive("PDot", x=Metres)
@@ -135,6 +136,24 @@ class Noise(Generator, events=("eNoise",), lockstep=False):
     def run(self, emit, stop):
         while not stop.wait(0.02):
             emit(eNoise())
+
+
+class Torrent(Generator, events=("eNoise",), lockstep=False):
+    """Runs freely, and says as much as it can."""
+
+    def run(self, emit, stop):
+        while not stop.is_set():
+            emit(Events.repeated(eNoise(), 1000))
+
+
+class Flood(Generator, events=("eSeen",)):
+    """Many events in every frame."""
+
+    def __init__(self, count: int = 10_000):
+        self.count = count
+
+    def generate(self, tick):
+        return [eSeen(n) for n in range(self.count)]
 
 
 class Wishes(Generator, events=("eWish",)):

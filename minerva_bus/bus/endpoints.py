@@ -1,0 +1,90 @@
+"""Where a session listens or connects, and which links need to be secured."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.errors import BusError
+
+SECURED: Final = ("tls", "quic")
+_KINDS: Final = ("tcp", *SECURED, "udp", "ws", "unixsock-stream")
+_PATH: Final = "unixsock-stream"
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """An endpoint taken apart; a socket in the file system has a path in place of host and port."""
+
+    text: str
+    kind: str
+    host: str = ""
+    port: int = 0
+    path: str = ""
+
+    @property
+    def secured(self) -> bool:
+        """Whether both sides show certificates."""
+        return self.kind in SECURED
+
+    @property
+    def local(self) -> bool:
+        """Whether nobody comes to it from another machine."""
+        if self.path or self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
+def check_endpoint(endpoint: str) -> Endpoint:
+    """Take an endpoint apart. Raises BusError for what cannot be one."""
+    kind, _, address = endpoint.partition("/")
+    if kind not in _KINDS or not address:
+        raise BusError(
+            f"{endpoint!r} is no endpoint; expected tcp/HOST:PORT, tls/HOST:PORT, quic/HOST:PORT"
+            " or unixsock-stream/PATH"
+        )
+    if kind == _PATH:
+        return Endpoint(endpoint, kind, path=address)
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 65535:
+        raise BusError(f"{endpoint!r} is no endpoint; expected {kind}/HOST:PORT")
+    return Endpoint(endpoint, kind, host.strip("[]"), int(port))
+
+
+def check_listening(endpoint: str, *, keys: bool, insecure: bool) -> None:
+    """Complain where a world would let in whoever comes by. Raises BusError."""
+    asked = check_endpoint(endpoint)
+    if asked.secured and not keys:
+        raise BusError(
+            f"{endpoint} needs keys: minerva keys init makes them, --keys FOLDER names them"
+        )
+    if not (asked.secured or asked.local or insecure):
+        raise BusError(
+            f"{endpoint} would let in anybody who can reach it, to do what they like; make keys"
+            f" (minerva keys init) and listen at tls/{asked.host}:{asked.port} with --keys FOLDER,"
+            " or insist with --insecure"
+        )
+
+
+def check_port_free(endpoint: Endpoint) -> None:
+    """Ask the system before Zenoh does: its complaint about a port in use does not say so.
+
+    Raises BusError.
+    """
+    if endpoint.kind not in ("tcp", "tls") or not endpoint.port:
+        return
+    family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((endpoint.host, endpoint.port))
+        except OSError as error:
+            raise BusError(
+                f"cannot listen at {endpoint.text}: {error.strerror}; choose another port, or"
+                " port 0 for any that is free"
+            ) from None

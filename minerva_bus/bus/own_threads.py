@@ -1,0 +1,81 @@
+"""The threads of a member beside its main one: they knock, and its main thread acts."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from minerva_bus.bus.notices import Count, Leave, Outlet, Pulse
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame.participant import Unready
+from minerva_bus.world.services import Generator, Service
+
+COUNTED_EVERY = 1.0
+
+
+class OwnThreads:
+    """What a service does by itself: it speaks, is counted and feels its pulse.
+
+    All of it is `put` before the main thread; `name` is the member's. `ends`: a service that has
+    said all there is to say leaves the world, which it will `tell`.
+    """
+
+    def __init__(
+        self, name: str, put: Callable[[Any], None], tell: Callable[[str], None], *, ends: bool
+    ) -> None:
+        self._name = name
+        self._put = put
+        self._tell = tell
+        self._ends = ends
+        self._stop = threading.Event()
+        self._pulsed = threading.Event()
+        self._outlet = Outlet(put, self._stop)
+
+    def start(self, service: Service | None) -> None:
+        """Begin, for as long as the service is in a world."""
+        if service is None:
+            return
+        if isinstance(service, Generator) and not service.lockstep:
+            self._begin(self._emit_all, service)
+        self._begin(self._count)
+        if service.pulse_every > 0:
+            self._begin(self._give_pulses, service.pulse_every)
+
+    def stop(self) -> None:
+        """Come to an end, each at its next turn."""
+        self._stop.set()
+
+    def taken(self) -> None:
+        """One thing that the service has said is dealt with."""
+        self._outlet.taken()
+
+    def felt(self) -> None:
+        """A pulse was felt: the next one may come."""
+        self._pulsed.clear()
+
+    def _begin(self, work: Callable[..., None], *told: Any) -> None:
+        threading.Thread(target=work, args=told, daemon=True).start()
+
+    def _emit_all(self, service: Generator) -> None:
+        try:
+            service.run(self._outlet, self._stop)
+            if self._ends and not self._stop.is_set():
+                self._tell(f"{self._name}: no more comes of it; it leaves the world")
+                self._put(Count())
+                self._put(Leave())
+        except MinervaError as error:
+            self._put(Unready(f"{self._name} cannot go on: {error}"))
+        except Exception as error:
+            self._put(error)
+
+    def _count(self) -> None:
+        while not self._stop.wait(COUNTED_EVERY):
+            self._put(Count())
+
+    def _give_pulses(self, every: float) -> None:
+        """Knock every so many seconds, but not while a pulse still waits to be felt."""
+        while not self._stop.wait(every):
+            if not self._pulsed.is_set():
+                self._pulsed.set()
+                self._put(Pulse())

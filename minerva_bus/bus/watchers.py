@@ -1,0 +1,58 @@
+"""What the coordinator tells others, and what is put to it, beside its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any
+
+import zenoh
+
+from minerva_bus.frame import stimuli as s
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a running world is doing."""
+
+    frame: int
+    rate: float
+    members: int
+    phase: str
+    paused: bool = False
+    waiting: tuple[str, ...] = ()
+    waited: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """A line that a member's process has printed, or the launcher has said of it."""
+
+    member: str
+    line: str
+    level: str = "info"
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A question from another thread of this process, and where its answer is awaited."""
+
+    question: Mapping[str, Any]
+    later: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
+
+
+@dataclass(slots=True)
+class Watchers:
+    """Whom the coordinator tells what happens; each is called in its main thread."""
+
+    said: Callable[[str, str], None]
+    status: Callable[[Status], None]
+    listening: Callable[[str], None]
+    stalled: Callable[[str, float], None]
+    frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
+    operated: Callable[[], None] = field(default=lambda: None)
+    stopping: Callable[[], None] = field(default=lambda: None)
+    restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")
+    opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
+    """What else is declared on the hub's session."""

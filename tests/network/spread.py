@@ -1,0 +1,144 @@
+"""A world spread over hosts, for tests: one runs it, each of the others one member."""
+
+import json
+import shutil
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("bus", "security")]
+from running import eventually, here, write_world
+from secured import Keys, Wanted, goes_on
+
+HERE = """
+[process.steps]
+service = "yard:Steps"
+
+[process.eye]
+service = "yard:Eye"
+"""
+THERE = {
+    "east": ('agents = "yard:Walker"', ("agent",)),
+    "west": ('agents = "yard:Walker"', ("agent",)),
+    "water": ('service = "yard:Water"', ("generator", "view")),
+    "screen": ('service = "yard:Screen"', ("view",)),
+}
+"""Members that live elsewhere, and what their certificates are for."""
+
+STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
+PORT = 7447
+SECURED = f'listen = "tls/0.0.0.0:{PORT}"\nkeys = "keys"\n'
+
+
+class Spread:
+    """A world whose host is `hub`, and hosts for some members; in the end all have left.
+
+    `options` are more words of the command that attaches a member, by its name.
+    """
+
+    def __init__(self, hub, hosts, door="hub", more=None, rate=20, options=None):
+        self.hub, self.hosts, self.door = hub, hosts, door
+        self.options = options or {}
+        self.runs = {}
+        members = HERE + "".join(
+            f"[process.{name}]\n{THERE[name][0]}\nelsewhere = true\n" for name in hosts
+        )
+        settings = {"name": "spread", "string": STRING, "frames": 0, "rate": rate}
+        self.path = write_world(hub.folder, members, bus=SECURED, **settings)
+        self.keys = Keys(hub.folder / "keys")
+        self.keys.init(("hub", hub.address))
+        wanted = {name: {"roles": THERE[name][1]} for name in hosts} | (more or {})
+        for name, what in wanted.items():
+            self.keys.issue(name, Wanted(**what))
+        for name, host in hosts.items():
+            write_world(host.folder, members, **settings)
+            self.send_keys(name, host)
+
+    def send_keys(self, name, host):
+        """What its host needs to show who it is."""
+        folder = host.folder / "keys"
+        folder.mkdir(mode=0o700)
+        for one in ("ca.pem", f"{name}.pem", f"{name}.key"):
+            shutil.copy(self.keys.folder / one, folder / one)
+
+    def begin(self, *words):
+        """The world, once all members take part."""
+        self.world = self.hub.runs_world(self.path, "--record", "run.mcap", "--json", *words)
+        self.world.says("coordinator │ listens at tls/")
+        for name in self.hosts:
+            self.attach(name)
+        self.world.runs(*self.hosts)
+        return self
+
+    def attach(self, name):
+        """Start a member on its host."""
+        words = ("--process", name, "--connect", f"tls/{self.door}:{PORT}", "--keys", "keys")
+        self.runs[name] = self.hosts[name].starts(
+            "attach", self.path.name, *words, "--world", "spread", *self.options.get(name, ())
+        )
+
+    def restarts(self, name):
+        """Start a member anew that has ended, as systemd does."""
+        self.runs[name].ends()
+        self.runs[name].__exit__()
+        self.attach(name)
+
+    def goes_on(self):
+        """Wait until everybody takes part, all by themselves, and frames go by."""
+
+        def all_here():
+            for name, run in self.runs.items():
+                assert run.process.poll() is None, f"{name} has ended:\n{run.text}"
+            found = self.world.members()
+            return all(found.get(name, {}).get("state") == "present" for name in self.hosts)
+
+        eventually(all_here, f"everybody is back\n{self.world.text}")
+        goes_on(self.world)
+
+    @contextmanager
+    def missing(self, name, outlook=""):
+        """What is done herein is noticed: the world says that somebody is gone, and what then."""
+
+        def said():
+            words = f"{name} │ is gone; {outlook}" if outlook else f"{name} │ is gone"
+            return sum(words in line for line in list(self.world.lines))
+
+        before = said()
+        yield
+        eventually(lambda: said() > before, f"{name} is missed\n{self.world.text}")
+
+    def ends(self):
+        """Stop it; its summary, if everybody has ended well."""
+        with self.world.client() as asked:
+            asked.ask("stop")
+        found = self.world.summary()
+        assert {name: run.ends() for name, run in self.runs.items()} == dict.fromkeys(self.runs, 0)
+        return found
+
+    def undisturbed(self, frames):
+        """The summary of a run in one process, which nobody disturbs; it is recorded, too."""
+        text = self.path.read_text().replace("elsewhere = true\n", "")
+        alone = self.path.with_name("alone.toml")
+        alone.write_text(text.replace(SECURED, ""))
+        words = ("--in-process", "--name", "spread", "--frames", frames, "--json")
+        done = here(self.hub.folder, "run", alone, *words, "--record", "alone.mcap", "--rate", 0)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    def is_as_if_nothing_had_happened(self):
+        """Stop it; every frame of it is that of a run that nobody disturbed."""
+        found = self.ends()
+        alone = self.undisturbed(found["frames"])
+        assert (found["frames"], found["digest"]) == (alone["frames"], alone["digest"])
+        assert found["frames"] > 20
+        differ = here(self.hub.folder, "diff", "alone.mcap", "run.mcap")
+        assert differ.returncode == 0, differ.stdout
+        return True
+
+    def close(self):
+        """Nothing of it runs on, whatever has become of it."""
+        for one in [*self.runs.values(), *([self.world] if hasattr(self, "world") else [])]:
+            one.__exit__()
+
+
+__all__ = ["HERE", "PORT", "THERE", "Spread", "eventually"]

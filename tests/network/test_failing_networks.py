@@ -1,0 +1,132 @@
+"""A world on five hosts whose links and addresses fail; the string is as if nothing had happened.
+
+The world's own host has the coordinator and two generators; agents live on two hosts, a coupled
+sensor and a view on one each, and all of them come in by certificate. What is done is done to one
+world, one thing after another. Members come back by themselves; only those that were killed, or
+have given up, are started again, as systemd does.
+"""
+
+import signal
+import threading
+
+import pytest
+from hosts import Line, Network, eventually, ip, needs_hosts, needs_lines
+from spread import THERE, Spread
+
+pytestmark = needs_hosts
+AWAY = "cannot be seen since"
+SOON = ("--keep-trying", "4")
+
+
+@pytest.fixture(scope="module")
+def spread(tmp_path_factory):
+    with Network(tmp_path_factory.mktemp("net")) as network:
+        hosts = {name: network.host(name) for name in THERE}
+        spread = Spread(network.host("hub"), hosts, options={"west": SOON})
+        try:
+            yield spread.begin()
+        finally:
+            spread.close()
+
+
+def pulled_for(host, seconds):
+    """The cable is out for a while."""
+    host.link("down")
+    threading.Event().wait(seconds)
+    host.link("up")
+
+
+def test_a_cable_that_is_out_for_three_seconds(spread):
+    pulled_for(spread.hosts["east"], 3.0)
+    spread.world.says("east │", "has been waiting for it for", "it runs elsewhere")
+    spread.goes_on()
+
+
+def test_a_cable_that_is_out_for_longer(spread):
+    with spread.missing("east", "other hosts take its agents over"):
+        spread.hosts["east"].link("down")
+    east = spread.runs["east"]
+    east.says(AWAY, "it may come back within 10 min")
+    east.says("has been out of sight for", "tls/hub:7447: Network is unreachable")
+    spread.hosts["east"].link("up")
+    spread.goes_on()
+    east.says("is back after")
+
+
+def test_a_cable_that_is_out_until_its_member_gives_up(spread):
+    with spread.missing("west", "other hosts take its agents over"):
+        spread.hosts["west"].link("down")
+    west = spread.runs["west"]
+    west.says(AWAY, "it may come back within 3 s")
+    assert west.ends() == 0
+    west.says("west: the world 'spread' is gone: it was out of sight for 4 s")
+    spread.hosts["west"].link("up")
+    spread.restarts("west")
+    spread.goes_on()
+
+
+def test_a_host_that_vanishes(spread):
+    spread.options.clear()
+    with spread.missing("west"):
+        spread.hosts["west"].vanish()
+    spread.hosts["west"].link("up")
+    spread.restarts("west")
+    spread.goes_on()
+
+
+def test_a_host_whose_address_changes(spread):
+    with spread.missing("water", "the world waits for it"):
+        spread.hosts["water"].move(99)
+    spread.goes_on()
+
+
+def test_the_world_s_own_address_changes(spread):
+    """Its name is looked up again; and no dead link holds up the live ones."""
+    with spread.missing("east"), spread.missing("water"), spread.missing("screen"):
+        spread.hub.move(98)
+    spread.goes_on()
+
+
+def test_the_world_s_own_cable(spread):
+    with spread.missing("east"), spread.missing("water"), spread.missing("screen"):
+        spread.hub.link("down")
+    spread.hub.link("up")
+    spread.goes_on()
+
+
+@needs_lines
+def test_a_long_and_lossy_line(spread):
+    """50 ms to either side, and every hundredth packet is lost."""
+    with Line(spread.hosts["east"], 0.05, 0.01) as line:
+        eventually(lambda: line.dropped > 0, "a packet is lost")
+        spread.goes_on()
+    spread.goes_on()
+
+
+def test_ctrl_c_while_nobody_answers(spread):
+    """A connection that is being made to one who says nothing does not hold it up."""
+    screen, hub = spread.runs["screen"], spread.hub.address
+    space = spread.hosts["screen"].space
+    words = ("neighbour", "replace", hub, "lladdr", "02:00:00:00:00:01", "dev", "net1")
+    ip("-n", space, *words, "nud", "permanent")
+    said = len(screen.lines)
+    eventually(lambda: any(AWAY in line for line in screen.lines[said:]), "it is missed")
+    screen.kill(signal.SIGINT)
+    assert screen.ends(patience=5) == 0
+    ip("-n", space, "neighbour", "delete", hub, "dev", "net1")
+    spread.restarts("screen")
+    spread.goes_on()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["east", "water"])
+def test_a_cable_that_is_out_for_half_a_minute(spread, name, request):
+    if "slow" not in request.config.getoption("markexpr"):
+        pytest.skip("run on demand: pytest -m slow")
+    with spread.missing(name):
+        pulled_for(spread.hosts[name], 30.0)
+    spread.goes_on()
+
+
+def test_every_frame_is_as_if_nothing_had_happened(spread):
+    assert spread.is_as_if_nothing_had_happened()

@@ -1,0 +1,44 @@
+"""Where a link has come back, a member can be seen before it hears: it is greeted until it does."""
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1] / "bus"))
+from running import MEMBERS, World, eventually, write_world
+
+from minerva_bus.bus.greetings import GREETED_AGAIN, Greetings
+from minerva_bus.bus.session import open_client
+from minerva_bus.frame import messages as m
+from minerva_bus.protocol.codec import Decoder
+from minerva_bus.protocol.epochs import stamped
+from minerva_bus.protocol.keys import Keys
+
+
+def test_who_does_not_answer_is_named_once_until_it_is_greeted_again():
+    greetings = Greetings()
+    for name in ("b", "a", "c"):
+        greetings.sent(name, 10.0)
+    greetings.answered("c")
+    greetings.answered("nobody")
+    assert greetings.unanswered(10.0 + GREETED_AGAIN / 2) == []
+    assert greetings.unanswered(10.0 + GREETED_AGAIN) == ["a", "b"]
+    assert greetings.unanswered(10.0 + 9 * GREETED_AGAIN) == []
+    greetings.sent("a", 20.0)
+    assert greetings.unanswered(20.0 + GREETED_AGAIN) == ["a"]
+
+
+def test_a_member_that_can_be_seen_before_it_hears_is_greeted_all_the_same(tmp_path):
+    path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
+    keys, heard = Keys(path.stem), []
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        with open_client("late", world.endpoint()) as session:
+            token = session.liveliness().declare_token(keys.alive("late"))
+            eventually(lambda: "late" in world.members(), "it is seen")
+            kept = session.declare_subscriber(
+                keys.to("late"), lambda sample: heard.append(stamped(sample.payload.to_bytes())[1])
+            )
+            eventually(lambda: heard, "it is greeted")
+            assert isinstance(Decoder().to_member(heard[0]), m.Greet)
+            kept.undeclare()
+            token.undeclare()
