@@ -25,17 +25,19 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from benchmarks.forked import Members
 from benchmarks.models.events import Clock, eStep
 from benchmarks.plot import Line, plotted
 from minerva_bus import Agent, Cells, Event, Moment, Primitive, Scene, Vocabulary, on
-from minerva_bus.bus.coordinator import BusCoordinator, Watchers
-from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
@@ -121,24 +123,17 @@ HOSTED: Final = [Walker, Stone]
 def on_bus(what: str, size: int, frames: int) -> list[float]:
     """Microseconds of each frame over the bus."""
     times: list[float] = []
-    children: list[subprocess.Popen[bytes]] = []
-
-    def start(endpoint: str) -> None:
-        for name in MEMBERS:
-            words = [sys.executable, "-m", "benchmarks.incremental", "--member", name, endpoint]
-            children.append(subprocess.Popen(words))
-
+    members = Members("incremental", {name: partial(participant, name) for name in MEMBERS})
     watchers = Watchers(
         said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
-        listening=start,
+        listening=members.tell,
         stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
         frame_done=lambda _: times.append(time.perf_counter()),
     )
     coordinator = BusCoordinator(world(what, size, frames), watchers)
     coordinator.run()
-    for child in children:
-        child.wait(timeout=10)
+    members.wait()
     return microseconds(times)
 
 
@@ -238,8 +233,6 @@ def task(way: str, what: str, size: str, frames: str) -> list[float]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--member"]:
-        sys.exit(BusMember(participant(sys.argv[2]), "incremental", sys.argv[3], print).run())
     if sys.argv[1:2] == ["--task"]:
         print(json.dumps(task(*sys.argv[2:])))
         sys.exit(0)

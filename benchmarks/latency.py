@@ -13,7 +13,6 @@ own; the machine's one monotonic clock is read at both ends.
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import os
 import statistics
@@ -26,6 +25,7 @@ from pathlib import Path
 import zenoh
 from zenoh.handlers import FifoChannel
 
+from benchmarks.forked import forked
 from minerva_bus import (
     Agent,
     Device,
@@ -38,9 +38,10 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
 from minerva_bus.bus.session import open_client, open_hub
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
@@ -49,8 +50,8 @@ WARM_UP = 50
 PAUSE = 0.002
 STAMP = struct.Struct("<d")
 PTouched = Primitive("PTouched", times=int)
-eTouch = EventType("eTouch")  # noqa: N816
-eShow = EventType("eShow", visual=True)  # noqa: N816
+eTouch = EventType("eTouch")
+eShow = EventType("eShow", visual=True)
 
 
 class Touched(Agent, symbol="ATouched"):
@@ -91,20 +92,6 @@ class Eye(Device, draws=("eShow",)):
 
 
 VOCABULARY = Vocabulary.of(PTouched, eTouch, eShow, Touched)
-
-
-def forked(body: Callable[[], object]) -> int:
-    """Run a body in a process of its own."""
-    child = os.fork()
-    if child:
-        return child
-    gc.freeze()
-    code = 1
-    try:
-        body()
-        code = 0
-    finally:
-        os._exit(code)
 
 
 class Pipes:

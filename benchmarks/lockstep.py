@@ -1,6 +1,7 @@
 """Microseconds per frame of an empty lockstep, beside other platforms in one run.
 
     python -m benchmarks.lockstep [--workers 1 2 4 8 16] [--systems minerva zenoh ...] [--json]
+                                  [--plot FILE.png]
 
 A frame: K member processes are asked and answer that they have nothing; the coordinator has all
 answers, collects, and digests the string. The peers' scripts are looked for in --peers (each has
@@ -13,16 +14,19 @@ from __future__ import annotations
 import argparse
 import gc
 import json
-import os
 import statistics
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from benchmarks.forked import Members
+from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
-from minerva_bus.bus.coordinator import BusCoordinator, Watchers
-from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 
@@ -32,6 +36,7 @@ FIGURES = ("us_per_step_median", "us_per_step_p99", "startup_s")
 VOCABULARY = Vocabulary.of(Primitive("PNothing"))
 BARE = "zenoh/bench_zenoh_bcast.py"
 BARE_OPTIONS = ["--topo", "rstar", "--recv", "chan", "--wrecv", "chan"]
+LABELS = {"zenoh": "bare zenoh"}
 PEERS: dict[str, tuple[str, list[str]]] = {
     "zenoh": (BARE, BARE_OPTIONS),
     "mosaik": ("bench_mosaik.py", []),
@@ -41,21 +46,28 @@ PEERS: dict[str, tuple[str, list[str]]] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one system took with so many members: its figures, and their ratio to ours."""
+
+    system: str
+    workers: int
+    figures: dict[str, float]
+    ratio: float
+
+    @property
+    def step(self) -> float:
+        """Microseconds a step."""
+        return self.figures["us_per_step_median"]
+
+
 class Idle(Generator):
     """A member that does nothing."""
 
 
-def start_member(name: str) -> int:
-    """Fork an idle member, as the launcher does; where to tell it the endpoint."""
-    read, write = os.pipe()
-    if os.fork():
-        os.close(read)
-        return write
-    gc.freeze()
-    os.close(write)
-    with os.fdopen(read) as told:
-        endpoint = told.readline().strip()
-    os._exit(BusMember(Participant(name, Idle()), "lockstep", endpoint, print).run())
+def idle(name: str) -> Participant:
+    """Such a member of this name."""
+    return Participant(name, Idle())
 
 
 def minerva(workers: int, steps: int) -> dict[str, float]:
@@ -63,13 +75,7 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
     began = time.perf_counter()
     names = [f"idle-{number}" for number in range(workers)]
     times: list[float] = []
-    pipes = [start_member(name) for name in names]
-
-    def tell(endpoint: str) -> None:
-        for pipe in pipes:
-            os.write(pipe, f"{endpoint}\n".encode())
-            os.close(pipe)
-
+    members = Members("lockstep", {name: partial(idle, name) for name in names})
     world = World(
         "lockstep",
         VOCABULARY.read("PNothing"),
@@ -80,14 +86,13 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
     watchers = Watchers(
         said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
-        listening=tell,
+        listening=members.tell,
         stalled=lambda name, _: None,
         frame_done=lambda _: times.append(time.perf_counter()),
     )
     gc.freeze()
     BusCoordinator(world, watchers).run()
-    for _ in names:
-        os.wait()
+    members.wait()
     frames = [1e6 * (b - a) for a, b in zip(times[WARM_UP - 1 :], times[WARM_UP:], strict=False)]
     return {
         "us_per_step_median": statistics.median(frames),
@@ -148,15 +153,17 @@ def main() -> None:
     parser.add_argument("--systems", nargs="+", default=["minerva", *PEERS])
     parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--plot", type=Path, help="A picture, .svg or .png.")
     arguments = parser.parse_args()
     if not arguments.json:
         titles = f"{'µs/frame':>9} {'p99':>9} {'start s':>8} {'ratio':>6}"
         print(f"{'system':10} {'workers':>7} {titles}")
-    for workers in arguments.workers:
-        report(arguments, workers)
+    rows = [row for workers in arguments.workers for row in report(arguments, workers)]
+    if arguments.plot is not None:
+        plotted(arguments.plot, lines_of(rows), "members", "µs per frame, median")
 
 
-def report(arguments: argparse.Namespace, workers: int) -> None:
+def report(arguments: argparse.Namespace, workers: int) -> list[Row]:
     """Measure and print all systems at one size; ratios are to ours."""
     turns: dict[str, list[dict[str, float]]] = {}
     missing: dict[str, str] = {}
@@ -170,18 +177,38 @@ def report(arguments: argparse.Namespace, workers: int) -> None:
             else:
                 turns.setdefault(system, []).append(found)
     ours = best(turns["minerva"])["us_per_step_median"] if "minerva" in turns else 0.0
-    for system, rows in turns.items():
-        row = best(rows)
-        ratio = row["us_per_step_median"] / ours if ours else 0.0
-        if arguments.json:
-            print(json.dumps({"system": system, "workers": workers, **row, "ratio": ratio}))
-        else:
-            print(
-                f"{system:10} {workers:7} {row['us_per_step_median']:9.0f}"
-                f" {row['us_per_step_p99']:9.0f} {row['startup_s']:8.2f} {ratio:6.2f}"
-            )
+    rows: list[Row] = []
+    for system, taken in turns.items():
+        figures = best(taken)
+        ratio = figures["us_per_step_median"] / ours if ours else 0.0
+        rows.append(Row(system, workers, figures, ratio))
+        show(rows[-1], as_json=arguments.json)
     for system, why in missing.items():
         print(f"{system:10} {workers:7} left out: {why}", file=sys.stderr)
+    return rows
+
+
+def show(row: Row, *, as_json: bool) -> None:
+    """Print a row."""
+    if as_json:
+        own = {"system": row.system, "workers": row.workers}
+        print(json.dumps({**own, **row.figures, "ratio": row.ratio}))
+    else:
+        print(
+            f"{row.system:10} {row.workers:7} {row.step:9.0f}"
+            f" {row.figures['us_per_step_p99']:9.0f} {row.figures['startup_s']:8.2f}"
+            f" {row.ratio:6.2f}"
+        )
+
+
+def lines_of(rows: list[Row]) -> list[Line]:
+    """A line for each system: microseconds a step over the number of members."""
+    found: list[Line] = []
+    for system in dict.fromkeys(row.system for row in rows):
+        mine = [row for row in rows if row.system == system]
+        x, y = [row.workers for row in mine], [row.step for row in mine]
+        found.append(Line("An empty frame in lockstep", LABELS.get(system, system), x, y))
+    return found
 
 
 if __name__ == "__main__":

@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+MOST_TICKS = 8
+LEAST_RANGE = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +33,34 @@ def plotted(file: Path, lines: list[Line], x: str, y: str) -> None:
     for panel, axis in zip(panels, axes, strict=False):
         for line in lines:
             if line.panel == panel:
-                axis.loglog(line.x, line.y, marker="o", label=line.label)
+                axis.loglog(line.x, line.y, marker="o", markersize=5, label=line.label)
         axis.set(title=panel, xlabel=x, ylabel=y)
         axis.grid(visible=True, which="major", alpha=0.3)
-        axis.legend(fontsize="small")
-    figure.savefig(file)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.legend(fontsize="small", frameon=False)
+        _label(axis, sorted({one for line in lines if line.panel == panel for one in line.x}))
+    figure.savefig(file, dpi=150)
+
+
+def _label(axis: Any, sizes: list[float]) -> None:
+    """Write numbers as people do: 5, 200, 10k; below, just where something was measured."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if len(sizes) <= MOST_TICKS:
+        axis.set_xticks(sizes)
+        axis.xaxis.minorticks_off()
+    low, high = axis.get_ylim()
+    if high < LEAST_RANGE * low:  # Or what hardly differs would look as if it did.
+        middle = (low * high) ** 0.5
+        low, high = axis.set_ylim(middle / LEAST_RANGE**0.5, middle * LEAST_RANGE**0.5)
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1000 * low else (1,)))
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
+        one.set_minor_formatter(NullFormatter())
+
+
+def _written(value: float) -> str:
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= size:
+            return f"{value / size:g}{letter}"
+    return f"{value:g}"

@@ -27,14 +27,16 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.forked import Members
 from benchmarks.models import MODELS, Model, counted, cycle, load
 from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
-from minerva_bus.bus.coordinator import BusCoordinator, Watchers
-from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
@@ -185,23 +187,17 @@ def on_bus(task: Task) -> Figures:
     """Run a model over the bus: the coordinator here, hosts and services as processes."""
     model = load(task.model)
     names = [*(f"host-{number}" for number in range(task.hosts)), *model.services(task.agents)]
-    children: dict[str, subprocess.Popen[bytes]] = {}
-    peaks: dict[str, float] = {}
+    members = Members("populations", {name: partial(member, name, task) for name in names})
+    peaks: list[float] = []
     meter = Meter(model, task)
-
-    def start(endpoint: str) -> None:
-        for name in names:
-            words = [sys.executable, "-m", __spec__.name, "--member", name, endpoint]
-            children[name] = subprocess.Popen([*words, *task.words()])
 
     def done(_: s.FrameDone) -> None:
         meter.frame_done(coordinator.algorithm)
         if coordinator.algorithm.frame == task.frames:
-            peaks.update((name, memory(child.pid)) for name, child in children.items())
-            peaks[""] = memory("self")
+            peaks.extend(map(memory, ["self", *members.pids.values()]))
 
     def look(_: object) -> None:
-        gone = [name for name, child in children.items() if child.poll()]
+        gone = members.failed()
         if gone and not coordinator.algorithm.failed:
             coordinator.algorithm.failed = True
             coordinator.tell(s.End(f"{gone[0]} has failed"))
@@ -209,26 +205,23 @@ def on_bus(task: Task) -> Figures:
     watchers = Watchers(
         said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
         status=look,
-        listening=start,
+        listening=members.tell,
         stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
         frame_done=done,
     )
     coordinator = BusCoordinator(world_of(task, names), watchers)
     coordinator.run()
-    for child in children.values():
-        child.wait(timeout=10)
+    members.wait()
     if not peaks:
         sys.exit(f"{task.model} did not come to its end")
-    return {**meter.figures(), "memory_mb": sum(peaks.values())}
+    return {**meter.figures(), "memory_mb": sum(peaks)}
 
 
-def member(name: str, endpoint: str, task: Task) -> int:
-    """Run one host or service."""
+def member(name: str, task: Task) -> Participant:
+    """A host or a service."""
     model = load(task.model)
     make = model.services(task.agents).get(name)
-    kinds = [] if make is not None else model.kinds
-    participant = Participant(name, make() if make is not None else None, kinds)
-    return BusMember(participant, "populations", endpoint, print).run()
+    return Participant(name, make()) if make is not None else Participant(name, None, model.kinds)
 
 
 def memory(process: int | str) -> float:
@@ -458,8 +451,6 @@ def parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--member"]:
-        sys.exit(member(sys.argv[2], sys.argv[3], Task.of(sys.argv[4:])))
     if sys.argv[1:2] == ["--task"]:
         chosen = Task.of(sys.argv[2:])
         print(json.dumps(on_bus(chosen) if chosen.hosts else in_process(chosen)))

@@ -25,8 +25,9 @@ import numpy as np
 
 from benchmarks.latency import forked
 from minerva_bus import Agent, Event, EventType, Generator, Metres, Moment, Tick, Vocabulary, on
-from minerva_bus.bus.coordinator import BusCoordinator, Watchers
+from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
@@ -37,9 +38,9 @@ from minerva_services.laser import Laser
 
 IMAGE_BYTES, IMAGE_HERTZ = 40_000, 30.0
 WARM_UP = 1.0
-eLaser = EventType("eLaser", dist=Metres, angle=Degrees)  # noqa: N816
-eStamp = EventType("eStamp", time=float)  # noqa: N816
-eLook = EventType("eLook", time=float)  # noqa: N816
+eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
+eStamp = EventType("eStamp", time=float)
+eLook = EventType("eLook", time=float)
 
 
 class Watcher(Agent, symbol="AWatcher"):

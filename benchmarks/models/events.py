@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from minerva_bus import Event, EventType, Generator, Tick
 
-eStep = EventType("eStep", count=int)  # noqa: N816  the name that its type has in the string
+eStep = EventType("eStep", count=int)
 """Every agent acts once; `count` is how many there are."""
 
 

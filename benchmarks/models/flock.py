@@ -44,7 +44,6 @@ AREA = 100.0
 """Of the plane, for each boid."""
 
 # The names that event types have in the string are theirs here too.
-# ruff: noqa: N816
 PSpot = Primitive("PSpot", who=str, vx=float, vy=float)
 TMove = Transformation("TMove", x=float, y=float)
 eWhere = EventType("eWhere", visual=True)

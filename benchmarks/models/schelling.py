@@ -35,7 +35,6 @@ HOMOPHILY = 0.4
 RADIUS = 1
 
 # The names that event types have in the string are theirs here too.
-# ruff: noqa: N816
 PSpot = Primitive("PSpot", who=str, x=int, y=int, colour=int)
 eWhere = EventType("eWhere", visual=True)
 eNear = EventType("eNear", number=int, same=int)
@@ -55,8 +54,10 @@ class Resident(Agent, symbol="AResident"):
     @on("eNear", population=True)
     def judge(self, near: Event, moment: Moments) -> None:
         self.happy = near.same / np.maximum(near.number, 1) >= HOMOPHILY
-        vacancy = Ids.numbered("v", moment.chance.integers(self.vacancies))
-        moment.emit(eAsk(self.x, self.y, receivers=vacancy), where=~self.happy)
+        sad = np.flatnonzero(~self.happy)
+        vacancy = moment.chance.of(sad).integers(self.vacancies[sad])
+        to = Ids.numbered("v", vacancy)
+        moment.emit(eAsk(self.x[sad], self.y[sad], receivers=to), where=~self.happy)
 
     @on("eKey", population=True)
     def move(self, key: Event, moment: Moments) -> None:
@@ -92,8 +93,8 @@ class PlainResident(Agent, symbol="AResident"):
     @on("eNear")
     def judge(self, near: Event, moment: Moment) -> None:
         self.happy = near.same / max(near.number, 1) >= HOMOPHILY
-        vacancy = moment.chance.integers(self.vacancies)
         if not self.happy:
+            vacancy = moment.chance.integers(self.vacancies)
             moment.emit(eAsk(self.x, self.y, receivers=[f"v{vacancy}"]))
 
     @on("eKey")
@@ -171,6 +172,6 @@ def segregation(
     """Also for residents who come from elsewhere."""
     lattice = Lattice(width, width, RADIUS, "moore", periodic=False)
     cells = x * width + y
-    number, same = lattice.around(cells), lattice.like(cells, kind)
+    number, same = lattice.like(cells, kind)
     share = same / np.maximum(number, 1)
     return {"happy": float((share >= HOMOPHILY).mean()), "similar": float(share[number > 0].mean())}

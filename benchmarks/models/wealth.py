@@ -22,7 +22,7 @@ from minerva_bus.world.services import Service
 NAME = "wealth"
 order = ("eGive", "eStep")
 
-eGive = EventType("eGive")  # noqa: N816  the name that its type has in the string
+eGive = EventType("eGive")
 
 
 class Person(Agent, symbol="APerson"):

@@ -53,12 +53,12 @@ SHEEP_BREED: Final = 0.04
 WOLVES_BREED: Final = 0.05
 REGROWTH: Final = 30
 
-eWhere = EventType("eWhere", visual=True)  # noqa: N816
-eGraze = EventType("eGraze", cell=int, food=bool)  # noqa: N816
-eHunt = EventType("eHunt", cell=int, food=bool)  # noqa: N816
-eDevoured = EventType("eDevoured")  # noqa: N816
-eEaten = EventType("eEaten", step=int)  # noqa: N816
-PSheep = Primitive("PSheep", who=str, cell=int, energy=float)
+eWhere = EventType("eWhere", visual=True)
+eGraze = EventType("eGraze", cell=int, food=bool)
+eHunt = EventType("eHunt", cell=int, food=bool)
+eDevoured = EventType("eDevoured")
+eEaten = EventType("eEaten", step=int)
+PSheep = Primitive("PSheep", who=str, cell=int, weak=bool)
 PWolf = Primitive("PWolf", who=str, cell=int)
 PGrass = Primitive("PGrass", grown=int)
 
@@ -80,7 +80,7 @@ class Sheep(Agent, symbol="ASheep"):
 
     @view("eWhere", population=True)
     def where(self, event: Event) -> Scene:
-        return PSheep(who=self.id, cell=self.cell, energy=self.energy)
+        return PSheep(who=self.id, cell=self.cell, weak=self.energy < 1.0)
 
 
 class Wolf(Agent, symbol="AWolf"):
@@ -137,7 +137,8 @@ class Shown:
 
     sheep: Ids
     at: Cells
-    energy: NDArray[np.float64]
+    weak: Truths
+    """Which sheep starve in this step unless they eat."""
     wolves: Ids
     hunting_at: Cells
     grown: Cells
@@ -161,32 +162,30 @@ class Lattice(Device, Generator, draws=("eWhere",), events=("eWhere", *order), c
             yield from self._step(self._shown, tick.number // CYCLE + 1, tick.random)
 
     def _step(self, now: Shown, step: int, chance: np.random.Generator) -> Iterator[AnyEvent]:
-        grass = (now.grown < step).astype(np.int64)
-        cells = len(grass)
-        no_wolf = np.bincount(now.hunting_at, minlength=cells) == 0
-        options = self._around[now.at]
-        cell, grazed = allotted(now.at, options, no_wolf[options], grass, chance)
+        grass = (now.grown < step).astype(np.int8)
+        wolves_at = np.zeros(len(grass), np.bool_)
+        wolves_at[now.hunting_at] = True
+        cell, grazed = allotted(now.at, self._around, wolves_at, grass, chance)
         if len(cell):
             yield eGraze(cell=cell, food=grazed, receivers=now.sheep)
             if grazed.any():
                 yield eEaten(step, receivers=Ids.numbered("g", cell[grazed]))
-        prey = np.flatnonzero(now.energy - 1.0 + GRASS_GIVES * grazed >= 0)
-        options = self._around[now.hunting_at]
-        anywhere = np.ones(options.shape, np.bool_)
-        there = np.bincount(cell[prey], minlength=cells)
-        hunted, fed = allotted(now.hunting_at, options, anywhere, there, chance)
+        prey = np.flatnonzero(grazed | ~now.weak)
+        there = np.bincount(cell[prey], minlength=len(grass))
+        nowhere = np.zeros(len(grass), np.bool_)
+        hunted, fed = allotted(now.hunting_at, self._around, nowhere, there, chance)
         if len(hunted):
             yield eHunt(cell=hunted, food=fed, receivers=now.wolves)
-            eaten = victims(prey, cell[prey], hunted[fed], cells, chance)
+            eaten = victims(prey, cell[prey], hunted[fed], chance)
             if len(eaten):
                 yield eDevoured(receivers=now.sheep.take(eaten))
 
 
 def neighbours(side: int) -> Cells:
-    """The four cells around each, on a torus; shape (cells, 4)."""
+    """The four cells around each, on a torus; shape (4, cells)."""
     y, x = np.divmod(np.arange(side * side), side)
     around = [((y + 1) % side, x), ((y - 1) % side, x), (y, (x + 1) % side), (y, (x - 1) % side)]
-    return np.stack([row * side + column for row, column in around], axis=1)
+    return np.stack([row * side + column for row, column in around])
 
 
 def shown(scene: Scene) -> Shown:
@@ -200,65 +199,80 @@ def shown(scene: Scene) -> Shown:
         found = [part.column(name) for part in by_symbol[symbol]]
         return np.concatenate(found) if found else np.empty(0, dtype)
 
+    def who(symbol: str) -> Ids:
+        found = [part.ids_in("who") for part in by_symbol[symbol]]
+        return Ids.concatenated(found) if found else Ids.of([])
+
     return Shown(
-        Ids.of(column("PSheep", "who", object).tolist()),
+        who("PSheep"),
         column("PSheep", "cell"),
-        column("PSheep", "energy", np.float64),
-        Ids.of(column("PWolf", "who", object).tolist()),
+        column("PSheep", "weak", np.bool_),
+        who("PWolf"),
         column("PWolf", "cell"),
         column("PGrass", "grown"),
     )
 
 
 def allotted(
-    at: Cells, options: Cells, allowed: Truths, food: Cells, chance: np.random.Generator
+    at: Cells, around: Cells, shut: Truths, food: NDArray[Any], chance: np.random.Generator
 ) -> tuple[Cells, Truths]:
     """Where each animal goes and whether it gets food there; `food` is how much a cell has.
 
-    It goes to one of its allowed options that has food left, any of them that is allowed where
-    none has, and stays where none is allowed. Who comes too late for the food chooses anew.
+    It goes to a cell around its own that is not shut and has food left, to any that is not shut
+    where none has, and stays where all are. Who comes too late for the food chooses anew.
     """
     food = food.copy()
     cell, fed = at.copy(), np.zeros(len(at), np.bool_)
     left = chance.permutation(len(at))
     while len(left):
-        near, may = options[left], allowed[left]
-        good = may & (food[near] > 0)
-        hungry = ~good.any(axis=1)
-        wanted = any_of(np.where(hungry[:, None], may, good), chance)
-        goes = near[np.arange(len(left)), wanted]
-        stays = ~may.any(axis=1)
-        goes[stays] = at[left[stays]]
-        served = first_come(goes, food) & (~hungry | stays)
-        food -= np.bincount(goes[served], minlength=len(food))
+        goes = at[left]
+        near = np.take(around, goes, axis=1)
+        wanted, tempted = any_of(((food > 0) & ~shut)[near], chance)
+        anywhere, moves = any_of(~shut[near], chance)
+        moves |= tempted
+        wanted = np.where(tempted, wanted, anywhere)
+        goes = np.where(moves, near.ravel()[wanted * len(left) + np.arange(len(left))], goes)
+        served = first_come(goes, food) & (tempted | ~moves)
+        np.subtract.at(food, goes[served], 1)
         cell[left], fed[left] = goes, served
-        left = left[~served & ~hungry]
+        left = left[tempted & ~served]
     return cell, fed
 
 
-def any_of(some: Truths, chance: np.random.Generator) -> Cells:
-    """A true column of each row, any of them."""
-    return np.where(some, chance.random(some.shape), -1.0).argmax(axis=1)
+def any_of(some: Truths, chance: np.random.Generator) -> tuple[Cells, Truths]:
+    """A true row of each column, any of them; and whether there is one. `some` has four rows."""
+    upto = some.view(np.int8).copy()
+    for row in range(1, len(upto)):
+        upto[row] += upto[row - 1]
+    wanted = (chance.random(some.shape[1], np.float32) * upto[-1]).astype(np.int8)
+    found = np.zeros(some.shape[1], np.int64)
+    for row in upto[:-1]:
+        found += row <= wanted
+    return found, upto[-1] > 0
 
 
-def first_come(goes: Cells, food: Cells) -> Truths:
+def first_come(goes: Cells, food: NDArray[Any]) -> Truths:
     """Who is early enough for the food of the cell that it goes to."""
-    by_cell = np.argsort(goes, kind="stable")
-    ordered = goes[by_cell]
-    new = np.concatenate(([True], ordered[1:] != ordered[:-1]))
-    begins = np.flatnonzero(new)
-    rank = np.arange(len(goes)) - begins[np.cumsum(new) - 1]
-    served = np.empty(len(goes), np.bool_)
-    served[by_cell] = rank < food[ordered]
+    food, served = food.copy(), np.zeros(len(goes), np.bool_)
+    first = np.empty(len(food), np.intp)
+    left = np.flatnonzero(food[goes] > 0)
+    while len(left):
+        cell = goes[left]
+        first[cell[::-1]] = left[::-1]  # the first of a cell is written last
+        now = first[cell] == left
+        served[left[now]] = True
+        food[cell[now]] -= 1
+        left = left[~now & (food[cell] > 0)]
     return served
 
 
-def victims(prey: Cells, at: Cells, meals: Cells, cells: int, chance: np.random.Generator) -> Cells:
+def victims(prey: Cells, at: Cells, meals: Cells, chance: np.random.Generator) -> Cells:
     """Which of the prey are eaten: in each cell as many as there are meals, any of them."""
     if not len(prey):
         return prey
     some = chance.permutation(len(prey))
-    return prey[some[first_come(at[some], np.bincount(meals, minlength=cells))]]
+    most = int(max(at.max(), meals.max(initial=0))) + 1
+    return prey[some[first_come(at[some], np.bincount(meals, minlength=most))]]
 
 
 # --- the world ---

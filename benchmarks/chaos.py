@@ -1,0 +1,390 @@
+"""Everything goes wrong, and the string is the same: a world under random faults, for minutes.
+
+    python -m benchmarks.chaos [--minutes 10] [--seed 1] [--rate 20] [--folder FOLDER]
+
+Eight processes run 200 ants (benchmarks/models/colony.py), which are born and die. By the seed, at
+random moments: members and the coordinator are killed (SIGKILL) or frozen for a while (SIGSTOP,
+SIGCONT), hosts come from outside, some through a proxy that delays what passes, and leave, are
+killed or emptied; the world is paused. All the while somebody says again, late, what members and
+the coordinator have said. In the end the string must have the digest of a run that nobody
+disturbed, and the two records must have the same events in every frame: exit code 0, or 1.
+
+The same seed makes the same faults in the same order; the moments are the machine's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from random import Random
+
+from minerva_bus.bus.client import Client
+from minerva_bus.bus.session import open_client
+from minerva_bus.errors import MinervaError
+
+MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
+HERE = Path(__file__).resolve().parent.parent
+NAME = "colony"
+ANTS = 200
+WORLD = """
+[world]
+name = "{name}"
+string = '''{string}'''
+vocabulary = "benchmarks.models.colony:vocabulary"
+seed = {seed}
+dt = 0.1
+
+[bus]
+soft = 3.0
+hard = 60.0
+"""
+PROCESSES = {
+    "steps": 'service = "benchmarks.models.colony:Steps"',
+    "weather": 'service = "benchmarks.models.colony:Weather"',
+    "ground": 'service = "benchmarks.models.colony:Ground"',
+    "screen": 'service = "benchmarks.models.colony:Screen"',
+    "ants": 'agents = "benchmarks.models.colony:Ant"\nprocesses = 4',
+}
+MOST_GUESTS = 3
+LAST_WORDS = 60
+"""Lines of each log that are printed where something does not happen in time."""
+
+
+class Proxy:
+    """A way to an endpoint on which everything takes a while, and keeps its order."""
+
+    def __init__(self, port: int, delay: Callable[[], float]) -> None:
+        self._port, self._delay = port, delay
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._server.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                far = socket.create_connection(("127.0.0.1", self._port))
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._pass_on, args=(one, other), daemon=True).start()
+
+    def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
+        with suppress(OSError), one, other:
+            while data := one.recv(65536):
+                time.sleep(self._delay())
+                other.sendall(data)
+
+    def close(self) -> None:
+        self._server.close()
+
+
+class Parrot:
+    """Says again, a little later, what is said on the bus."""
+
+    def __init__(self, endpoint: str, chance: Random) -> None:
+        self.said = 0
+        self._session = open_client("parrot", endpoint)
+        self._chance = chance
+        keys = (f"minerva/{NAME}/from/*", f"minerva/{NAME}/tick", f"minerva/{NAME}/evolve")
+        self._mine: Counter[bytes] = Counter()
+        self._heard = [self._session.declare_subscriber(key, self._hear) for key in keys]
+
+    def _hear(self, sample: object) -> None:
+        key, data = str(sample.key_expr), sample.payload.to_bytes()  # type: ignore[attr-defined]
+        if self._mine[data] > 0:  # its own voice
+            self._mine[data] -= 1
+            return
+        if len(data) < 20000 and b"emitted" not in data[:16] and self._chance.random() < 0.1:
+            self._mine[data] += 1
+            threading.Timer(self._chance.random() * 0.3, self._say, (key, data)).start()
+
+    def _say(self, key: str, data: bytes) -> None:
+        with suppress(Exception):
+            self._session.put(key, data)
+            self.said += 1
+
+    def close(self) -> None:
+        self._session.close()
+
+
+class Chaos:
+    """A world that runs, and all that is done to it."""
+
+    def __init__(self, folder: Path, seed: int, rate: float) -> None:
+        self.folder, self.seed, self.rate = folder, seed, rate
+        self.chance = Random(seed)
+        self.done: Counter[str] = Counter()
+        self.world = folder / f"{NAME}.toml"
+        self.world.write_text(_world(seed))
+        self.guests: dict[str, subprocess.Popen[bytes]] = {}
+        self._born = 0
+        self._log = (folder / "chaos.log").open("w")
+        self._output = (folder / "run.log").open("w")
+        self.environment = {**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "runtime")}
+
+    def start(self) -> None:
+        record = ["--record", str(self.folder / "chaos.mcap"), "--flush", "0.5"]
+        words = ["run", self.world, "--rate", self.rate, *record, "--json"]
+        self.launcher = subprocess.Popen(
+            [*MINERVA, *map(str, words)],
+            cwd=HERE, env=self.environment, stdout=subprocess.PIPE, stderr=self._output,
+        )  # fmt: skip
+        place = self.folder / "runtime" / f"{NAME}.json"
+        _until(lambda: place.exists() and place.read_text().endswith("}"), "the world is there")
+        self.endpoint: str = json.loads(place.read_text())["endpoint"]
+        port = int(self.endpoint.rpartition(":")[2])
+        self.proxy = Proxy(port, lambda: 0.02 * Random().random())
+        _until(lambda: self.frame() > 3, "frames go by")
+        self.parrot = Parrot(self.endpoint, Random(self.seed))
+
+    # --- asking ---
+
+    @contextmanager
+    def asked(self) -> Iterator[Client]:
+        with Client(self.endpoint, NAME) as client:
+            yield client
+
+    def frame(self) -> int:
+        try:
+            with self.asked() as asked:
+                return asked.operator.status().frame
+        except MinervaError:
+            return -1
+
+    def pids(self) -> dict[str, int]:
+        """Who runs here, by name; empty where nobody answers now."""
+        try:
+            with self.asked() as asked:
+                members = asked.operator.status().members
+        except MinervaError:
+            return {}
+        found = {one.name: one.pid for one in members if one.pid and one.state != "left"}
+        others = set(_children(self.launcher.pid)) - set(found.values())
+        if len(others) == 1:
+            found["coordinator"] = others.pop()
+        return {name: pid for name, pid in found.items() if name not in self.guests}
+
+    # --- what is done ---
+
+    def disturb(self) -> None:
+        deeds = {
+            self.kill: 5, self.freeze: 4, self.join: 3, self.leave: 2, self.drop: 2,
+            self.drain: 1, self.pause: 1,
+        }  # fmt: skip
+        deed = self.chance.choices(list(deeds), list(deeds.values()))[0]
+        pick = self.chance.random()
+        with suppress(MinervaError, ProcessLookupError):
+            what = deed(pick)
+            if what:
+                self.done[deed.__name__] += 1
+                print(f"{time.monotonic():.2f} {deed.__name__} {what}", file=self._log, flush=True)
+        time.sleep(self.chance.uniform(0.1, 1.2))
+
+    def kill(self, pick: float) -> str:
+        name, pid = _pick(self.pids(), pick)
+        if pid:
+            os.kill(pid, signal.SIGKILL)
+        return name
+
+    def freeze(self, pick: float) -> str:
+        name, pid = _pick(self.pids(), pick)
+        if not pid:
+            return ""
+        seconds = self.chance.choice((0.05, 0.3, 1.0, 4.0))
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(seconds)
+        os.kill(pid, signal.SIGCONT)
+        return f"{name} for {seconds} s"
+
+    def join(self, pick: float) -> str:
+        if len(self.guests) >= MOST_GUESTS:
+            return ""
+        self._born += 1
+        name = f"guest-{self._born}"
+        slow = pick < 0.5
+        endpoint = f"tcp/127.0.0.1:{self.proxy.port}" if slow else self.endpoint
+        words = ["attach", "benchmarks.models.colony:Ant", "--name", name, "--world", NAME]
+        self.guests[name] = subprocess.Popen(
+            [*MINERVA, *words, "--connect", endpoint], cwd=HERE, env=self.environment,
+            stdout=self._output, stderr=self._output,
+        )  # fmt: skip
+        return f"{name}{' by a slow way' if slow else ''}"
+
+    def leave(self, pick: float) -> str:
+        return self._end_guest(pick, signal.SIGINT)
+
+    def drop(self, pick: float) -> str:
+        return self._end_guest(pick, signal.SIGKILL)
+
+    def _end_guest(self, pick: float, how: signal.Signals) -> str:
+        if not self.guests:
+            return ""
+        name = sorted(self.guests)[int(pick * len(self.guests))]
+        guest = self.guests.pop(name)
+        guest.send_signal(how)
+        with suppress(subprocess.TimeoutExpired):
+            guest.wait(5)
+        guest.kill()
+        guest.wait()
+        return name
+
+    def drain(self, pick: float) -> str:
+        name = f"ants-{1 + int(4 * pick)}"
+        with self.asked() as asked:
+            asked.ask("drain", member=name)
+        return name
+
+    def pause(self, _: float) -> str:
+        with self.asked() as asked:
+            asked.operator.pause()
+        time.sleep(0.3)
+        _until(self._resumed, "the world goes on after a pause")
+        return "and on"
+
+    def _resumed(self) -> bool:
+        with suppress(MinervaError), self.asked() as asked:
+            asked.operator.resume()
+            return True
+        return False
+
+    # --- the end ---
+
+    def end(self) -> dict[str, object]:
+        """Let it come to rest, and stop it; its summary."""
+        self.parrot.close()
+        frame = self.frame()
+        _until(lambda: self.frame() > frame + 3, "frames go on in the end", 60.0)
+        while self.guests:
+            self._end_guest(0.0, signal.SIGINT)
+        with suppress(MinervaError), self.asked() as asked:
+            asked.ask("stop")
+        out, _ = self.launcher.communicate(timeout=30)
+        return json.loads(out)
+
+    def tell_last_words(self) -> None:
+        """Print what was done last, and what the world said to it."""
+        for name in ("chaos.log", "run.log"):
+            lines = (self.folder / name).read_text(errors="replace").splitlines()
+            print(f"--- {name} ---", *lines[-LAST_WORDS:], sep="\n")
+        with suppress(MinervaError), self.asked() as asked:
+            print("--- status ---", asked.operator.status(), sep="\n")
+
+    def close(self) -> None:
+        """Nothing of it is left."""
+        for guest in self.guests.values():
+            guest.kill()
+        pids = _children(self.launcher.pid)
+        if self.launcher.poll() is None:
+            self.launcher.kill()
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.proxy.close()
+
+
+def _world(seed: int) -> str:
+    ants = " · ".join(f"AAnt#a{n}<x={n % 50}, y={n // 5}>" for n in range(ANTS))
+    parts = [f"[process.{name}]\n{text}\nrestarts = 1000000\n" for name, text in PROCESSES.items()]
+    return WORLD.format(name=NAME, string=ants, seed=seed) + "\n" + "\n".join(parts)
+
+
+def _pick(found: dict[str, int], pick: float) -> tuple[str, int]:
+    names = sorted(found)
+    name = names[int(pick * len(names))] if names else ""
+    return name, found.get(name, 0)
+
+
+def _children(pid: int) -> list[int]:
+    with suppress(OSError):
+        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+        return [int(one) for one in text.split()]
+    return []
+
+
+def _until(what: Callable[[], bool], why: str, patience: float = 40.0) -> None:
+    end = time.monotonic() + patience
+    while not what():
+        if time.monotonic() > end:
+            raise SystemExit(f"chaos: {why}: not within {patience:.0f} s")
+        time.sleep(0.05)
+
+
+def undisturbed(chaos: Chaos, frames: int) -> dict[str, object]:
+    """The summary of a run of so many frames in one process, which is recorded, too."""
+    words = [
+        "run", chaos.world, "--in-process", "--frames", frames,
+        "--record", chaos.folder / "undisturbed.mcap", "--json",
+    ]  # fmt: skip
+    done = subprocess.run(
+        [*MINERVA, *map(str, words)], cwd=HERE, env=chaos.environment, capture_output=True
+    )
+    return json.loads(done.stdout)
+
+
+def same_events(chaos: Chaos) -> str:
+    """How the two records differ; the empty text where they do not."""
+    words = ["diff", chaos.folder / "undisturbed.mcap", chaos.folder / "chaos.mcap"]
+    done = subprocess.run(
+        [*MINERVA, *map(str, words)],
+        cwd=HERE,
+        env=chaos.environment,
+        capture_output=True,
+        text=True,
+    )
+    return "" if done.returncode == 0 else done.stdout + done.stderr
+
+
+def run(folder: Path, minutes: float, seed: int, rate: float) -> bool:
+    chaos = Chaos(folder, seed, rate)
+    try:
+        chaos.start()
+        end = time.monotonic() + 60.0 * minutes
+        while time.monotonic() < end:
+            chaos.disturb()
+            if chaos.launcher.poll() is not None:
+                print(f"chaos: the world has ended; see {folder}/run.log")
+                return False
+        found = chaos.end()
+        told = chaos.parrot.said
+    except SystemExit:
+        chaos.tell_last_words()
+        raise
+    finally:
+        chaos.close()
+    frames = int(str(found["frames"]))
+    alone = undisturbed(chaos, frames)
+    differ = same_events(chaos)
+    deeds = ", ".join(f"{name} {count}" for name, count in sorted(chaos.done.items()))
+    print(f"seed {seed}: {frames} frames, {deeds}; {told} messages said twice")
+    same = found["digest"] == alone["digest"]
+    print(f"digest {found['digest']} {'=' if same else 'IS NOT'} {alone['digest']}")
+    print(differ or "the same events in every frame")
+    return same and not differ
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rate", type=float, default=20.0)
+    parser.add_argument("--folder", type=Path, help="where logs and records stay")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = given.folder or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        raise SystemExit(not run(folder, given.minutes, given.seed, given.rate))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Readers of what comes from outside, against inputs made to break them.
+
+    python -m benchmarks.fuzz --seconds 60 [--target NAME ...] [--seed 1] [--keep FOLDER]
+
+The seconds are shared among the targets (tests/fuzz/targets.py), each in a process of its own that
+Atheris steers by the branches which an input takes, from tests/fuzz/corpus on. It fails where a
+reader raises what it has not declared, takes longer than 10 s for one input or more than 2 GB; what
+did it is kept in the folder, and belongs into the corpus once it is mended.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import resource
+import sys
+import tempfile
+import time
+from contextlib import redirect_stderr
+from io import StringIO
+from pathlib import Path
+from typing import NoReturn
+
+try:
+    import atheris
+except ImportError:
+    raise SystemExit("fuzzing takes Atheris: pip install atheris (Linux)") from None
+
+OURS = ["minerva_bus", "minerva_services", "minerva_agents", "pynmea2"]
+with redirect_stderr(StringIO()), atheris.instrument_imports(include=OURS):  # It tells of each.
+    from tests.fuzz.targets import TARGETS, Target
+
+CORPUS = Path(__file__).resolve().parent.parent / "tests" / "fuzz" / "corpus"
+MEMORY = 2 << 30
+SECONDS_OF_ONE = 10
+ROUND = 60.0
+"""Seconds of one process: what Atheris loses of numpy's comparisons would fill the memory."""
+
+
+def inside(target: Target, words: list[str], log: Path) -> NoReturn:
+    """Fuzz one target in this process, a child, which Atheris ends."""
+    with log.open("w") as said:
+        for stream in (1, 2):
+            os.dup2(said.fileno(), stream)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    atheris.Setup([sys.argv[0], *words, f"-max_len={target.longest}"], target)
+    atheris.Fuzz()
+    os._exit(0)
+
+
+def fuzz(name: str, seconds: float, seed: int, keep: Path) -> bool:
+    """Fuzz one target, in a process of its own for each round; whether nothing was found."""
+    log, tried, peak, status = keep / f"{name}.log", 0, 0, 0
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as grown:
+        while status == 0 and (rest := seconds - (time.monotonic() - began)) > 0:
+            status = a_round(name, min(rest, ROUND), seed, keep, grown)
+            said = log.read_text(errors="replace")
+            tried += _stat(said, "number_of_executed_units")
+            peak = max(peak, _stat(said, "peak_rss_mb"))
+            seed += 1
+    how = "nothing found" if status == 0 else f"FOUND, see {log}\n{_finding(said)}"
+    took = time.monotonic() - began
+    print(f"{name:10} {tried:>9} inputs in {took:5.0f} s, {peak} MB: {how}", flush=True)
+    return status == 0
+
+
+def a_round(name: str, seconds: float, seed: int, keep: Path, grown: str) -> int:
+    """Go on from what the rounds before have `grown`; 0 where nothing was found."""
+    words = [
+        grown, str(CORPUS / name), f"-max_total_time={max(1, round(seconds))}",
+        f"-seed={seed}", f"-timeout={SECONDS_OF_ONE}", f"-artifact_prefix={keep}/{name}-",
+        f"-rss_limit_mb={MEMORY >> 20}", "-print_final_stats=1",
+    ]  # fmt: skip
+    child = os.fork()
+    if child == 0:
+        inside(TARGETS[name], words, keep / f"{name}.log")
+    return os.waitpid(child, 0)[1]
+
+
+def _finding(said: str) -> str:
+    """What went wrong, of all that is said."""
+    found = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", said, re.S | re.M)
+    return found[0] if found else said[-400:]
+
+
+def _stat(said: str, name: str) -> int:
+    found = re.search(rf"stat::{name}:\s*(\d+)", said)
+    return int(found[1]) if found else 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=60.0, help="in all")
+    parser.add_argument(
+        "--target", action="append", choices=sorted(TARGETS), help="all, if none is named"
+    )
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "minerva-fuzz")
+    given = parser.parse_args()
+    keep: Path = given.keep.absolute()
+    keep.mkdir(parents=True, exist_ok=True)
+    chosen = given.target or sorted(TARGETS)
+    found = [fuzz(name, given.seconds / len(chosen), given.seed, keep) for name in chosen]
+    raise SystemExit(not all(found))
+
+
+if __name__ == "__main__":
+    main()

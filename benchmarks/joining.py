@@ -1,0 +1,130 @@
+"""Milliseconds until a new host of agents serves, while the world runs.
+
+    python -m benchmarks.joining [--agents 10000] [--rate 30] [--turns 5] [--json]
+
+A world of walkers runs with one host; then another one is attached, by a command of its own.
+`joined` is from the command's start until the member takes part, `serves` until it has answered for
+agents in a frame, `left` from its being told to go until others have its agents.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from minerva_bus.bus.client import Client
+from minerva_bus.world.operator import MemberStatus
+
+MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
+HOST, PATIENCE, LOOK = "newcomer", 30.0, 0.002
+WORLD = """
+[world]
+scene = "walkers:scene"
+vocabulary = "benchmarks.models.plain:vocabulary"
+rate = {rate}
+
+[process.clock]
+service = "benchmarks.models.events:Clock"
+count = {agents}
+
+[process.host]
+agents = "benchmarks.models.plain:Walker"
+"""
+MODULE = """
+from benchmarks.models.plain import scene as walkers
+
+
+def scene(options):
+    return walkers({agents}, 7)
+"""
+
+
+def when(look: Callable[[], bool]) -> float:
+    """Wait until something holds; the time."""
+    until = time.perf_counter() + PATIENCE
+    while not look():
+        if time.perf_counter() > until:
+            sys.exit(f"nothing after {PATIENCE:g} s")
+        time.sleep(LOOK)
+    return time.perf_counter()
+
+
+def newcomer(asked: Client) -> MemberStatus | None:
+    """The new host, where it takes part."""
+    members = asked.operator.status().members
+    return next((one for one in members if (one.name, one.state) == (HOST, "present")), None)
+
+
+def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str, float]:
+    """One host comes, serves and goes; milliseconds."""
+    words = [*MINERVA, "attach", "benchmarks.models.plain:Walker", "--name", HOST]
+    began = time.perf_counter()
+    host = subprocess.Popen(
+        [*words, "--connect", endpoint], env=environment, stderr=subprocess.DEVNULL
+    )
+    try:
+        joined = when(lambda: newcomer(asked) is not None)
+        admitted = asked.operator.status().frame
+        serves = when(lambda: (one := newcomer(asked)) is not None and one.last_reply >= admitted)
+        told = time.perf_counter()
+        host.send_signal(signal.SIGTERM)
+        left = when(lambda: newcomer(asked) is None)
+    finally:
+        host.kill()
+        host.wait()
+    return {
+        "joined": 1e3 * (joined - began),
+        "serves": 1e3 * (serves - began),
+        "left": 1e3 * (left - told),
+    }
+
+
+def measure(agents: int, rate: float, turns: int) -> list[dict[str, float]]:
+    """Some turns in one running world."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "walkers.py").write_text(MODULE.format(agents=agents))
+        world = Path(folder, "walkers.toml")
+        world.write_text(WORLD.format(agents=agents, rate=rate))
+        environment = os.environ | {"MINERVA_RUNTIME_DIR": folder, "PYTHONPATH": str(Path.cwd())}
+        running = subprocess.Popen(
+            [*MINERVA, "run", str(world), "--quiet"], env=environment, stdout=subprocess.DEVNULL
+        )
+        place = Path(folder, "walkers.json")
+        try:
+            when(lambda: place.is_file() and "endpoint" in place.read_text())
+            endpoint = json.loads(place.read_text())["endpoint"]
+            with Client(endpoint, "walkers") as asked:
+                when(lambda: asked.operator.status().frame > 0)
+                return [turn(asked, endpoint, environment) for _ in range(turns)]
+        finally:
+            running.terminate()
+            running.wait()
+
+
+def main() -> None:
+    """Measure and print medians."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--agents", type=int, default=10_000)
+    parser.add_argument("--rate", type=float, default=30.0)
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    rows = measure(arguments.agents, arguments.rate, arguments.turns)
+    medians = {name: statistics.median(row[name] for row in rows) for name in rows[0]}
+    if arguments.json:
+        print(json.dumps(medians))
+    else:
+        print("  ".join(f"{name} {value:.0f} ms" for name, value in medians.items()))
+
+
+if __name__ == "__main__":
+    main()

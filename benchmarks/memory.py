@@ -1,0 +1,155 @@
+"""Whether memory stays flat over a long run: resident memory of each process over frames.
+
+    python -m benchmarks.memory [--frames 100000] [--world meadow.toml] [--plot memory.png] [--json]
+
+The world runs on the bus as fast as it goes, and is recorded, if `--record` asks for that. Every
+few seconds the resident memory of each of its processes is read from /proc. What is printed of
+each is its memory after a fifth of the frames and at the end, and how much it has grown between
+them for a thousand frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from minerva_bus.bus.client import Client
+from minerva_bus.errors import BusError
+
+ROOT = Path(__file__).parents[1]
+MEADOW = ROOT / "examples/meadow/meadow.toml"
+SETTLED = 0.2
+"""After this part of the frames, caches and pools are full."""
+
+
+@dataclass(slots=True)
+class Series:
+    """The resident memory of one process, MB, at some frames."""
+
+    name: str
+    frames: list[int] = field(default_factory=list[int])
+    megabytes: list[float] = field(default_factory=list[float])
+
+    def settled(self, last: int) -> tuple[float, float, float]:
+        """MB after a fifth of the frames, and at the end, and kB more for a thousand frames."""
+        at = next((i for i, one in enumerate(self.frames) if one >= SETTLED * last), -1)
+        first, end = self.megabytes[at], self.megabytes[-1]
+        passed = max(1, self.frames[-1] - self.frames[at])
+        return first, end, 1e6 * (end - first) / passed  # MB → kB, a thousand frames
+
+
+def resident(pid: int) -> float:
+    """The resident memory of a process, MB; 0 where it is gone."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def children(pid: int) -> list[int]:
+    """The processes that one has started."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(one) for one in path.read_text(encoding="ascii").split()]
+
+
+def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict[str, Series]:
+    """Look at the processes of a world until it ends."""
+    found: dict[str, Series] = {}
+    while launcher.poll() is None:
+        time.sleep(every)
+        try:
+            (path,) = folder.glob("*.json")
+            told = json.loads(path.read_text(encoding="utf-8"))
+            with Client(told["endpoint"], told["world"]) as asked:
+                status = asked.operator.status()
+            members = {one.pid: one.name for one in status.members}
+            started = children(launcher.pid)
+        except (BusError, OSError, ValueError, KeyError):
+            continue
+        names = {pid: members.get(pid, "coordinator") for pid in started}
+        for pid, name in {launcher.pid: "launcher", **names}.items():
+            megabytes = resident(pid)
+            if megabytes:
+                one = found.setdefault(name, Series(name))
+                one.frames.append(status.frame)
+                one.megabytes.append(megabytes)
+    return found
+
+
+def draw(series: list[Series], picture: Path, title: str) -> None:
+    """Draw memory over frames."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    axes = figure.subplots()
+    top, label = max(one.megabytes[-1] for one in series), float("inf")
+    for one in series:
+        line = axes.plot([n / 1000 for n in one.frames], one.megabytes, linewidth=1.5)[0]
+        label = min(one.megabytes[-1], label - top / 28)  # No label upon another.
+        place = (one.frames[-1] / 1000, label)
+        axes.annotate(
+            one.name, place, xytext=(4, 0), textcoords="offset points", va="center",
+            fontsize="small", color=line.get_color(),
+        )  # fmt: skip
+    axes.set(title=title, xlabel="frames, thousands", ylabel="resident memory, MB")
+    axes.set_ylim(bottom=0)
+    axes.margins(x=0.08)
+    axes.grid(visible=True, alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(picture, dpi=110)
+
+
+def main() -> None:
+    """Run the world, watch it, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=int, default=100_000)
+    parser.add_argument("--world", default=str(MEADOW))
+    parser.add_argument("--every", type=float, default=3.0, help="seconds between two looks")
+    parser.add_argument("--record", action="store_true")
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        words = ["run", arguments.world, "--rate", "0", "--frames", str(arguments.frames)]
+        words += ["--quiet"] + (["--record", str(folder / "r.mcap")] if arguments.record else [])
+        began = time.monotonic()
+        launcher = subprocess.Popen(
+            [sys.executable, "-m", "minerva_bus.cli.main", *words],
+            env={**os.environ, "MINERVA_RUNTIME_DIR": name},
+            stdout=subprocess.DEVNULL,
+        )
+        found = watch(launcher, folder, arguments.every)
+        seconds = time.monotonic() - began
+    if launcher.returncode or not found:
+        sys.exit(f"the world has ended with exit code {launcher.returncode}")
+    report(sorted(found.values(), key=lambda one: -one.megabytes[-1]), arguments, seconds)
+
+
+def report(series: list[Series], arguments: argparse.Namespace, seconds: float) -> None:
+    """Print what was found, and draw it."""
+    last = max(one.frames[-1] for one in series)
+    for one in series:
+        first, end, growth = one.settled(last)
+        if arguments.json:
+            row = {"process": one.name, "first": first, "end": end, "growth": growth}
+            print(json.dumps(row | {"frames": one.frames, "megabytes": one.megabytes}))
+        else:
+            print(f"{one.name:12} {first:7.1f} MB {end:7.1f} MB {growth:7.1f} kB/1,000 frames")
+    print(f"{last:,} frames in {seconds:.0f} s", file=sys.stderr)
+    if arguments.plot:
+        recorded = ", recorded" if arguments.record else ""
+        title = f"{Path(arguments.world).stem}, {last:,} frames{recorded}"
+        draw(series, arguments.plot, title)
+
+
+if __name__ == "__main__":
+    main()

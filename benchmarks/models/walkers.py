@@ -1,0 +1,24 @@
+"""Agents that walk about at random: every one of them changes in every frame."""
+
+from minerva_bus import Agent, Degrees, EventType, Metres, Moment, Primitive, Vocabulary, on
+
+PDot = Primitive("PDot")
+eStep = EventType("eStep")
+
+
+class Walker(Agent, symbol="AWalker"):
+    """One who turns a little, and goes on."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    heading: Degrees = 0.0
+
+    @on("eStep")
+    def walk(self, step: object, moment: Moment) -> None:
+        """A step of a tenth of a metre or so."""
+        self.heading += float(moment.random.normal(0.0, 5.0))
+        self.x += 0.1 * float(moment.random.normal(1.0, 0.1))
+        self.y += 0.1 * float(moment.random.normal(0.0, 0.1))
+
+
+vocabulary = Vocabulary.of(PDot, eStep, Walker)

@@ -1,0 +1,136 @@
+"""What a record costs: frames a second with one and without, in turns within one run.
+
+    python -m benchmarks.recording [--worlds walkers meadow robot robots] [--turns 5] [--json]
+
+Each turn runs a world on the bus as fast as it goes, once without a record and once with one, in
+changing order: sixteen agents that do nothing but move, a meadow with some seventy, the robot and
+sixteen robots. The figures are medians of all turns, the cost is the median of each turn's own.
+The second half of the table is the processors' time of all processes of a run, with its start: on
+a busy machine that says more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+MINERVA = (sys.executable, "-m", "minerva_bus.cli.main", "run")
+ROOT = Path(__file__).parents[1]
+WALKERS = f"""
+[world]
+vocabulary = "walkers:vocabulary"
+string = "{" · ".join(f"AWalker#w{n}<x={n}>" for n in range(16))}"
+seed = 7
+
+[process.steps]
+service = "each"
+event = "eStep"
+
+[process.walkers]
+agents = "walkers:Walker"
+processes = 2
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A world that is measured: how it is named, over how many frames, and its own options."""
+
+    name: str
+    frames: int
+    words: tuple[str, ...] = ()
+
+
+def kinds(folder: Path) -> dict[str, Kind]:
+    """The worlds by name; that of sixteen walkers is written into a folder."""
+    models = Path(__file__).parent / "models"
+    (folder / "walkers.py").write_text((models / "walkers.py").read_text(encoding="utf-8"))
+    (folder / "walkers.toml").write_text(WALKERS, encoding="utf-8")
+    robots = str(ROOT / "examples/robots/robots.toml")
+    return {
+        "walkers": Kind(str(folder / "walkers.toml"), 2000),
+        "meadow": Kind(str(ROOT / "examples/meadow/meadow.toml"), 1000),
+        "robot": Kind("robot", 300, ("--until", "")),
+        "robots": Kind(robots, 60, ("--robots", "16", "--until", "")),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What one run took: frames a second, and ms of all its processes' time for a frame."""
+
+    rate: float
+    work: float
+
+
+def run(kind: Kind, folder: Path, *more: str) -> Run:
+    """One run, with its start and its end."""
+    words = [*MINERVA, kind.name, "--json", "--quiet", "--rate", "0", *kind.words]
+    before = os.times()
+    done = subprocess.run(
+        [*words, "--frames", str(kind.frames), *more],
+        cwd=folder,
+        env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    after = os.times()
+    if done.returncode:
+        sys.exit(f"{kind.name}: {done.stderr.strip()}")
+    used = after.children_user + after.children_system
+    used -= before.children_user + before.children_system
+    rate = float(json.loads(done.stdout)["frames_per_second"])
+    return Run(rate, 1000 * used / kind.frames)
+
+
+def turn(kind: Kind, folder: Path, number: int) -> tuple[Run, Run]:
+    """One run without and one with a record, in this order or the other."""
+    recorded = ("--record", str(folder / "run.mcap"))
+    if number % 2:
+        with_one = run(kind, folder, *recorded)
+        return run(kind, folder), with_one
+    return run(kind, folder), run(kind, folder, *recorded)
+
+
+def main() -> None:
+    """Measure in turns and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--worlds", nargs="+", default=["walkers", "meadow", "robot", "robots"])
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    if not arguments.json:
+        print(f"{'':10} {'frames a second':^27}   {'ms of work a frame':^27}")
+        print(f"{'world':10}" + 2 * f" {'without':>9} {'with':>9} {'cost':>7}  ")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for world in arguments.worlds:
+            report(world, kinds(folder)[world], folder, arguments)
+
+
+def report(world: str, kind: Kind, folder: Path, arguments: argparse.Namespace) -> None:
+    """Measure and print one world."""
+    turns = [turn(kind, folder, number) for number in range(arguments.turns)]
+    rates = [statistics.median(one.rate for one in some) for some in zip(*turns, strict=True)]
+    works = [statistics.median(one.work for one in some) for some in zip(*turns, strict=True)]
+    slower = statistics.median(1 - other.rate / one.rate for one, other in turns)
+    more = statistics.median(other.work / one.work - 1 for one, other in turns)
+    if arguments.json:
+        row = {"rates": rates, "slower": slower, "work": works, "more": more}
+        print(json.dumps({"world": world, **row}), flush=True)
+    else:
+        columns = ((rates, slower), (works, more))
+        cells = [f" {a:9.2f} {b:9.2f} {100 * cost:6.1f}%  " for (a, b), cost in columns]
+        print(f"{world:10}" + "".join(cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()

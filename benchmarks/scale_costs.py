@@ -1,0 +1,160 @@
+"""What things cost on this machine, for benchmarks/scale_model.py: short runs, some seconds each.
+
+A world's frames are run in one process, and what the coordinator does in them is told apart from
+what a host of agents does; messages are turned into bytes and back as on the bus. What a member
+costs is the slope of an empty lockstep over real processes.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import zenoh
+
+from benchmarks.models import plain, wealth
+from benchmarks.scale_model import Costs, Kind
+from minerva_bus.bus.session import open_client, open_hub
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.protocol.codec import Decoder, encode
+from minerva_bus.world.order import Order
+
+FRAMES, WARM_UP = 12, 4
+SIZES = (4_000, 40_000)
+MEMBERS = (1, 8)
+STEPS = 300
+TURNS = 3
+LARGE = 4_000_000
+MODELS: dict[str, ModuleType] = {"in columns, all send": wealth, "one by one": plain}
+
+
+class Weighed(InProcess):
+    """A world in one process, with the time of either side and the bytes between them."""
+
+    def __init__(self, algorithm: FrameAlgorithm, members: list[Participant]) -> None:
+        super().__init__(algorithm, members, self._note)
+        self.ours = self.theirs = self.bytes = 0.0
+        self.rows: list[tuple[float, float, float]] = []
+        self._ready = False
+        self._decoders = {one.name: Decoder(algorithm.world.vocabulary) for one in members}
+        self._decoder = Decoder(algorithm.world.vocabulary)
+
+    def run(self, frames: int) -> list[tuple[float, float, float]]:
+        """Seconds of the coordinator and of its members, and bytes, of each frame."""
+        self.start()
+        for _ in range(frames):
+            self.ours = self.theirs = self.bytes = 0.0
+            self.tell(s.Begin())
+            self.rows.append((self.ours, self.theirs, self.bytes))
+        return self.rows
+
+    def tell(self, stimulus: s.Stimulus) -> None:
+        self._queue.append(stimulus)
+        while self._queue:
+            began = time.perf_counter()
+            done = self.algorithm.receive(self._queue.popleft())
+            self.ours += time.perf_counter() - began
+            for instruction in done:
+                self._carry_out(instruction)
+
+    def _deliver(self, to: list[Participant], message: Any) -> None:
+        data = self._as_ours(lambda: encode(message))
+        for one in to:
+            self.bytes += len(data)
+            decoder = self._decoders[one.name]
+            began = time.perf_counter()
+            if isinstance(message, m.Welcome):
+                self._decoders[one.name] = Decoder(message.vocabulary)
+            answers = one.receive(decoder.to_member(data))
+            sent = [encode(answer) for answer in answers]
+            self.theirs += time.perf_counter() - began
+            for answer in sent:
+                self.bytes += len(answer)
+                name, bytes_ = one.name, answer
+                self._queue.append(
+                    self._as_ours(lambda n=name, b=bytes_: self._decoder.from_member(n, b))
+                )
+
+    def _as_ours(self, work: Callable[[], Any]) -> Any:
+        began = time.perf_counter()
+        done = work()
+        self.ours += time.perf_counter() - began
+        return done
+
+    def _note(self, instruction: s.Instruction) -> None:
+        """Nothing is watched."""
+
+
+def world_of(model: ModuleType, agents: int) -> Weighed:
+    """A model's world with one host, ready to be run."""
+    members = [Participant(name, make()) for name, make in model.services(agents).items()]
+    members.append(Participant("host", None, model.kinds))
+    world = World(
+        model.NAME, model.scene(agents, 7), model.vocabulary, seed=7, order=Order(model.order),
+        expected=frozenset(one.name for one in members),
+    )  # fmt: skip
+    return Weighed(FrameAlgorithm(world), members)
+
+
+def kind(model: ModuleType) -> Kind:
+    """What an agent of a model costs: the slope between two sizes."""
+    rows = [np.min(world_of(model, size).run(WARM_UP + FRAMES)[WARM_UP:], axis=0) for size in SIZES]
+    slope = np.maximum((rows[1] - rows[0]) / (SIZES[1] - SIZES[0]), 1e-12)
+    ours, theirs, size = (float(one) for one in slope)
+    return Kind(ours, theirs, size)
+
+
+def lockstep(members: int) -> dict[str, float]:
+    """An empty lockstep of so many processes; its figures, in microseconds."""
+    words = [sys.executable, "-m", "benchmarks.lockstep", "--minerva", str(members), str(STEPS)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def seconds_per_byte() -> float:
+    """What a byte costs from one session to another: messages of some megabytes."""
+    session, endpoint = open_hub("hub")
+    with session, open_client("member", endpoint) as member:
+        channel = member.declare_subscriber("minerva/scale", zenoh.handlers.FifoChannel(4))
+        publisher = session.declare_publisher(
+            "minerva/scale", congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        until = time.monotonic() + 5
+        while not publisher.matching_status.matching and time.monotonic() < until:
+            time.sleep(0.01)
+        took = []
+        for _ in range(20):
+            began = time.perf_counter()
+            publisher.put(bytes(LARGE))
+            channel.recv()
+            took.append(time.perf_counter() - began)
+    return min(took) / LARGE
+
+
+def measure() -> Costs:
+    """All costs of this machine, in half a minute.
+
+    Of several turns the quickest counts: what else the machine does is none of ours.
+    """
+    turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
+    medians = [1e-6 * min(one[count]["us_per_step_median"] for one in turns) for count in MEMBERS]
+    member = max((medians[-1] - medians[0]) / (MEMBERS[-1] - MEMBERS[0]), 1e-6)
+    found = [one[count] for one in turns for count in MEMBERS]
+    return Costs(
+        frame=max(medians[0] - member * MEMBERS[0], 1e-6),
+        member=member,
+        byte=seconds_per_byte(),
+        spread=min(one["us_per_step_p99"] / one["us_per_step_median"] for one in found),
+        kinds={name: kind(model) for name, model in MODELS.items()},
+    )

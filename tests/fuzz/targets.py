@@ -1,0 +1,239 @@
+"""What is fuzzed: every reader of bytes that others have written, and how it may refuse them.
+
+A target takes bytes and may raise what it declares, nothing else; it neither hangs nor fills the
+memory. What it reads well has to keep its laws, such as parse(print(w)) = w.
+"""
+
+import struct
+import sys
+import tempfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+sys.path += [str(Path(__file__).parents[1] / "bus"), str(Path(__file__).parents[2] / "services")]
+sys.path.append(str(Path(__file__).parents[2] / "agents"))
+import yard
+
+from minerva_agents.robot.maps import MapError, load_map
+from minerva_bus.errors import (
+    GrammarError,
+    MinervaError,
+    MisuseError,
+    ProtocolError,
+    SceneError,
+    VocabularyError,
+    WorldFileError,
+)
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.condition import parse_condition
+from minerva_bus.grammar.parser import parse
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.protocol.codec import Decoder
+from minerva_bus.protocol.plain import unpack
+from minerva_bus.protocol.status import read_lines, read_status
+from minerva_bus.record.errors import RecordError
+from minerva_bus.record.journal import go_on, read_journal
+from minerva_bus.record.reader import Record
+from minerva_bus.world.recordings import RecordingError
+from minerva_services.carmen.log import open_log
+from minerva_services.mqtt.pattern import Pattern
+from minerva_services.mqtt.payload import Garbage, Payload
+from minerva_services.nmea.sentences import Useless, read_fix
+from minerva_services.ros2.messages import messages
+from minerva_services.ros_messages import GarbageError, images
+from minerva_services.ros_messages import readings as ros
+from minerva_services.rosbag.bag import open_bag
+from minerva_services.rplidar import protocol as rplidar
+from minerva_services.rplidar.packets import ExpressPackets, StandardPackets
+from minerva_services.rplidar.turns import Turns, ranges
+from minerva_services.serial_line.lines import Lines
+
+MOST = 500
+"""Readings, or frames, that are looked at of one file."""
+
+WORLD = World("yard", parse("AWalker#a<x=0> · AWalker#b<x=1>"), yard.vocabulary, seed=7)
+_ENTRY = struct.Struct(">II")
+_folder = Path(tempfile.mkdtemp(prefix="minerva-fuzz-"))
+
+
+@dataclass(frozen=True)
+class Target:
+    """`read` may raise `declared`. `longest` is how many bytes are worth trying."""
+
+    read: Callable[[bytes], object]
+    declared: tuple[type[Exception], ...]
+    longest: int = 4096
+
+    def __call__(self, data):
+        try:
+            self.read(data)
+        except self.declared as refused:
+            assert str(refused), "it does not say why"
+            assert len(str(refused)) < 4000, "it says too much"
+
+
+def _file(name, data):
+    path = _folder / name
+    path.write_bytes(data)
+    return path
+
+
+def _text(data):
+    return data.decode("utf-8", "replace")
+
+
+def _pass_over(what, line):
+    assert what
+    assert line
+
+
+# --- the bus ---
+
+
+def _message(data):
+    """The first byte says from whom it is."""
+    kind, body, decoder = data[:1], data[1:], Decoder(yard.vocabulary)
+    if kind == b"m":
+        decoder.from_member("a", body)
+    elif kind == b"c":
+        decoder.to_member(body)
+    elif kind == b"r":
+        decoder.readings("scan", "a", body)
+    else:
+        decoder.record(body)
+
+
+def _status(data):
+    plain = unpack(data)
+    read_lines(plain) if isinstance(plain, list) else read_status(plain)
+
+
+# --- the language ---
+
+
+def _scene(data):
+    scene = parse(_text(data))
+    assert parse(str(scene)) == scene
+    yard.vocabulary.check(scene)
+
+
+def _condition(data):
+    condition = parse_condition(_text(data))
+    state = {name: {"x": 1.5, "name": "red", "n": 3}.get(name, 2.0) for name in condition.names}
+    condition.holds(state)
+
+
+def _world_file(data):
+    read_world_file(_file("yard.toml", data))
+
+
+# --- files ---
+
+
+def _map(data):
+    load_map(_file("map.yaml", data))
+
+
+def _image(data):
+    load_map(_file("map.pgm", data))
+
+
+def _record(data):
+    with Record(_file("run.mcap", data)) as record:
+        for lines in (record.strings(), record.log(), record.sensed()):
+            for _ in islice(lines, MOST):
+                pass
+
+
+def _journal(data):
+    """Entries as their lengths say; their checks are made right, that more than the first is read."""
+    whole, begin = b"", 0
+    while begin + _ENTRY.size <= len(data):
+        length, _ = _ENTRY.unpack_from(data, begin)
+        entry = data[begin + _ENTRY.size : begin + _ENTRY.size + length]
+        whole += _ENTRY.pack(len(entry), zlib.crc32(entry)) + entry
+        begin += _ENTRY.size + length
+    past = read_journal(_file("yard.journal", whole), WORLD)
+    if past is not None:
+        go_on(FrameAlgorithm(past.world), past, lambda done: None)
+
+
+def _carmen(data):
+    for _ in islice(open_log(_file("run.log", data), _pass_over).readings(), MOST):
+        pass
+
+
+def _bag(data):
+    bag = open_bag(_file("run.mcap", data), _pass_over)
+    try:
+        for _ in islice(bag.readings(), MOST):
+            pass
+    finally:
+        bag.close()
+
+
+# --- devices and networks ---
+
+_CDR = {
+    b"s": ("sensor_msgs/msg/LaserScan", lambda one: ros.scan_of(one, "r")),
+    b"o": ("nav_msgs/msg/Odometry", lambda one: ros.odometry_of(one, "r")),
+    b"b": ("sensor_msgs/msg/BatteryState", lambda one: ros.battery_of(one, "r")),
+    b"i": ("sensor_msgs/msg/Image", lambda one: images.image_of(one, "r")),
+    b"f": ("sensor_msgs/msg/CompressedImage", lambda one: images.file_of(one, "r")),
+}
+
+
+def _cdr(data):
+    """The first byte says which message."""
+    kind, read = _CDR.get(data[:1], _CDR[b"s"])
+    read(messages().decode(kind, data[1:]))
+
+
+def _nmea(data):
+    for line in Lines(lambda what: None).feed(data):
+        try:
+            read_fix(line)
+        except Useless:
+            continue
+
+
+def _rplidar(data):
+    if rplidar.read_descriptor(data[:7]) is not None:
+        rplidar.read_health(data[7:10].ljust(3, b"\0"))
+    packets = (StandardPackets if data[:1] < b"\x80" else ExpressPackets)(lambda what: None)
+    turns = Turns(lambda what: None)
+    for begin in range(1, len(data), 61):
+        for samples in packets.feed(data[begin : begin + 61]):
+            for turn in turns.add(samples):
+                assert ranges(turn, 90).shape == (90,)
+
+
+def _mqtt(data):
+    """A pattern, a topic and a payload, each on a line."""
+    pattern, topic, payload, *_ = [*data.split(b"\n", 2), b"", b""]
+    Pattern.of(_text(pattern)).levels(_text(topic))
+    assert Payload.of(payload).at("a.0.b") is not None or True
+
+
+PROTOCOL = (ProtocolError, SceneError)
+TARGETS = {
+    "bag": Target(_bag, (RecordingError,), 16384),
+    "carmen": Target(_carmen, (RecordingError,)),
+    "cdr": Target(_cdr, (GarbageError,)),
+    "condition": Target(_condition, (VocabularyError,), 512),
+    "image": Target(_image, (MapError,)),
+    "journal": Target(_journal, (RecordError, *PROTOCOL), 8192),
+    "map": Target(_map, (MapError,)),
+    "message": Target(_message, PROTOCOL),
+    "mqtt": Target(_mqtt, (MisuseError, Garbage)),
+    "nmea": Target(_nmea, ()),
+    "record": Target(_record, (RecordError,), 32768),
+    "rplidar": Target(_rplidar, (MinervaError,)),
+    "scene": Target(_scene, (GrammarError, VocabularyError)),
+    "status": Target(_status, (ProtocolError,)),
+    "worldfile": Target(_world_file, (WorldFileError, MinervaError)),
+}

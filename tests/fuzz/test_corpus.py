@@ -1,0 +1,40 @@
+"""Whatever bytes come in from outside, a reader refuses them in words or reads them.
+
+The corpus has well-formed inputs, and such as once broke something; python -m benchmarks.fuzz goes
+on from it. Here it is read as it is, cut off, and with single bytes changed.
+"""
+
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.targets import TARGETS
+
+CORPUS = Path(__file__).parent / "corpus"
+CHANGES = 25
+
+
+def inputs(name):
+    return sorted((CORPUS / name).iterdir())
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_corpus_is_read_or_refused_in_words(name):
+    found = inputs(name)
+    assert found, "an empty corpus"
+    assert all(one.stat().st_size <= 40_000 for one in found)
+    for one in found:
+        TARGETS[name](one.read_bytes())
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_so_is_what_was_cut_off_or_changed(name):
+    for one in inputs(name):
+        data, chance = one.read_bytes(), random.Random(one.name)
+        for _ in range(CHANGES):
+            changed = bytearray(data[: chance.randrange(len(data) + 1)] or data)
+            for _ in range(chance.randrange(4)):
+                if changed:
+                    changed[chance.randrange(len(changed))] = chance.randrange(256)
+            TARGETS[name](bytes(changed))
