@@ -7,7 +7,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import Column
+from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.types import Type
@@ -32,19 +32,26 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
     if isinstance(value, Ids):
         if kind.kind != "text":
             raise Unfit(f"an array of {kind}, not of ids")
-        return Column(value.column)
+        return _among(kind, Column.of_ids(value))
     array = cast("NDArray[Any]", value)
     letter = array.dtype.kind
     if letter not in _KINDS[kind.kind] or (kind.kind == "real" and letter == "b"):
         raise Unfit(f"an array of {kind}, not of {array.dtype}")
     if kind.kind == "text":
-        return _texts(array)
+        return _among(kind, _texts(array))
     fitted = array.astype(_DTYPES[kind.kind], copy=array.flags.writeable)
     if letter == "u" and kind.kind == "int" and (fitted < 0).any():
         raise Unfit("an array of whole numbers of at most 64 bits")
     if finite and kind.kind == "real" and not np.isfinite(fitted).all():
         raise Unfit(f"an array of {kind}, of finite numbers")
     return Column(fitted)
+
+
+def _among(kind: Type, column: Column) -> Column:
+    """The column, if its texts are words of this type. Raises Unfit."""
+    for word in sorted({*column.list()}) if kind.words else ():
+        kind.fit(word)
+    return column
 
 
 def _texts(array: NDArray[Any]) -> Column:
@@ -67,9 +74,14 @@ def repeated(kind: Type, value: Any, count: int) -> Column:
 
 def fits(kind: Type, column: Column) -> bool:
     """Whether a column has the values of this type, as they are."""
+    if kind.kind == "text" and column.ids is not None and not kind.words:
+        return True
     array = column.array
     if kind.kind == "text":
-        return array.dtype == object and all(type(one) is str for one in array.tolist())
+        texts = array.tolist() if array.dtype == object else [None]
+        return all(type(one) is str for one in texts) and (
+            not kind.words or {*texts} <= {*kind.words}
+        )
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
         return False
     return kind.kind != "real" or bool(np.isfinite(array).all())

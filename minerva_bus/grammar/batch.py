@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import Column, Rows, bits
+from minerva_bus.grammar.column import Column, Rows, bits
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
@@ -116,8 +116,7 @@ class Events:
             and (self.senders is None) == (other.senders is None)
             and (self.receivers is None) == (other.receivers is None)
             and all(
-                one.array.dtype == two.array.dtype
-                for one, two in zip(self.columns, other.columns, strict=True)
+                one.dtype == two.dtype for one, two in zip(self.columns, other.columns, strict=True)
             )
         )
 
@@ -143,7 +142,7 @@ class Events:
 
     def distinct(self) -> Events:
         """Each of them once, where it is first (equation 6)."""
-        if self.count < 2 or any(map(_rising, (self.senders, self.receivers))):
+        if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
             return self
         hashes = self._hashes()
         hashes.sort()
@@ -188,10 +187,8 @@ def _mixed(found: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.ui
     return found ^ (found >> np.uint64(31))
 
 
-def _rising(ids: Ids | None) -> bool:
-    if ids is None or ids.stem is None:
-        return False
-    return bool((ids.data[1:] > ids.data[:-1]).all())
+def _distinct(ids: Ids | None) -> bool:
+    return ids is not None and ids.distinct
 
 
 def _all(parts: Sequence[Ids | None]) -> Ids | None:

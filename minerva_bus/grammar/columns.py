@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from operator import is_
 from typing import Any, Final, TypeAlias, cast
-from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.ids import LONGEST, Ids
 from minerva_bus.grammar.scene import (
     EMPTY,
@@ -31,106 +30,16 @@ from minerva_bus.grammar.scene import (
     walk,
     with_scope,
 )
+from minerva_bus.grammar.turnover import Turnover
 
 MANY: Final = 32
 """So many neighbours of one shape, and more, digest as one (and are worth being columns)."""
 
 CHAIN: Final = 8
-CHUNK: Final = 4096
 
-Rows: TypeAlias = NDArray[np.intp]
 Level: TypeAlias = tuple[str, tuple[str, ...]]
 Shape: TypeAlias = tuple[Level, ...]
-_DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bool_}
 _SCALARS: Final = frozenset((float, int, bool, str))
-
-
-class Column:
-    """n values of one name: a read-only array of float64, int64, bool or, for texts, object."""
-
-    __slots__ = ("__weakref__", "_base", "_joined", "array", "chunks", "kept")
-
-    def __init__(self, array: NDArray[Any], chunks: list[bytes] | None = None) -> None:
-        array.flags.writeable = False
-        self.array = array
-        self._base: tuple[ref[Column], Rows] | None = None
-        self._joined: tuple[tuple[Column, ...], Column] | None = None
-        self.kept: Any = None
-        """What a host of agents keeps beside their columns."""
-        self.chunks = chunks
-        """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
-
-    @staticmethod
-    def of(values: Sequence[Value]) -> Column:
-        """A column of scalars."""
-        kinds = set(map(type, values))
-        kind = kinds.pop() if len(kinds) == 1 else object
-        array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
-        array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
-        return Column(array)
-
-    def __len__(self) -> int:
-        return len(self.array)
-
-    def list(self) -> list[Any]:
-        """The values as Python's."""
-        return self.array.tolist()
-
-    def take(self, rows: Rows | slice) -> Column:
-        """The values of some rows."""
-        return Column(self.array[rows])
-
-    def put(self, rows: Rows, values: NDArray[Any]) -> Column:
-        """Other values in some rows; the digests of all others are kept."""
-        array = self.array.copy()
-        array[rows] = values
-        chunks = None
-        if self.chunks is not None:
-            chunks = self.chunks.copy()
-            touched = np.zeros(len(chunks), np.bool_)
-            touched[rows // CHUNK] = True
-            for chunk in np.flatnonzero(touched).tolist():
-                chunks[chunk] = b""
-        column = Column(array, chunks)
-        column._base = ref(self), rows
-        return column
-
-    def rows_since(self, old: Column) -> Rows | None:
-        """The rows put into an old column to make this one; None where it was made otherwise."""
-        if self._base is None or self._base[0]() is not old:
-            return None
-        return self._base[1]
-
-    def differs(self, other: Column) -> Rows | None:
-        """The rows in which another column of this length prints otherwise; None: in all."""
-        if self.array is other.array:
-            return np.empty(0, np.intp)
-        if self.array.dtype != other.array.dtype:
-            return None
-        return np.flatnonzero(bits(self.array) != bits(other.array))
-
-    @staticmethod
-    def concatenated(parts: Sequence[Column]) -> Column:
-        """The values of several columns, one after another."""
-        first, others = parts[0], tuple(parts[1:])
-        if not others:
-            return first
-        known = first._joined
-        if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
-            known = first._joined = others, Column._in_one(parts)
-        return known[1]
-
-    @staticmethod
-    def _in_one(parts: Sequence[Column]) -> Column:
-        arrays = [one.array for one in parts]
-        if any(one.dtype != arrays[0].dtype for one in arrays):
-            arrays = [one.astype(object) for one in arrays]
-        return Column(np.concatenate(arrays))
-
-
-def bits(array: NDArray[Any]) -> NDArray[Any]:
-    """Values that are equal where those of an array print the same."""
-    return array.view(np.int64) if array.dtype == np.float64 else array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +71,11 @@ class Columns(Digested):
     def column(self, name: str) -> NDArray[Any]:
         """The values of one name of the outermost level."""
         return self.columns[self.names.index(name)].array
+
+    def ids_in(self, name: str) -> Ids:
+        """The ids that the texts of one name of the outermost level are."""
+        column = self.columns[self.names.index(name)]
+        return Ids.of(column.list()) if column.ids is None else column.ids
 
     def all_columns(self) -> tuple[Column, ...]:
         """The columns of all levels, from outside to inside."""
@@ -219,6 +133,16 @@ class Columns(Digested):
         own = tuple([next(given) for _ in self.columns])
         scope = self.scope._with(given) if self.scope is not None else None
         return Columns(self.symbol, self.names, own, self.count, self.ids, scope)
+
+    def turned(self, turnover: Turnover, newborn: Columns | None) -> Columns:
+        """Agents of whom some are gone, and the newborn between the others."""
+        rows, old = turnover.source, [column.take(turnover.source) for column in self.columns]
+        born = None
+        if newborn is not None:
+            born, both = newborn.ids, zip(old, newborn.columns, strict=True)
+            old = [one.with_rows(turnover.born, other) for one, other in both]
+        ids = None if self.ids is None else self.ids.turned(turnover, born)
+        return Columns(self.symbol, self.names, tuple(old), len(rows), ids)
 
     @staticmethod
     def concatenated(parts: Sequence[Columns]) -> Columns:

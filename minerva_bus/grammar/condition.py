@@ -1,116 +1,243 @@
-"""Conditions c of events e^d_c (3.2): comparisons of an agent's attributes, joined by `and`.
+"""Conditions c of events e^d_c (3.2): what an agent's state must fulfil, as a small language.
 
-    condition → comparison ("and" comparison)*
-    comparison → attribute ("<" | "<=" | ">" | ">=" | "==" | "!=") (number | "text" | true | false)
+    condition  → all ("or" all)*
+    all        → term ("and" term)*
+    term       → "not" term | "(" condition ")" | comparison
+    comparison → value ("<" | "<=" | ">" | ">=" | "==" | "!=") value
+    value      → attribute | number | "text" | true | false
 
-The text is parsed, never evaluated by Python.
+The text is parsed, never evaluated by Python, and bounded in length and depth. Of an agent that
+lacks one of its attributes, or has it of another sort, no condition holds, not even a `not`.
+Norms (world/norms.py) have the same language and more names: `was.x`, `event.x`, `#agent.x`.
 """
 
 from __future__ import annotations
 
 import json
-import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import VocabularyError
-
-_COMPARE: dict[str, Callable[[Any, Any], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
-_COMPARISON = re.compile(
-    r"\s*([A-Za-z_][A-Za-z0-9_]*)\s*(<=|>=|==|!=|<|>)\s*"
-    r'(true\b|false\b|"(?:[^"\\]|\\.)*"|[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*'
+from minerva_bus.errors import VocabularyError, nearest
+from minerva_bus.grammar.terms import (
+    Comparison,
+    Joined,
+    Name,
+    Not,
+    Term,
+    Value,
+    sort_in,
+    value_sort,
 )
-_EXPECTED = "attribute < number, joined by 'and'"
-_AND = re.compile(r"and\b")
+
+LONGEST: Final = 4000
+"""Characters of a condition, at most."""
+
+DEEPEST: Final = 32
+"""How deep parentheses and `not` may be within one another."""
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<sign><=|>=|==|!=|<|>)|(?P<mark>[()])"
+    r"|(?P<name>#[\w:-]+\.[A-Za-z_]\w*|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)?)"
+    r'|(?P<text>"(?:[^"\\]|\\.)*")'
+    r"|(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?))",
+    re.ASCII,
+)
+_TRUTHS = {"true": True, "false": False}
+_WORDS = frozenset(("and", "or", "not"))
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
-    """One comparison of an attribute with a value."""
+class Condition:
+    """A condition that has been read; without a term it always holds."""
 
-    attribute: str
-    sign: str
-    value: bool | float | str
+    text: str
+    term: Term | None = None
+    comparisons: tuple[Comparison, ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The attributes that it is about."""
+        return frozenset(name.name for name in self._names())
+
+    def _names(self) -> Iterator[Name]:
+        for one in self.comparisons:
+            yield from (value for value in (one.left, one.right) if isinstance(value, Name))
 
     def holds(self, state: Mapping[str, Any]) -> bool:
-        """Whether it holds; False where the agent has no such attribute or the types differ."""
-        mine = state.get(self.attribute)
-        if _sort(mine) is None or _sort(mine) is not _sort(self.value):
-            return False
-        return _COMPARE[self.sign](mine, self.value)
+        """Whether it holds for an agent's state."""
+        if self.term is None:
+            return True
+        fits = self.problem(lambda name: value_sort(state.get(name))) is None
+        return fits and bool(self.term.truth(state))
+
+    def holds_of_many(self, state: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
+        """Of which of many agents it holds; their states as arrays of shape (count,), or values."""
+        found = np.ones(count, np.bool_)
+        if self.term is None:
+            return found
+        if self.problem(lambda name: value_sort(state.get(name))) is not None:
+            return ~found
+        return found & np.asarray(self.term.truth(state), np.bool_)
+
+    def problem(self, sort_of: Callable[[str], str]) -> tuple[int, str, str] | None:
+        """What is wrong with its names, if something is: offset, name, what it is compared with.
+
+        `sort_of` a name is empty where it is unknown, or cannot be compared at all.
+        """
+        for one in self.comparisons:
+            left, right = one.left, one.right
+            for value, other in ((left, right), (right, left)):
+                mine, others = sort_in(value, sort_of), sort_in(other, sort_of)
+                if isinstance(value, Name) and (not mine or (others and mine != others)):
+                    return value.offset, value.name, others if mine else ""
+        return None
+
+    def check(self, scopes: Sequence[Scope], source: str) -> None:
+        """Whether it can be fulfilled in one of some scopes, if there are any.
+
+        Raises VocabularyError about the scope in which most of it is right.
+        """
+        wrong = [(scope, self.problem(scope.sort_of)) for scope in scopes]
+        found = [(scope, problem) for scope, problem in wrong if problem is not None]
+        if not found or len(found) < len(wrong):
+            return
+        scope, (offset, name, other) = max(found, key=lambda one: (one[1][0], one[0].near(one[1])))
+        if other:
+            sort = scope.sort_of(name)
+            problem = f"{name} of {scope.who} is {sort}, which cannot be compared with {other}"
+        elif name in scope.known:
+            problem = f"{name} of {scope.who} cannot be compared: it is no number, truth or text"
+        else:
+            problem = f"{scope.who} has no {name}{scope.near((offset, name, ''))}"
+        raise VocabularyError(problem, text=self.text, offset=offset, source=source)
 
 
-def _sort(value: object) -> type | None:
-    """What a value can be compared with: truth with truth, text with text, number with number."""
-    if isinstance(value, bool | str):
-        return type(value)
-    return float if isinstance(value, int | float) else None
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """Whom a condition may be about: the names that are `known` of them, and of what sort each is.
 
-
-@lru_cache(maxsize=1024)
-def parse_condition(text: str, source: str = "condition") -> tuple[Comparison, ...]:
-    """The comparisons of a condition; none for the empty text, which always holds.
-
-    Raises VocabularyError with a caret.
+    The sort of a name is empty where there is none, or where it cannot be compared.
     """
-    if not text.strip():
-        return ()
-    found: list[Comparison] = []
-    at = 0
-    while True:
-        match = _COMPARISON.match(text, at)
-        if match is None:
-            raise _wrong("the condition cannot be read", text, at, _EXPECTED, source)
-        name, sign, literal = match.groups()
-        try:
-            found.append(Comparison(name, sign, _literal(literal)))
-        except ValueError:
-            wrong = "the text has a wrong escape"
-            raise _wrong(wrong, text, match.start(3), "a text as in JSON", source) from None
-        at = match.end()
-        if at == len(text):
-            return tuple(found)
-        joint = _AND.match(text, at)
-        if joint is None:
-            raise _wrong("the condition goes on", text, at, "'and'", source)
-        at = joint.end()
+
+    who: str
+    known: Sequence[str]
+    sort_of: Callable[[str], str]
+
+    def near(self, problem: tuple[int, str, str]) -> str:
+        """The name that may have been meant, as part of a message."""
+        _, name, other = problem
+        alike = [one for one in self.known if one.startswith("#") == name.startswith("#")]
+        return "" if other else nearest(name, alike)
 
 
 def holds(text: str, state: Mapping[str, Any]) -> bool:
     """Whether a condition holds for an agent's state."""
-    return all(one.holds(state) for one in parse_condition(text))
+    return parse_condition(text).holds(state)
 
 
-def holds_of_many(text: str, state: Mapping[str, NDArray[Any]], count: int) -> NDArray[np.bool_]:
+def holds_of_many(text: str, state: Mapping[str, Any], count: int) -> NDArray[np.bool_]:
     """Of which of many agents a condition holds; their states as arrays of shape (count,)."""
-    found = np.ones(count, np.bool_)
-    for one in parse_condition(text):
-        mine = state.get(one.attribute)
-        if mine is None or _SORTS.get(mine.dtype.kind) is not _sort(one.value):
-            return np.zeros(count, np.bool_)
-        found &= _COMPARE[one.sign](mine, one.value)
-    return found
+    return parse_condition(text).holds_of_many(state, count)
 
 
-_SORTS: dict[str, type] = {"f": float, "i": float, "b": bool, "O": str}
+@lru_cache(maxsize=1024)
+def parse_condition(text: str, source: str = "condition") -> Condition:
+    """A condition; the empty text always holds. Raises VocabularyError with a caret."""
+    if not text.strip():
+        return Condition(text)
+    return _Reader(text, source).read()
 
 
-def _literal(literal: str) -> bool | float | str:
-    return json.loads(literal) if literal[0] in '"tf' else float(literal)
+class _Reader:
+    """Reads one condition from left to right."""
 
+    def __init__(self, text: str, source: str) -> None:
+        self._text = text
+        self._source = source
+        self._at = 0
+        self._found: list[Comparison] = []
 
-def _wrong(problem: str, text: str, at: int, expected: str, source: str) -> VocabularyError:
-    return VocabularyError(problem, text=text, offset=at, expected=expected, source=source)
+    def read(self) -> Condition:
+        if len(self._text) > LONGEST:
+            self._wrong("the condition is too long", f"at most {LONGEST} characters", LONGEST)
+        term = self._joined("or", 0)
+        self._skip()
+        if self._at < len(self._text):
+            self._wrong("the condition goes on", "'and', 'or' or its end", self._at)
+        return Condition(self._text, term, tuple(self._found))
+
+    def _joined(self, word: str, depth: int) -> Term:
+        terms = [self._part(word, depth)]
+        while self._take_word(word):
+            terms.append(self._part(word, depth))
+        return terms[0] if len(terms) == 1 else Joined(word, tuple(terms))
+
+    def _part(self, word: str, depth: int) -> Term:
+        return self._joined("and", depth) if word == "or" else self._term(depth)
+
+    def _term(self, depth: int) -> Term:
+        self._skip()
+        if depth > DEEPEST:
+            self._wrong("the condition is too deep", f"at most {DEEPEST} within another", self._at)
+        if self._take_word("not"):
+            return Not(self._term(depth + 1))
+        token = _TOKEN.match(self._text, self._at)
+        if token is None or token["mark"] != "(":
+            return self._comparison()
+        self._at = token.end()
+        inner = self._joined("or", depth + 1)
+        token = _TOKEN.match(self._text, self._at)
+        if token is None or token["mark"] != ")":
+            self._skip()
+            self._wrong("a parenthesis is open", "')'", self._at)
+        self._at = token.end()
+        return inner
+
+    def _comparison(self) -> Comparison:
+        left = self._value()
+        token = _TOKEN.match(self._text, self._at)
+        if token is None or not token["sign"]:
+            self._skip()
+            self._wrong("the condition cannot be read", "< <= > >= == or !=", self._at)
+        self._at, at = token.end(), self._at
+        found = Comparison(left, token["sign"], self._value())
+        if not (isinstance(left, Name) or isinstance(found.right, Name)):
+            self._wrong("the condition asks for no attribute", "one beside the value", at)
+        self._found.append(found)
+        return found
+
+    def _value(self) -> Value:
+        self._skip()
+        at, token = self._at, _TOKEN.match(self._text, self._at)
+        if token is None or token["sign"] or token["mark"] or token["name"] in _WORDS:
+            self._wrong("the condition cannot be read", "an attribute or a value", at)
+        self._at = token.end()
+        if token["name"]:
+            known = _TRUTHS.get(token["name"])
+            return Name(token["name"], at) if known is None else known
+        try:
+            return json.loads(token["text"]) if token["text"] else float(token["number"])
+        except ValueError:
+            self._wrong("the text has a wrong escape", "a text as in JSON", at)
+
+    def _take_word(self, word: str) -> bool:
+        token = _TOKEN.match(self._text, self._at)
+        if token is None or token["name"] != word:
+            return False
+        self._at = token.end()
+        return True
+
+    def _skip(self) -> None:
+        while self._at < len(self._text) and self._text[self._at].isspace():
+            self._at += 1
+
+    def _wrong(self, problem: str, expected: str, at: int) -> NoReturn:
+        raise VocabularyError(
+            problem, text=self._text, offset=at, expected=expected, source=self._source
+        )

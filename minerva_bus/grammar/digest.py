@@ -31,9 +31,10 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import CHUNK, MANY, Column, Columns, merged, runs, size
+from minerva_bus.grammar.column import CHUNK, Column
+from minerva_bus.grammar.columns import MANY, Columns, merged, runs, size
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.printer import bits, shape_text, value_text
+from minerva_bus.grammar.printer import bits, number_text, shape_text, value_text
 from minerva_bus.grammar.scene import (
     AgentNode,
     Array,
@@ -136,13 +137,14 @@ def _chunks_of_ids(ids: Ids) -> bytes:
 
 def _chunks_of_column(column: Column) -> bytes:
     array = column.array
-    if column.chunks is None:
-        column.chunks = [b""] * -(-len(array) // CHUNK)
-    for number, digest in enumerate(column.chunks):
+    chunks = column.chunks  # Another thread may be at the same column.
+    if chunks is None:
+        chunks = column.chunks = [b""] * -(-len(array) // CHUNK)
+    for number, digest in enumerate(chunks):
         if not digest:
             at = number * CHUNK
-            column.chunks[number] = _digest_of_chunk(array[at : at + CHUNK])
-    return b"".join(column.chunks)
+            chunks[number] = _digest_of_chunk(array[at : at + CHUNK])
+    return b"".join(chunks)
 
 
 def _digest_of_chunk(values: NDArray[Any]) -> bytes:
@@ -194,6 +196,8 @@ def _head(node: Node) -> bytes:
 
 
 def _value(value: Value) -> str:
+    if type(value) is float:  # As most are.
+        return number_text(value)
     if isinstance(value, np.ndarray):
         return f"{shape_text(value)}[#{_hash(value.tobytes()).hex()}]"
     if isinstance(value, Scene):

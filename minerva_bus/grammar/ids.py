@@ -11,30 +11,31 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from operator import is_
-from typing import Any, Final
+from typing import Any, Final, cast
+from weakref import WeakValueDictionary, ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.grammar.joining import Joinable
+from minerva_bus.grammar.places import Numbers, Places, Rows, found_in, hashes_of
 from minerva_bus.grammar.scene import AGENT_ID
+from minerva_bus.grammar.turnover import Turnover
 
 LONGEST: Final = 64
 _LINES = re.compile(rb"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")
 _NUMBERED = re.compile(r"(.*?)(0|[1-9][0-9]{0,17})", re.DOTALL)
-_FACTOR: Final = np.uint64(0x9E3779B97F4A7C15)
-
-Numbers = NDArray[np.int64]
-Rows = NDArray[np.intp]
+_NUMBER = re.compile(r"0|[1-9][0-9]{0,17}")
 
 
-class Ids:
+class Ids(Joinable):
     """n ids in order. Immutable."""
 
     def __init__(self, stem: str | None, data: NDArray[Any]) -> None:
+        super().__init__()
         self._stem = stem
         self._data = data
-        self._joined: tuple[tuple[Ids, ...], Ids] | None = None
+        self._before: tuple[ref[Ids], Turnover] | None = None
         self.chunks = b""
         data.flags.writeable = False
 
@@ -46,7 +47,7 @@ class Ids:
     @staticmethod
     def of(texts: Sequence[str]) -> Ids:
         """These very ids."""
-        numbers = _numbers(texts)
+        numbers = _numbered(texts)
         if numbers is not None:
             return Ids(*numbers)
         width = _width(texts)
@@ -118,21 +119,77 @@ class Ids:
         taken = Ids(self._stem, self._data[rows])
         if "hashes" in self.__dict__:
             taken.__dict__["hashes"] = self.hashes[rows]
-        return taken
+        return taken.sound_like((self,))
 
-    @staticmethod
-    def concatenated(parts: Sequence[Ids]) -> Ids:
-        """The ids of several columns, one after another."""
-        first, others = parts[0], tuple(parts[1:])
-        if not others:
-            return first
-        known = first._joined
-        if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
-            known = first._joined = others, Ids._in_one(parts)
-        return known[1]
+    def put(self, rows: Rows, others: Ids) -> Ids:
+        """Other ids in some rows."""
+        alike = self._stem is not None and self._stem == others._stem
+        old, new = (self._data, others._data) if alike else (self.spelled, others.spelled)
+        data = old.astype(np.promote_types(old.dtype, new.dtype))
+        data[rows] = new
+        made = Ids(self._stem if alike else None, data)
+        if "hashes" in self.__dict__:
+            hashes = self.hashes.copy()
+            hashes[rows] = others.hashes
+            made.__dict__["hashes"] = hashes
+        return made.sound_like((self, others))
 
-    @staticmethod
-    def _in_one(parts: Sequence[Ids]) -> Ids:
+    def sound_like(self, sources: Sequence[Ids]) -> Ids:
+        """These, made of others: where those are known to be ids of agents, these are too."""
+        if all("strange" in one.__dict__ and one.strange is None for one in sources):
+            self.__dict__["strange"] = None
+        return self
+
+    def turned(self, turnover: Turnover, born: Ids | None) -> Ids:
+        """The ids that are left, and those of the newborn between them."""
+        made = self.take(turnover.source)
+        new = born is None or not (self.rows_of(born) >= 0).any()
+        if born is not None:
+            made = made.put(turnover.born, born)
+        if new and self.distinct and (born is None or born.distinct):
+            made.__dict__["distinct"] = True
+        made._before = ref(self), turnover
+        return made.known()
+
+    def since(self, old: Ids) -> Turnover | None:
+        """What has made these of old ones; None where they are not in their order any more."""
+        if self._before is not None and self._before[0]() is old:
+            return self._before[1]
+        if old.duplicate is not None:
+            return None
+        turnover = Turnover.of(old.rows_of(self), len(old))
+        self._before = None if turnover is None else (ref(old), turnover)
+        return turnover
+
+    def differs(self, other: Ids) -> Rows | None:
+        """The rows in which as many others are not the same; None where that is not looked at."""
+        if self._spells(other):
+            return np.empty(0, np.intp)
+        if self._stem != other._stem:
+            return None
+        return np.flatnonzero(self._data != other._data)
+
+    def known(self) -> Ids:
+        """The same ids as somebody has them already, with all that is known of them; or these."""
+        ends = self._data[:1].tobytes(), self._data[-1:].tobytes()
+        key = (self._stem, len(self), *ends)
+        other = _KNOWN.get(key)
+        if other is not None and other._spells(self):
+            return other
+        _KNOWN[key] = self
+        return self
+
+    def _spells(self, other: Ids) -> bool:
+        """Whether another one is the same, held the same way."""
+        if self is other:
+            return True
+        one, two = self._data, other._data
+        if self._stem != other._stem or one.dtype != two.dtype or len(one) != len(two):
+            return False
+        return one.tobytes() == two.tobytes() if self._stem is None else np.array_equal(one, two)
+
+    @classmethod
+    def _in_one(cls, parts: Sequence[Ids]) -> Ids:
         stem = parts[0]._stem
         if stem is not None and all(one._stem == stem for one in parts):
             whole = Ids(stem, np.concatenate([one._data for one in parts]))
@@ -140,7 +197,7 @@ class Ids:
             whole = Ids(None, np.concatenate([one.spelled for one in parts]))
         if any("hashes" in one.__dict__ for one in parts):
             whole.__dict__["hashes"] = np.concatenate([one.hashes for one in parts])
-        return whole
+        return whole.sound_like(parts)
 
     @staticmethod
     def in_common(columns: Sequence[Ids]) -> str | None:
@@ -164,25 +221,22 @@ class Ids:
     @cached_property
     def hashes(self) -> NDArray[np.uint64]:
         """A polynomial hash of each id's bytes, modulo 2^64; that of `chance.hash_of`."""
-        spelled = np.ascontiguousarray(self.spelled)
-        width = spelled.dtype.itemsize
-        letters = spelled.view(np.uint8).reshape(len(spelled), width)
-        found = np.zeros(len(spelled), np.uint64)
-        for place in range(width):
-            letter = letters[:, place].astype(np.uint64)
-            found = np.where(letter != 0, found * _FACTOR + letter, found)
-        return found
+        return hashes_of(self.spelled)
+
+    @cached_property
+    def distinct(self) -> bool:
+        """Whether it is easily seen that no id stands twice in here."""
+        if self._stem is not None:
+            return bool((self._data[1:] > self._data[:-1]).all())
+        hashes = np.sort(self.hashes)
+        return bool((hashes[1:] != hashes[:-1]).all())
 
     @cached_property
     def duplicate(self) -> str | None:
         """An id that stands twice in here, or None."""
-        data = self._data
-        if self._stem is not None and (data[1:] > data[:-1]).all():
+        if self.distinct:
             return None
-        hashes = np.sort(data if self._stem is not None else self.hashes)
-        if (hashes[1:] != hashes[:-1]).all():
-            return None
-        ordered = np.sort(data)
+        ordered = np.sort(self._data)
         twice = np.flatnonzero(ordered[1:] == ordered[:-1])
         return Ids(self._stem, ordered[twice[:1]])[0] if len(twice) else None
 
@@ -201,10 +255,14 @@ class Ids:
 
     def rows_of(self, others: Ids) -> Rows:
         """The row of each of some ids in here, -1 where it is not; shape (len(others),)."""
+        if self._spells(others) and self.duplicate is None:
+            return np.arange(len(self))
         if self._stem is not None and self._stem == others._stem:
             return self._rows(others._data)
         if self._apart(others):
             return np.full(len(others), -1, np.intp)
+        if self._stem is not None and others._stem is None:
+            return self._numbered_among(others)
         return self._search(others)
 
     def _apart(self, others: Ids) -> bool:
@@ -219,37 +277,49 @@ class Ids:
         """The row of an id, or -1."""
         return int(self.rows_of(Ids.of([one]))[0])
 
-    def _rows(self, numbers: Numbers) -> Rows:
-        data = self._data
-        if not len(data):
-            return np.full(len(numbers), -1, np.intp)
-        if self._consecutive:
-            rows = numbers - data[0]
-            rows[rows.view(np.uint64) >= len(data)] = -1
-            return rows.astype(np.intp, copy=False)
-        return _found(data, self._sorter, numbers)
+    @property
+    def consecutive(self) -> bool:
+        """Whether these are a stem with one number after another."""
+        return self._stem is not None and len(self) > 0 and self._numbers.consecutive
 
     @cached_property
-    def _consecutive(self) -> bool:
-        data = self._data
-        return int(data[-1]) - int(data[0]) == len(data) - 1 and bool((np.diff(data) == 1).all())
+    def _numbers(self) -> Numbers:
+        return Numbers(self._data)
 
-    @cached_property
-    def _sorter(self) -> Rows:
-        return np.argsort(self._data, kind="stable")
+    def _rows(self, numbers: NDArray[np.int64]) -> Rows:
+        return self._numbers.rows_of(numbers) if len(self) else np.full(len(numbers), -1, np.intp)
+
+    def _numbered_among(self, others: Ids) -> Rows:
+        """The rows of spelled ids; only those are looked for that may be these numbered ones."""
+        rows = np.full(len(others), -1, np.intp)
+        stem = cast("str", self._stem)
+        alike = np.flatnonzero(np.strings.startswith(others.spelled, stem.encode()))
+        texts = others.take(alike).texts()
+        mine = [n for n, one in enumerate(texts) if _NUMBER.fullmatch(one, len(stem))]
+        if mine:
+            numbers = [int(texts[n][len(stem) :]) for n in mine]
+            rows[alike[mine]] = self._rows(np.array(numbers, np.int64))
+        return rows
 
     def _search(self, others: Ids) -> Rows:
-        spelled = self.spelled
-        if not len(spelled):
+        if not len(self):
             return np.full(len(others), -1, np.intp)
-        return _found(spelled, self._speller, others.spelled)
+        rows = self._places.rows_of(others.hashes)
+        mine, theirs = self.spelled, others.spelled
+        there = rows >= 0
+        if (mine[rows[there]] == theirs[there]).all():
+            return rows
+        return found_in(mine, np.argsort(mine, kind="stable"), theirs)  # two of one hash
 
     @cached_property
-    def _speller(self) -> Rows:
-        return np.argsort(self.spelled, kind="stable")
+    def _places(self) -> Places:
+        return Places(self.hashes)
 
 
-def _numbers(texts: Sequence[str]) -> tuple[str, Numbers] | None:
+_KNOWN: Final[WeakValueDictionary[tuple[Any, ...], Ids]] = WeakValueDictionary()
+
+
+def _numbered(texts: Sequence[str]) -> tuple[str, NDArray[np.int64]] | None:
     """The one stem of all these ids and their numbers."""
     stem, numbers = None, list[int]()
     for one in texts:
@@ -259,12 +329,6 @@ def _numbers(texts: Sequence[str]) -> tuple[str, Numbers] | None:
         stem = found[1]
         numbers.append(int(found[2]))
     return None if stem is None else (stem, np.array(numbers, np.int64))
-
-
-def _found(column: NDArray[Any], sorter: Rows, wanted: NDArray[Any]) -> Rows:
-    places = np.searchsorted(column, wanted, sorter=sorter)
-    rows = sorter[np.minimum(places, len(column) - 1)]
-    return np.where(column[rows] == wanted, rows, -1)
 
 
 def _width(texts: Sequence[str]) -> int:

@@ -6,6 +6,7 @@
 | `int`             | `int`                            | 64 bits, signed                         |
 | `real`, `real m`  | `float`, `Metres`, ...           | a finite float64 in that unit           |
 | `text`            | `str`                            | UTF-8                                   |
+| `text a|b`        | `Literal["a", "b"]`              | one of these words                      |
 | `list of TYPE`    | `tuple[X, ...]`                  | a tuple                                 |
 | `cells`           | `Cells`                          | a read-only int16 matrix (rows, columns)|
 | `matrix`          | `Reals`                          | a read-only float64 matrix              |
@@ -15,15 +16,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from operator import is_
-from typing import Annotated, Any, TypeAlias, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeAlias, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.fitting import (
     Unfit,
     shallow,
@@ -47,20 +49,28 @@ MetresPerSecond = Annotated[float, Unit("m/s")]
 Cells: TypeAlias = NDArray[np.int16]
 Reals: TypeAlias = NDArray[np.float64]
 
+_WORD = re.compile(r"[A-Za-z0-9_-]+")
+_BAR = "|"
 _KINDS = ("bool", "int", "real", "text", "cells", "matrix", "string")
 
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A type of values: its kind, the unit of a real, or the items' type of a list."""
+    """A type of values: its kind, the unit of a real, the items' type of a list.
+
+    `words` are those that a text is one of; none: any.
+    """
 
     kind: str
     unit: str = ""
     item: Type | None = None
+    words: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         if self.item is not None:
             return f"list of {self.item}"
+        if self.words:
+            return f"{self.kind} {_BAR.join(self.words)}"
         return f"{self.kind} {self.unit}" if self.unit else self.kind
 
     def fit(self, value: Any) -> Value:
@@ -73,7 +83,7 @@ class Type:
             return value if type(value) is float and math.isfinite(value) else self._real(value)
         if kind == "list":
             return self._list(value)
-        return _FITS[kind](value)
+        return self._word(value) if self.words else _FITS[kind](value)
 
     def _real(self, value: Any) -> float:
         wanted = f"a number in {self.unit}" if self.unit else "a number"
@@ -83,6 +93,13 @@ class Type:
         if not math.isfinite(number):
             raise Unfit(f"{wanted}, a finite one")
         return number
+
+    def _word(self, value: Any) -> str:
+        word = to_text(value)
+        if word not in self.words:
+            near = nearest(word, list(self.words))
+            raise Unfit(f"one of {', '.join(self.words)}, not {shown(word)}{near}")
+        return word
 
     def _list(self, value: Any) -> tuple[Value, ...]:
         item = cast("Type", self.item)
@@ -122,9 +139,25 @@ def parse_type(text: str) -> Type:
         return Type("list", item=parse_type(" ".join(words[2:])))
     if len(words) == 2 and words[0] == "real":
         return Type("real", Unit(words[1]).symbol)
+    if len(words) == 2 and words[0] == "text":
+        return _one_of(tuple(words[1].split(_BAR)))
     if len(words) == 1 and words[0] in _KINDS:
         return Type(words[0])
-    raise MisuseError(f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT")
+    raise MisuseError(
+        f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT, text WORD|WORD"
+    )
+
+
+def _one_of(words: tuple[Any, ...]) -> Type:
+    """The type of texts that are one of these. Raises MisuseError."""
+    for word in words:
+        if not isinstance(word, str) or not _WORD.fullmatch(word):
+            raise MisuseError(
+                f"{word!r} is no word that a text may be one of: letters, digits, _ -"
+            )
+    if len(set(words)) != len(words):
+        raise MisuseError(f"a text is one of several words, each named once: {', '.join(words)}")
+    return Type("text", words=words)
 
 
 _BY_ANNOTATION: dict[Any, Type] = {
@@ -150,13 +183,16 @@ def type_of(annotation: Any) -> Type:
     if isinstance(annotation, Hashable) and annotation in _BY_ANNOTATION:
         return _BY_ANNOTATION[annotation]
     arguments = get_args(annotation)
+    if get_origin(annotation) is Literal:
+        return _one_of(arguments)
     if get_origin(annotation) is Annotated:
         return _with_unit(type_of(arguments[0]), arguments[1:])
     if get_origin(annotation) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
         return Type("list", item=type_of(arguments[0]))
     raise MisuseError(
         f"{annotation!r} is no type of a parameter; use bool, int, float, Metres, Degrees, Seconds,"
-        " MetresPerSecond, str, Scene, Cells, Reals or tuple[..., ...] of one of them"
+        " MetresPerSecond, str, Literal of words, Scene, Cells, Reals or tuple[..., ...] of one of"
+        " them"
     )
 
 

@@ -11,8 +11,9 @@ from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns, packed
-from minerva_bus.grammar.condition import parse_condition
+from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.parser import Parsed, parse_located
 from minerva_bus.grammar.scene import (
@@ -27,7 +28,7 @@ from minerva_bus.grammar.scene import (
     of_pieces,
     rebuild,
 )
-from minerva_bus.grammar.symbols import AgentKind, EventType, Fields, Primitive, Transformation
+from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit
 
 
@@ -189,11 +190,24 @@ class Vocabulary:
         if declared.fields.hold_strings:
             values = self._inner(values, source)
         if event.condition:
-            parse_condition(event.condition, f"{source}: condition" if source else "condition")
+            self.check_condition(event.type, event.condition, source)
         receivers = _in_order(event.receivers)
         if names is event.names and values is event.values and receivers is event.receivers:
             return event
         return Event(event.type, names, values, event.condition, event.sender, receivers)
+
+    def check_condition(self, event_type: str, text: str, source: str = "") -> None:
+        """Whether some agents that respond to the type can fulfil the condition at all.
+
+        Raises VocabularyError with a caret where none has its attributes, of those sorts.
+        """
+        where = f"{source}: condition" if source else "condition"
+        scopes = [
+            Scope(kind.name, kind.fields.names, kind.sort_of)
+            for kind in self.kinds.values()
+            if event_type in kind.subscribes or event_type in kind.views
+        ]
+        parse_condition(text, where).check(scopes, where)
 
     def check_any(self, event: AnyEvent, source: str = "") -> AnyEvent:
         """One event or many in canonical form. Raises VocabularyError."""
@@ -214,7 +228,7 @@ class Vocabulary:
                 raise VocabularyError(f"{events.type} cannot be columns", source=source)
             return columns
         if events.condition:
-            parse_condition(events.condition, f"{source}: condition" if source else "condition")
+            self.check_condition(events.type, events.condition, source)
         for ids in (events.senders, events.receivers):
             if ids is not None and ids.strange is not None:
                 raise VocabularyError(f"{ids.strange!r} is no id of an agent", source=source)

@@ -3,7 +3,9 @@
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...]}
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
-kind           = [name, [field], [subscribed event types], [visual event types]]
+kind           = [name, [field], [subscribed], [visual event types]]
+subscribed     = event type | [event type, probability]
+                                       probability: from 0 to 1, or an attribute's name
 event type     = [name, [field], visual]
 field          = [name, type, default]     the type as `real m`; the default as a text of the
                                        language (`0.5`, `"red"`, `{PFox}`) or nil
@@ -16,17 +18,11 @@ from dataclasses import fields as form_fields
 from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, ProtocolError, SceneError
+from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.forms import Disc, Form, Label, Line, Motion, Raster
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.printer import value_text
-from minerva_bus.grammar.symbols import (
-    AgentKind,
-    EventType,
-    Field,
-    Fields,
-    Primitive,
-    Transformation,
-)
+from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.plain import listed, mapped, number, text, truth
@@ -59,7 +55,9 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
 
 def plain_kind(kind: AgentKind) -> list[Any]:
     """An agent kind in what msgpack knows."""
-    return [kind.name, _plain_fields(kind.fields), sorted(kind.subscribes), sorted(kind.views)]
+    chances = dict(kind.chances)
+    subscribed = [[one, chances[one]] if one in chances else one for one in sorted(kind.subscribes)]
+    return [kind.name, _plain_fields(kind.fields), subscribed, sorted(kind.views)]
 
 
 def _plain_fields(fields: Fields) -> list[Any]:
@@ -129,9 +127,20 @@ def read_kind(plain: Any) -> AgentKind:
 
 def _kind(plain: Any) -> AgentKind:
     name, fields, subscribes, views = _items(plain, 4, "an agent kind")
+    subscribed = dict(map(_subscribed, listed(subscribes, "event types")))
+    chances = tuple(sorted((one, h) for one, h in subscribed.items() if h != 1.0))
     return AgentKind(
-        text(name, "a kind's name"), _fields(fields), _names(subscribes), _names(views)
+        text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views), chances
     )
+
+
+def _subscribed(plain: Any) -> tuple[str, float | str]:
+    if not isinstance(plain, list):
+        return text(plain, "an event type"), 1.0
+    name, probability = _items(plain, 2, "an event type with a probability")
+    if not isinstance(probability, str):
+        probability = number(probability, "a probability")
+    return text(name, "an event type"), probability
 
 
 def _names(plain: Any) -> frozenset[str]:

@@ -25,7 +25,7 @@ from minerva_bus.protocol.alphabet import (
 )
 from minerva_bus.protocol.columns import is_patch, plain_patch
 from minerva_bus.protocol.limits import DEFAULT, Limits
-from minerva_bus.protocol.plain import listed, mapped, number, text, truth, unpack, whole
+from minerva_bus.protocol.plain import figure, listed, mapped, number, text, truth, unpack, whole
 from minerva_bus.protocol.readings import plain_reading, read_reading
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene
 
@@ -216,10 +216,10 @@ def _saved(plain: Any) -> Mapping[str, Any] | None:
 
 
 def _figures(plain: Any) -> m.Figures:
-    for name, value in mapped(plain, "figures").items():
-        if not isinstance(value, bool | int | float | str):
-            raise ProtocolError(f"the figure {name[:40]} must be a number or a text")
-    return plain
+    return {
+        name: figure(one, f"the figure {name[:40]}")
+        for name, one in mapped(plain, "figures").items()
+    }
 
 
 def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:

@@ -1,68 +1,53 @@
-"""Columns, ids and patches as msgpack.
+"""Columns, events and patches as msgpack.
 
-column  = extension 3: a byte for the type, then the values, little endian
-              d float64    b h i q whole numbers of 1, 2, 4, 8 bytes    ? truths of 1 byte
-        | [text, ...]
-ids     = [stem, column of whole numbers] | [nil, width, bytes]
+column  = array | [text, ...]        (arrays.py)
+        | ids                        texts that are ids of agents
 columns = [count, ids or nil, [[symbol, [column, ...]], ...]]     one pair for each level
 events  = [type, count, [column, ...], condition, senders, receivers]    ids or nil
 patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
                                           rows: a column of whole numbers, or nil for all
+        | ["patch", count, [symbol, ...], [...], gone, born, ids or nil]
+                                          gone: old rows, born: new ones, ids: of those
 """
 
 from __future__ import annotations
 
 from typing import Any, Final
 
-import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import CHAIN, Column, Columns
-from minerva_bus.grammar.condition import parse_condition
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import CHAIN, Columns
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.patch import Change, Patch
-from minerva_bus.grammar.symbols import Fields
+from minerva_bus.grammar.turnover import Turnover
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.protocol.arrays import (
+    are_ids,
+    plain_array,
+    plain_ids,
+    plain_rows,
+    read_array,
+    read_ids,
+    read_rows,
+)
 from minerva_bus.protocol.limits import Limits
 from minerva_bus.protocol.plain import listed, text, whole
 
-COLUMN: Final = 3
 PATCH: Final = "patch"
-_DTYPES: Final = {"d": "<f8", "b": "<i1", "h": "<i2", "i": "<i4", "q": "<i8", "?": "?"}
 
 
 def plain_column(column: Column) -> Any:
-    """A column; whole numbers in as few bytes as hold them all."""
-    array = column.array
-    if array.dtype == object:
-        return array.tolist()
-    letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
-    data = array.astype(_DTYPES[letter], copy=False)
-    return msgpack.ExtType(COLUMN, letter.encode() + data.tobytes())
-
-
-def _narrowest(array: NDArray[Any]) -> str:
-    if not len(array):
-        return "b"
-    least, most = int(array.min()), int(array.max())
-    for letter, half in (("b", 1 << 7), ("h", 1 << 15), ("i", 1 << 31)):
-        if -half <= least and most < half:
-            return letter
-    return "q"
-
-
-def plain_ids(ids: Ids | None) -> Any:
-    """Ids of agents."""
-    if ids is None:
-        return None
-    if ids.stem is not None:
-        return [ids.stem, plain_column(Column(ids.data))]
-    return [None, ids.data.dtype.itemsize, ids.data.tobytes()]
+    """A column; texts that are ids as such."""
+    if column.ids is not None:
+        return plain_ids(column.ids)
+    return column.list() if column.dtype == object else plain_array(column.array)
 
 
 def plain_columns(many: Columns) -> list[Any]:
@@ -89,12 +74,16 @@ def plain_patch(patch: Patch) -> list[Any]:
         [
             one.level,
             one.place,
-            None if one.rows is None else plain_column(Column(one.rows.astype(np.int64))),
+            None if one.rows is None else plain_rows(one.rows),
             plain_column(one.column),
         ]
         for one in patch.changes
     ]
-    return [PATCH, patch.count, list(patch.symbols), changes]
+    plain = [PATCH, patch.count, list(patch.symbols), changes]
+    if patch.turnover is not None:
+        gone, born = map(plain_rows, (patch.turnover.gone, patch.turnover.born))
+        plain += [gone, born, plain_ids(patch.born)]
+    return plain
 
 
 def is_patch(plain: Any) -> bool:
@@ -111,34 +100,17 @@ class ColumnsReader:
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of so many values."""
+        if are_ids(plain):
+            return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
             texts = [text(one, "a text in a column") for one in listed(plain, "a column")]
             array: NDArray[Any] = np.empty(len(texts), object)
             array[:] = texts
         else:
-            array = _array(plain)
+            array = read_array(plain)
         if len(array) != count:
             raise ProtocolError(f"a column has {len(array)} values; expected {count}")
         return Column(array)
-
-    def ids(self, plain: Any, count: int) -> Ids:
-        """So many ids."""
-        items = listed(plain, "ids")
-        if len(items) == 2:
-            numbers = self.column(items[1], count).array
-            if numbers.dtype != np.int64 or (count and int(numbers.min()) < 0):
-                raise ProtocolError("the numbers of ids are whole numbers from 0")
-            ids = Ids(text(items[0], "the stem of ids"), numbers)
-        elif len(items) == 3 and items[0] is None and isinstance(items[2], bytes):
-            width = whole(items[1], "the width of ids", 1)
-            if width > LONGEST or len(items[2]) != width * count:
-                raise ProtocolError(f"{count} ids of {width} bytes have {len(items[2])} bytes")
-            ids = Ids(None, np.frombuffer(items[2], f"S{width}"))
-        else:
-            raise ProtocolError("ids are [stem, numbers] or [nil, width, bytes]")
-        if ids.strange is not None:
-            raise ProtocolError(f"{ids.strange[:40]!r} is no id of an agent")
-        return ids
 
     def columns(self, plain: list[Any]) -> Columns:
         """Many nodes of one shape."""
@@ -174,7 +146,7 @@ class ColumnsReader:
             fields = self._fields(symbol)
             columns = self._typed(symbol, fields, items[1], count)
             if (letter == "A") == (ids is not None):
-                read = self.ids(ids, count) if ids is not None else None
+                read = read_ids(ids, count) if ids is not None else None
                 if read is not None and read.duplicate is not None:
                     raise ProtocolError(f"two agents have the id #{read.duplicate}")
                 return Columns(symbol, fields.names, columns, count, read, scope)
@@ -209,20 +181,33 @@ class ColumnsReader:
             raise ProtocolError(f"{count} events at once, over {self._limits.events}")
         columns = self._typed(name, declared.fields, items[2], count)
         condition = text(items[3], "a condition")
-        parse_condition(condition)
-        senders, receivers = (None if one is None else self.ids(one, count) for one in items[4:])
+        self._vocabulary.check_condition(name, condition, "event")
+        senders, receivers = (None if one is None else read_ids(one, count) for one in items[4:])
         return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
     def patch(self, plain: Any) -> Patch:
         """What is different in columns."""
         items = listed(plain, "a patch")
-        if len(items) != 4:
-            raise ProtocolError(f"a patch has 4 items, not {len(items)}")
+        if len(items) not in (4, 7):
+            raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
         count = self._count(items[1])
+        turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
+        after = count if turnover is None else self._count(turnover.after)
         symbols = tuple([text(one, "a symbol") for one in listed(items[2], "the symbols")])
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
-        changes = [self._change(one, count, fields) for one in listed(items[3], "the changes")]
-        return Patch(count, symbols, tuple(changes))
+        changes = [self._change(one, after, fields) for one in listed(items[3], "the changes")]
+        return Patch(count, symbols, tuple(changes), turnover, born)
+
+    def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[Turnover, Ids | None]:
+        gone = read_rows(gone, count)
+        born = read_rows(born, self._limits.nodes)
+        turnover = Turnover(count, gone, born)
+        if len(born) and int(born[-1]) >= turnover.after:
+            raise ProtocolError(f"somebody is born in row {born[-1]} of {turnover.after}")
+        newborn = None if ids is None else read_ids(ids, len(born))
+        if newborn is not None and newborn.duplicate is not None:
+            raise ProtocolError(f"two agents have the id #{newborn.duplicate}")
+        return turnover, newborn
 
     def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:
         items = listed(plain, "a change")
@@ -231,35 +216,9 @@ class ColumnsReader:
         level, place = whole(items[0], "a level"), whole(items[1], "a place")
         if level >= len(fields) or place >= len(fields[level].all):
             raise ProtocolError(f"a change of column {place} in level {level}, which there is not")
-        rows = None if items[2] is None else _rows(items[2], count)
+        rows = None if items[2] is None else read_rows(items[2], count)
         column = self.column(items[3], count if rows is None else len(rows))
         one = fields[level].all[place]
         if not fits(one.type, column):
             raise VocabularyError(f"a patch: {one.name} must be {one.type}", source="columns")
         return Change(level, place, rows, column)
-
-
-def _array(plain: Any) -> NDArray[Any]:
-    if not isinstance(plain, msgpack.ExtType) or plain.code != COLUMN or not plain.data:
-        raise ProtocolError("a column is extension 3 or a list of texts")
-    dtype = _DTYPES.get(chr(plain.data[0]))
-    if dtype is None:
-        raise ProtocolError(f"a column of type {plain.data[:1]!r}; expected one of dbhiq?")
-    size = np.dtype(dtype).itemsize
-    if (len(plain.data) - 1) % size:
-        raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
-    found = np.frombuffer(plain.data, dtype, offset=1)
-    if dtype == "?":
-        if (found.view(np.uint8) > 1).any():
-            raise ProtocolError("truths in a column are bytes 0 and 1")
-        return found
-    return found.astype(np.float64 if dtype == "<f8" else np.int64)
-
-
-def _rows(plain: Any, count: int) -> NDArray[np.intp]:
-    rows = _array(plain)
-    if rows.dtype != np.int64:
-        raise ProtocolError("rows are whole numbers")
-    if len(rows) and (int(rows[0]) < 0 or int(rows[-1]) >= count or (rows[1:] <= rows[:-1]).any()):
-        raise ProtocolError(f"rows rise, from 0, and are under {count}")
-    return rows.astype(np.intp)

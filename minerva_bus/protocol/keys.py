@@ -8,26 +8,40 @@ minerva/<world>/from/<member>           member → coordinator
 minerva/<world>/view/<event type>       coordinator → observers
 minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
 minerva/<world>/alive/<member>          liveliness tokens
+minerva/<world>/epoch/<number>          liveliness tokens of coordinators
 minerva/<world>/record                  coordinator → whoever watches, a frame at a time
-minerva/<world>/control                 queries by people's commands
+minerva/<world>/control                 queries by people's commands, of whoever is on this machine
+minerva/<world>/control/<name>          the same, of who has a certificate with this name
+minerva/<world>/ask/<name>              the same for those who give no orders: reading only
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from minerva_bus.errors import MisuseError
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.~-]{0,63}")
 ROOT = "minerva"
 COORDINATOR = "coordinator"
-EVERY_CONTROL = f"{ROOT}/*/control"
+ANY_WORLD = "*"
+_KINDS = frozenset(
+    {"to", "all", "tick", "evolve", "from", "view", "topic", "alive", "epoch", "record", "control",
+     "ask"}
+)  # fmt: skip
+
+
+@lru_cache(4096)
+def is_name(text: str) -> bool:
+    """Whether this can name a world, a member or a topic."""
+    return _NAME.fullmatch(text) is not None
 
 
 def checked_name(name: str, what: str) -> str:
     """A name that can stand in a key. Raises MisuseError."""
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise MisuseError(
             f"{name!r} cannot name {what}: use up to 64 letters, digits and _ . ~ -,"
             " beginning with a letter, digit or _"
@@ -49,6 +63,11 @@ class Keys:
         """What all keys of the world begin with."""
         return f"{ROOT}/{self.world}"
 
+    def kind(self, key: str) -> str:
+        """What a key is for, `from` or `topic`; the empty text: it is none of this world's."""
+        root, world, kind, *_ = [*key.split("/", 3), "", ""]
+        return kind if (root, world) == (ROOT, self.world) and kind in _KINDS else ""
+
     @property
     def all(self) -> str:
         """From the coordinator to every member."""
@@ -65,14 +84,14 @@ class Keys:
         return f"{self.base}/evolve"
 
     @property
-    def control(self) -> str:
-        """Where people's commands ask."""
-        return f"{self.base}/control"
-
-    @property
     def record(self) -> str:
         """What happened in each frame."""
         return f"{self.base}/record"
+
+    @property
+    def control(self) -> str:
+        """Where people's commands of this machine ask and give orders."""
+        return control_key(self.world)
 
     def to(self, member: str) -> str:
         """From the coordinator to one member."""
@@ -86,6 +105,10 @@ class Keys:
         """The liveliness token of a member (`*`: of any)."""
         return f"{self.base}/alive/{member}"
 
+    def epoch(self, number: int | str) -> str:
+        """The liveliness token of the coordinator of an epoch (`*`: of any)."""
+        return f"{self.base}/epoch/{number}"
+
     def view(self, event_type: str) -> str:
         """Views for one visual event type (`*`: for any)."""
         return f"{self.base}/view/{event_type}"
@@ -93,6 +116,25 @@ class Keys:
     def topic(self, topic: str, member: str = "*") -> str:
         """Readings of one topic from one member, or from any."""
         return f"{self.base}/topic/{checked_name(topic, 'a topic')}/{member}"
+
+
+def control_key(world: str, who: str = "") -> str:
+    """Where questions and orders go; `who` has a certificate of this name, `world` may be `*`."""
+    return f"{ROOT}/{world}/control/{who}" if who else f"{ROOT}/{world}/control"
+
+
+def asking_key(world: str, who: str) -> str:
+    """Where those ask whose certificate lets them give no orders."""
+    return f"{ROOT}/{world}/ask/{who}"
+
+
+def who_asks(key: str, world: str) -> tuple[str, bool, str]:
+    """Who puts a question on a key, whether orders may be given on it, and where its answer goes.
+
+    Nobody's name: somebody of this machine.
+    """
+    kind, _, who = key.split("/", 2)[2].partition("/")
+    return who, kind == "control", f"{ROOT}/{world}/{kind}/{who}".rstrip("/")
 
 
 def last_part(key: str) -> str:

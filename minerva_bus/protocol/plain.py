@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, cast
 
 import msgpack
@@ -58,6 +59,14 @@ def number(plain: Any, what: str) -> float:
     if isinstance(plain, bool) or not isinstance(plain, int | float) or plain - plain != 0:
         raise ProtocolError(f"{what} must be a finite number, not {name_of(plain)}")
     return float(plain)
+
+
+def figure(plain: Any, what: str) -> bool | int | float | str:
+    """Something for people to look at. Raises ProtocolError."""
+    plainly = isinstance(plain, bool | int | str)
+    if not plainly and not (isinstance(plain, float) and math.isfinite(plain)):
+        raise ProtocolError(f"{what} must be a finite number or a text, not {name_of(plain)}")
+    return plain
 
 
 def truth(plain: Any, what: str) -> bool:

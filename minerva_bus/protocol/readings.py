@@ -68,6 +68,8 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
         raise ProtocolError("the ranges of a scan are float32 as bytes")
     first, step, most = (number(one, "a number of a scan") for one in items[1:4])
     ranges = np.frombuffer(data, "<f4")
+    if np.isnan(ranges).any():
+        raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
     return Scan(robot, ranges, first, step, most, time, mount.x, mount.y, mount.angle)
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.protocol.plain import listed, mapped, name_of, number, text, truth, whole
+from minerva_bus.protocol.plain import figure, listed, mapped, number, text, truth, whole
 from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
 
 
@@ -25,7 +25,11 @@ _SCALARS: dict[Any, Any] = {
 
 def plain_status(status: WorldStatus) -> dict[str, Any]:
     """A status as plain data, by the names of its fields."""
-    return asdict(status)
+    return asdict(status, dict_factory=_listed)
+
+
+def _listed(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in pairs}  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
 
 def plain_lines(lines: tuple[LogLine, ...]) -> list[dict[str, Any]]:
@@ -66,10 +70,4 @@ def _value(hint: Any, plain: Any, name: str) -> Any:
         return tuple([text(one, name) for one in listed(plain, name)])
     if hint == Mapping[str, float]:
         return {key: number(one, name) for key, one in mapped(plain, name).items()}
-    return {key: _figure(one, name) for key, one in mapped(plain, name).items()}
-
-
-def _figure(plain: Any, name: str) -> bool | int | float | str:
-    if not isinstance(plain, bool | int | float | str):
-        raise ProtocolError(f"{name} are numbers and texts, not {name_of(plain)}")
-    return plain
+    return {key: figure(one, f"{name}: {key[:40]}") for key, one in mapped(plain, name).items()}

@@ -19,7 +19,7 @@ endian); a string as a value is extension 2 (a packed scene).
 from __future__ import annotations
 
 import struct
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
 
@@ -29,7 +29,6 @@ import numpy as np
 from minerva_bus.errors import ProtocolError, VocabularyError
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.literals import DEPTH
@@ -58,6 +57,7 @@ from minerva_bus.protocol.plain import listed, name_of, text, unpack, whole
 _MATRIX, _SCENE = 1, 2
 _HEADER = struct.Struct("<cII")
 _SAID = 300
+_AS_THEY_ARE = frozenset((float, int, bool, str))
 
 
 def plain_value(value: Value) -> Any:
@@ -92,7 +92,7 @@ def plain_scene(scene: Scene) -> list[Any]:
 
 
 def _plain_node(node: Node) -> list[Any]:
-    values = [plain_value(value) for value in node.values]
+    values = _plain_values(node.values)
     if isinstance(node, FigureNode):
         return [node.symbol, values]
     if isinstance(node, TransformationNode):
@@ -100,11 +100,17 @@ def _plain_node(node: Node) -> list[Any]:
     return [node.symbol, node.id, values if node.names else None, len(node.scope.pieces)]
 
 
+def _plain_values(values: Sequence[Value]) -> list[Any]:
+    if _AS_THEY_ARE.issuperset(map(type, values)):
+        return list(values)
+    return [plain_value(value) for value in values]
+
+
 def plain_event(event: AnyEvent) -> list[Any]:
     """An event, or many."""
     if isinstance(event, Events):
         return plain_many(event)
-    values = [plain_value(value) for value in event.values]
+    values = _plain_values(event.values)
     if event.condition or event.sender or event.receivers:
         return [event.type, values, event.condition, event.sender, list(event.receivers)]
     return [event.type, values]
@@ -285,7 +291,7 @@ class Reader:
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
             condition, sender = text(items[2], "a condition"), text(items[3], "a sender")
-            parse_condition(condition)
+            self.vocabulary.check_condition(name, condition, "event")
             named = [self._id(one) for one in listed(items[4], "receivers")]
             receivers = tuple(sorted(set(named)))
         if len(given) != len(declared.fields.names):

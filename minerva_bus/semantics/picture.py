@@ -10,19 +10,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.columns import Columns, walk_pieces
-from minerva_bus.grammar.forms import Disc, Label, Line, Measure, Motion, Raster, Shape
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene, TransformationNode, still
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
+from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import PlaneGeometry, Pose, resolve
+from minerva_bus.semantics.by_parts import ByParts, Lister
+from minerva_bus.semantics.plane import Pose, resolve, resolve_all
 
 Floats: TypeAlias = NDArray[np.float64]
 Color: TypeAlias = tuple[int, int, int]
@@ -123,7 +122,6 @@ def rgb(color: str) -> Color:
 
 
 Row: TypeAlias = tuple[float, float, float, float, float, Color, bool, str, str]
-Piecewise: TypeAlias = "list[Row | Item]"
 
 
 def _name_of(primitive: Primitive) -> str:
@@ -131,13 +129,11 @@ def _name_of(primitive: Primitive) -> str:
     return next((field.name for field in primitive.fields.all if field.type.kind == "text"), "")
 
 
-class _Lister(PlaneGeometry):
+class _Lister(Lister[Row | Item]):
     """φ of a view: lists what each form is, single discs as rows that are put together later."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
-        self.owner = ""
-        self.listed: Piecewise = []
         self._names = {name: _name_of(one) for name, one in vocabulary.primitives.items()}
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
@@ -177,7 +173,7 @@ class _Lister(PlaneGeometry):
             return True
         if not isinstance(shape, Disc | Label):
             return False
-        x, y, angle = self._poses(levels[:-1], columns.count)
+        x, y, angle = self.poses(levels[:-1], columns.count)
         if isinstance(shape, Label):
             texts = tuple(map(str, inner.column(shape.text)))
             self.listed.append(Texts(x, y, texts, shape, self.owner))
@@ -188,7 +184,7 @@ class _Lister(PlaneGeometry):
                 x,
                 y,
                 angle,
-                _measured(shape.radius, inner),
+                resolve_all(shape.radius, inner),
                 np.full(n, shape.height),
                 np.tile(np.array(rgb(shape.color), np.uint8), (n, 1)),
                 np.full(n, shape.heading),
@@ -197,22 +193,6 @@ class _Lister(PlaneGeometry):
             )
         )
         return True
-
-    def _poses(self, levels: Sequence[Columns], count: int) -> tuple[Floats, Floats, Floats]:
-        """Where a chain of transformations leads, for each row."""
-        at = self.pose
-        x, y, angle = np.full(count, at.x), np.full(count, at.y), np.full(count, at.angle)
-        for level in levels:
-            declared = self.vocabulary.transformations.get(level.symbol)
-            motion = (declared.motion if declared is not None else None) or Motion()
-            dx, dy = _measured(motion.x, level), _measured(motion.y, level)
-            turn = np.radians(angle)
-            cos, sin = np.cos(turn), np.sin(turn)
-            x, y = x + dx * cos - dy * sin, y + dx * sin + dy * cos
-            angle = angle + _measured(motion.turn, level)
-            forward, turn = _measured(motion.forward, level), np.radians(angle)
-            x, y = x + forward * np.cos(turn), y + forward * np.sin(turn)
-        return x, y, angle
 
 
 class _Same(Sequence[str]):
@@ -228,12 +208,6 @@ class _Same(Sequence[str]):
         if isinstance(at, slice):
             return _Same(self._text, len(range(*at.indices(self._count))))
         return self._text
-
-
-def _measured(measure: Measure, level: Columns) -> Floats:
-    if isinstance(measure, str):
-        return np.asarray(level.column(measure), np.float64)
-    return np.full(level.count, float(measure))
 
 
 def _points(line: Line, figure: FigureNode, at: Pose) -> Floats:
@@ -253,63 +227,14 @@ class Lists:
     """Makes the picture of one view after another; what has not changed is listed once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self._lister = _Lister(vocabulary)
-        self._skeleton: Scene | None = None
-        self._static: dict[int, Piecewise] = {}
-        self._parts: dict[str, tuple[Scene, Piecewise]] = {}
+        self._views = ByParts(_Lister(vocabulary))
 
     def picture(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Picture:
         """The picture of a view: its static skeleton, and in its slots what agents look like."""
-        if skeleton is not self._skeleton:
-            self._skeleton, self._static = skeleton, {}
-            self._parts = {name: known for name, known in self._parts.items() if name in parts}
-        listed = [self._piece(at, one, parts) for at, one in enumerate(skeleton.pieces)]
-        return Picture(tuple(_together(list(chain.from_iterable(listed)))))
-
-    def _piece(self, at: int, piece: Piece, parts: Mapping[str, Scene]) -> Piecewise:
-        if isinstance(piece, AgentNode):
-            return self._part(piece.id, parts.get(piece.id))
-        if isinstance(piece, TransformationNode) and not still(piece):
-            return self._around(piece, parts)
-        if at not in self._static:
-            self._static[at] = self._listed("", Scene((piece,)))
-        return self._static[at]
-
-    def _part(self, name: str, part: Scene | None) -> Piecewise:
-        if part is None:
-            return []
-        known = self._parts.get(name)
-        if known is None or known[0] is not part:
-            known = self._parts[name] = part, self._listed(name, part)
-        return known[1]
-
-    def _around(self, piece: Piece, parts: Mapping[str, Scene]) -> Piecewise:
-        """A transformation with agents in its scope."""
-        lister = self._lister
-        lister.listed = []
-        for opens, node in walk_pieces(Scene((piece,)), lister.many):
-            if isinstance(node, AgentNode):
-                if opens and node.id in parts:
-                    lister.owner = node.id
-                    interpret(parts[node.id], lister)
-                    lister.owner = ""
-            elif isinstance(node, FigureNode):
-                lister.draw(node)
-            elif opens:
-                lister.enter(node)
-            else:
-                lister.leave(node)
-        return lister.listed
-
-    def _listed(self, owner: str, scene: Scene) -> Piecewise:
-        lister = self._lister
-        lister.listed, lister.owner = [], owner
-        interpret(scene, lister)
-        lister.owner = ""
-        return lister.listed
+        return Picture(tuple(_together(self._views.listed(skeleton, parts))))
 
 
-def _together(listed: Piecewise) -> list[Item]:
+def _together(listed: list[Row | Item]) -> list[Item]:
     """Rows of discs as arrays, and neighbouring discs as one batch."""
     items: list[Item] = []
     rows: list[Row] = []

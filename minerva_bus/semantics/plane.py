@@ -7,15 +7,21 @@ shape, with its measures resolved, to `shape`. Pictures, windows and bounds deri
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.forms import Measure, Motion, Shape
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import Geometry
+
+Floats: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +47,13 @@ class Pose:
 def resolve(measure: Measure, parameters: Mapping[str, Any]) -> float:
     """A form's measure: the number itself, or the value of the parameter that it names."""
     return float(parameters[measure]) if isinstance(measure, str) else measure
+
+
+def resolve_all(measure: Measure, level: Columns) -> Floats:
+    """A form's measure for each row of a level of columns; shape (n,)."""
+    if isinstance(measure, str):
+        return np.asarray(level.column(measure), np.float64)
+    return np.full(level.count, float(measure))
 
 
 class PlaneGeometry(Geometry):
@@ -76,3 +89,33 @@ class PlaneGeometry(Geometry):
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         """α of a primitive with a shape, at `self.pose`."""
+
+    def poses(self, levels: Sequence[Columns], count: int) -> tuple[Floats, Floats, Floats]:
+        """Where a chain of transformations in columns leads: x, y (m) and angle (deg), by row.
+
+        To the last bit where each row by itself would lead.
+        """
+        at = self.pose
+        x, y, angle = np.full(count, at.x), np.full(count, at.y), np.full(count, at.angle)
+        for level in levels:
+            declared = self.vocabulary.transformations.get(level.symbol)
+            motion = (declared.motion if declared is not None else None) or Motion()
+            dx, dy = resolve_all(motion.x, level), resolve_all(motion.y, level)
+            cos, sin = _direction(angle, dx, dy)
+            x, y = x + dx * cos - dy * sin, y + dx * sin + dy * cos
+            angle = angle + resolve_all(motion.turn, level)
+            forward = resolve_all(motion.forward, level)
+            cos, sin = _direction(angle, forward, forward)
+            x, y = x + forward * cos, y + forward * sin
+        return x, y, angle
+
+
+def _direction(angle: Floats, along: Floats, across: Floats) -> tuple[Floats, Floats]:
+    """Cosine and sine, where a way along or across them is not 0.
+
+    By the functions that `Pose` uses: those of numpy may differ in the last bit.
+    """
+    if not angle.any() or not (along.any() or across.any()):
+        return np.ones(len(angle)), np.zeros(len(angle))
+    turns = [math.radians(one) for one in angle.tolist()]
+    return np.array([math.cos(one) for one in turns]), np.array([math.sin(one) for one in turns])

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from minerva_bus import (
@@ -29,7 +29,8 @@ from minerva_bus import evolve as eta
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.composition import Composition, shares
 from minerva_bus.grammar.batch import Events, single
-from minerva_bus.grammar.columns import CHUNK, Columns, packed
+from minerva_bus.grammar.column import CHUNK
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.patch import difference, patched
 from minerva_bus.world.evolution import Evolved
@@ -377,12 +378,16 @@ def test_each_event_counts_once_in_columns_as_well(data):
     )
 
 
-@given(st.integers(1, 100_000), st.lists(st.floats(0.1, 10), min_size=1, max_size=6))
-def test_shares_are_all_of_it(rows, weights):
+@given(
+    st.integers(1, 100_000) | st.integers(1, 9),
+    st.lists(st.floats(0.1, 10) | st.floats(1e-6, 1e6), min_size=1, max_size=6),
+)
+@example(200, [1e6, 1.0])
+def test_shares_are_all_of_it_and_nobody_s_is_empty(rows, weights):
     found = shares(rows, weights)
     assert sum(found) == rows
     assert len(found) == len(weights)
-    assert min(found) >= 0
+    assert min(found) >= (1 if rows >= len(weights) else 0)
 
 
 def test_ids_of_long_lineages_are_as_short_as_they_can_be_and_the_same_either_way():

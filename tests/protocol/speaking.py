@@ -26,7 +26,8 @@ conditions = ("", "energy > 0.5", 'name == "x" and alive == true')
 
 def plain_data(leaves=None):
     """What a member may save: plain values in maps and lists."""
-    leaves = leaves or st.none() | st.booleans() | integers() | reals() | texts() | st.binary()
+    if leaves is None:
+        leaves = st.none() | st.booleans() | integers() | reals() | texts() | st.binary()
     return st.recursive(
         leaves, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts(), inner, max_size=3),
         max_leaves=6,
@@ -71,7 +72,7 @@ def from_member(vocabulary):
                 lambda found: tuple(vocabulary.kinds[one] for one in found)
             ),
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
-            every=numbers, topics=few, publishes=few, pid=numbers, host=texts(),
+            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(),
         ),
         st.builds(m.TickReply, members, numbers, some, saved),
         st.builds(
@@ -83,6 +84,7 @@ def from_member(vocabulary):
         st.builds(m.Failed, members, st.integers(-1, 1 << 40), texts(), texts()),
         st.builds(m.Resync, members, texts()),
         st.builds(m.Leaving, members),
+        st.builds(m.Doing, members, figures),
         st.builds(m.Report, members, figures),
     )  # fmt: skip
 

@@ -275,4 +275,4 @@ def test_columns_count_as_the_nodes_that_they_stand_for():
 def test_an_id_in_columns_and_beside_them_is_refused():
     both = plain_scene(Scene((SHOAL, *Fish("f1").string.pieces)))
     with pytest.raises(ProtocolError, match="two agents have the id #f1"):
-        READER.scene(both)
+        READER.scene(through(both))

@@ -19,7 +19,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.symbols import Field
+from minerva_bus.grammar.fields import Field
 from minerva_bus.world.kinds import ActivityError, kinds_of
 
 eHit = EventType("eHit")

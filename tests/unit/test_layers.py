@@ -1,12 +1,25 @@
 """Imports flow one way, and each library has one place (ARCHITECTURE.md)."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ORDER = ["grammar", "semantics", "world", "frame", "protocol", "bus", "record", "launch", "cli"]
+ORDER = [
+    "grammar",
+    "semantics",
+    "world",
+    "frame",
+    "protocol",
+    "bus",
+    "record",
+    "launch",
+    "study",
+    "cli",
+]
 ONLY = {"zenoh": "bus", "typer": "cli", "msgpack": "protocol", "mcap": "record"}
 
 
@@ -66,3 +79,14 @@ def test_the_bus_knows_no_robots():
         for name in imports(path):
             assert not name.startswith(("minerva_agents", "minerva_services")), path
         assert "ARobot(" not in code, path
+
+
+def test_the_command_line_answers_before_anything_heavy_is_there():
+    code = "import sys, minerva_bus.cli.main; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    names = {name.split(".")[0] for name in done.stdout.split()}
+    assert not names & {"numpy", "zenoh", "msgpack", "mcap", "cryptography"}
+    packages = {name.split(".")[1] for name in done.stdout.split() if "minerva_bus." in name}
+    assert not packages & (set(ORDER) - {"bus", "cli"})

@@ -1,9 +1,13 @@
 """Generators and devices: what their classes say of them."""
 
+from typing import Any
+
 import pytest
 
 from minerva_bus import Device, Event, Frame, Generator, Moment
 from minerva_bus.errors import MisuseError
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.specs import bind
 from minerva_bus.world.services import Tick
 
 
@@ -37,6 +41,43 @@ def test_one_event_type_is_not_its_letters():
 
         class Worse(Device, draws="eDraw"):
             pass
+
+
+@pytest.mark.parametrize("events", [3, "eRain", {"a": 1}, (3,), None])
+def test_an_option_that_stands_in_for_what_a_service_says_of_itself(events):
+    class Shower(Rain):
+        def __init__(self, events: Any = 1):
+            self.events = events
+
+    make = bind(Shower, {"events": events}, "shower")
+    with pytest.raises(MisuseError, match=r"Shower: self.events must be a tuple of names, not .*;"
+                       " call an attribute for something else, as an option's value, otherwise"):  # fmt: skip
+        Participant("shower", make())
+
+
+def test_an_option_may_say_it_and_mean_it():
+    class Shower(Rain):
+        def __init__(self, events: str = "eRain"):
+            self.events = tuple(events.split(","))
+
+    class Told(Shower):
+        def __init__(self, events: int = 3):
+            self.events = events
+
+        def generates(self):
+            return ("eRain",) * self.events
+
+    shower = bind(Shower, {"events": "eRain,eHail"}, "shower")()
+    assert Participant("shower", shower).hello().generates == ("eRain", "eHail")
+    assert Participant("told", Told(1)).hello().generates == ("eRain",)
+
+
+@pytest.mark.parametrize("name", ["draws", "topics", "publishes"])
+def test_so_of_a_device(name):
+    screen = Screen()
+    setattr(screen, name, "eDraw")
+    with pytest.raises(MisuseError, match=f"Screen: self.{name} must be a tuple of names"):
+        Participant("screen", screen)
 
 
 def test_a_tick_is_a_moment_of_a_generator():

@@ -1,0 +1,133 @@
+"""n values of one name: one column of a table, digested by chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, TypeAlias, cast
+from weakref import ref
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.joining import Joinable
+from minerva_bus.grammar.scene import Value
+
+CHUNK: Final = 4096
+
+Rows: TypeAlias = NDArray[np.intp]
+_TEXTS: Final = np.dtype(object)
+_DTYPES: Final[dict[type, Any]] = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+class Column(Joinable):
+    """n values of one name: a read-only array of float64, int64, bool or, for texts, object.
+
+    Texts that are ids stay ids, and become an array only when somebody asks for one.
+    """
+
+    __slots__ = ("__weakref__", "_base", "_given", "chunks", "ids", "kept")
+
+    def __init__(
+        self, array: NDArray[Any] | None, chunks: list[bytes] | None = None, ids: Ids | None = None
+    ) -> None:
+        super().__init__()
+        if array is not None:
+            array.flags.writeable = False
+        self._given = array
+        self.ids = ids
+        """The ids that the texts are, where they were given as such."""
+        self._base: tuple[ref[Column], Rows] | None = None
+        self.kept: Any = None
+        """What a host of agents keeps beside their columns."""
+        self.chunks = chunks
+        """Digests of each 4,096 values, once they are known; an empty one is to be reckoned."""
+
+    @staticmethod
+    def of(values: Sequence[Value]) -> Column:
+        """A column of scalars."""
+        kinds = set(map(type, values))
+        kind = kinds.pop() if len(kinds) == 1 else object
+        array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
+        array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return Column(array)
+
+    @staticmethod
+    def of_ids(ids: Ids) -> Column:
+        """A column of the texts that ids are."""
+        return Column(None, ids=ids)
+
+    @property
+    def array(self) -> NDArray[Any]:
+        """The values, shape (n,)."""
+        if self._given is None:
+            self._given = cast("Ids", self.ids).column
+        return self._given
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the values."""
+        return _TEXTS if self.ids is not None else self.array.dtype
+
+    def __len__(self) -> int:
+        return len(self.array if self.ids is None else self.ids)
+
+    def list(self) -> list[Any]:
+        """The values as Python's."""
+        return self.array.tolist()
+
+    def take(self, rows: Rows | slice) -> Column:
+        """The values of some rows."""
+        return Column(self.array[rows]) if self.ids is None else Column.of_ids(self.ids.take(rows))
+
+    def put(self, rows: Rows, values: NDArray[Any]) -> Column:
+        """Other values in some rows; the digests of all others are kept."""
+        array = self.array.copy()
+        array[rows] = values
+        chunks = None
+        if self.chunks is not None:
+            chunks = self.chunks.copy()
+            touched = np.zeros(len(chunks), np.bool_)
+            touched[rows // CHUNK] = True
+            for chunk in np.flatnonzero(touched).tolist():
+                chunks[chunk] = b""
+        column = Column(array, chunks)
+        column._base = ref(self), rows
+        return column
+
+    def with_rows(self, rows: Rows, others: Column) -> Column:
+        """As `put`; ids put among ids stay ids."""
+        if self.ids is None or others.ids is None:
+            return self.put(rows, others.array)
+        return Column.of_ids(self.ids.put(rows, others.ids).known())
+
+    def rows_since(self, old: Column) -> Rows | None:
+        """The rows put into an old column to make this one; None where it was made otherwise."""
+        if self._base is None or self._base[0]() is not old:
+            return None
+        return self._base[1]
+
+    def differs(self, other: Column) -> Rows | None:
+        """The rows in which another column of this length prints otherwise; None: in all."""
+        if self.ids is not None and other.ids is not None:
+            return self.ids.differs(other.ids)
+        if self.array is other.array:
+            return np.empty(0, np.intp)
+        if self.array.dtype != other.array.dtype:
+            return None
+        return np.flatnonzero(bits(self.array) != bits(other.array))
+
+    @classmethod
+    def _in_one(cls, parts: Sequence[Column]) -> Column:
+        ids = [one.ids for one in parts if one.ids is not None]
+        if len(ids) == len(parts):
+            return Column.of_ids(Ids.concatenated(ids))
+        arrays = [one.array for one in parts]
+        if any(one.dtype != arrays[0].dtype for one in arrays):
+            arrays = [one.astype(object) for one in arrays]
+        return Column(np.concatenate(arrays))
+
+
+def bits(array: NDArray[Any]) -> NDArray[Any]:
+    """Values that are equal where those of an array print the same."""
+    return array.view(np.int64) if array.dtype == np.float64 else array

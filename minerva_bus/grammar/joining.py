@@ -1,0 +1,31 @@
+"""What is put together of parts again and again, and is made but once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import is_
+from typing import Any, Self
+
+
+class Joinable:
+    """A column of something. The first of some parts remembers what it made with the others."""
+
+    __slots__ = ("_joined",)
+
+    def __init__(self) -> None:
+        self._joined: tuple[tuple[Any, ...], Any] | None = None
+
+    @classmethod
+    def concatenated(cls, parts: Sequence[Self]) -> Self:
+        """What is in several columns, one after another."""
+        first, others = parts[0], tuple(parts[1:])
+        if not others:
+            return first
+        known = first._joined
+        if known is None or len(known[0]) != len(others) or not all(map(is_, known[0], others)):
+            known = first._joined = others, cls._in_one(parts)
+        return known[1]
+
+    @classmethod
+    def _in_one(cls, parts: Sequence[Any]) -> Self:
+        raise NotImplementedError

@@ -1,0 +1,98 @@
+"""Where some values stand in an array: numbers, and texts by a table of their hashes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[np.intp]
+Hashes = NDArray[np.uint64]
+
+_SPREAD: Final = np.uint64(0xBF58476D1CE4E5B9)
+_FACTOR: Final = 0x9E3779B97F4A7C15
+_AT_ONCE: Final = 4096
+
+
+def _powers(base: int, count: int) -> Hashes:
+    return np.array([pow(base, exponent, 1 << 64) for exponent in range(count)], np.uint64)
+
+
+@cache
+def _weights(width: int) -> tuple[Hashes, Hashes]:
+    """What each letter of a text counts, and by how much zero bytes behind it are too much."""
+    return _powers(_FACTOR, width)[::-1].copy(), _powers(pow(_FACTOR, -1, 1 << 64), width + 1)
+
+
+def hashes_of(texts: NDArray[np.bytes_]) -> Hashes:
+    """The polynomial hash h -> h * factor + byte, modulo 2^64, of each text; shape (n,)."""
+    count, width = len(texts), texts.dtype.itemsize
+    weights, behind = _weights(width)
+    letters = np.ascontiguousarray(texts).view(np.uint8).reshape(count, width)
+    found = np.empty(count, np.uint64)
+    for at in range(0, count, _AT_ONCE):
+        found[at : at + _AT_ONCE] = letters[at : at + _AT_ONCE].astype(np.uint64) @ weights
+    return found * behind[width - np.strings.str_len(texts)]
+
+
+def found_in(column: NDArray[Any], sorter: Rows, wanted: NDArray[Any]) -> Rows:
+    """The row of each of some values in a column that is not empty, -1 where it is not."""
+    places = np.searchsorted(column, wanted, sorter=sorter)
+    rows = sorter[np.minimum(places, len(column) - 1)]
+    return np.where(column[rows] == wanted, rows, -1)
+
+
+class Numbers:
+    """Where each of n whole numbers stands, n > 0."""
+
+    def __init__(self, numbers: NDArray[np.int64]) -> None:
+        self._numbers = numbers
+        self._sorter: Rows | None = None
+        span = int(numbers[-1]) - int(numbers[0])
+        self.consecutive = span == len(numbers) - 1 and bool((np.diff(numbers) == 1).all())
+        """Whether each is the one before and one."""
+
+    def rows_of(self, wanted: NDArray[np.int64]) -> Rows:
+        """A row of each of some numbers, -1 where it is not; shape (len(wanted),)."""
+        numbers = self._numbers
+        if self.consecutive:
+            rows = wanted - numbers[0]
+            rows[rows.view(np.uint64) >= len(numbers)] = -1
+            return rows.astype(np.intp, copy=False)
+        if self._sorter is None:
+            self._sorter = np.argsort(numbers, kind="stable")
+        return found_in(numbers, self._sorter, wanted)
+
+
+class Places:
+    """The first row of each of n hashes, n > 0.
+
+    A table of at least 4 n slots has most of them at once; the few whose slot another one has are
+    sorted. That is several times quicker than sorting all.
+    """
+
+    def __init__(self, hashes: Hashes) -> None:
+        bits = (4 * len(hashes)).bit_length()
+        self._hashes = hashes
+        self._shift = np.uint64(64 - bits)
+        self._table = np.zeros(1 << bits, np.int32)
+        rows, slots = np.arange(len(hashes)), self._slots(hashes)
+        self._table[slots[::-1]] = rows[::-1]  # the first of several comes last, and stays
+        self._others = np.flatnonzero(self._table[slots] != rows)
+        self._sorter = np.argsort(hashes[self._others], kind="stable")
+
+    def _slots(self, hashes: Hashes) -> Rows:
+        return ((hashes * _SPREAD) >> self._shift).astype(np.intp)
+
+    def rows_of(self, wanted: Hashes) -> Rows:
+        """The row of each of some hashes, -1 where it is not; shape (len(wanted),)."""
+        rows = self._table[self._slots(wanted)].astype(np.intp)
+        missed = np.flatnonzero(self._hashes[rows] != wanted)
+        if len(missed) and len(self._others):
+            places = found_in(self._hashes[self._others], self._sorter, wanted[missed])
+            rows[missed] = np.where(places >= 0, self._others[places], -1)
+        else:
+            rows[missed] = -1
+        return rows

@@ -1,0 +1,105 @@
+"""What conditions are made of: names, values, comparisons, and what joins them."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+NUMBER: Final = "a number"
+TRUTH: Final = "true or false"
+TEXT: Final = "a text"
+
+_COMPARE: dict[str, Callable[[Any, Any], Any]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+_DTYPES: dict[str, str] = {"f": NUMBER, "i": NUMBER, "b": TRUTH, "O": TEXT}
+_KINDS: dict[str, str] = {"real": NUMBER, "int": NUMBER, "bool": TRUTH, "text": TEXT}
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """An attribute, and where it stands in the text."""
+
+    name: str
+    offset: int
+
+
+Value: TypeAlias = Name | bool | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two values, compared."""
+
+    left: Value
+    sign: str
+    right: Value
+
+    def truth(self, state: Mapping[str, Any]) -> Any:
+        """Whether it holds; an array of truths where the state has arrays."""
+        left, right = (state[v.name] if isinstance(v, Name) else v for v in (self.left, self.right))
+        if type(left) is not type(right):  # whole numbers beyond 2^53, as arrays compare them
+            left, right = (float(v) if type(v) is int else v for v in (left, right))
+        return _COMPARE[self.sign](left, right)
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """What is not so."""
+
+    term: Term
+
+    def truth(self, state: Mapping[str, Any]) -> Any:
+        """As for a comparison."""
+        return self.term.truth(state) ^ True
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """Terms of which all must hold (`and`), or one (`or`)."""
+
+    word: str
+    terms: tuple[Term, ...]
+
+    def truth(self, state: Mapping[str, Any]) -> Any:
+        """As for a comparison."""
+        found: Any = self.terms[0].truth(state)
+        for one in self.terms[1:]:
+            truth = one.truth(state)
+            found = found & truth if self.word == "and" else found | truth
+        return found
+
+
+Term: TypeAlias = Comparison | Not | Joined
+
+
+def sort_in(value: Value, sort_of: Callable[[str], str]) -> str:
+    """The sort of a value; that of an attribute is asked for."""
+    return sort_of(value.name) if isinstance(value, Name) else value_sort(value)
+
+
+def sort_of_kind(kind: str) -> str:
+    """The sort of values of a type's kind; empty where they cannot be compared."""
+    return _KINDS.get(kind, "")
+
+
+def value_sort(value: object) -> str:
+    """What a value, or those of an array, can be compared with; empty: with nothing."""
+    if isinstance(value, np.ndarray):
+        array = cast("NDArray[Any]", value)
+        return _DTYPES.get(array.dtype.kind, "") if array.ndim == 1 else ""
+    if isinstance(value, bool):
+        return TRUTH
+    if isinstance(value, str):
+        return TEXT
+    return NUMBER if isinstance(value, int | float) else ""
