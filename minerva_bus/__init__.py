@@ -10,17 +10,12 @@ if TYPE_CHECKING:
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.batch import Events
     from minerva_bus.grammar.events import Event
+    from minerva_bus.grammar.fields import Default
     from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
     from minerva_bus.grammar.ids import Ids
     from minerva_bus.grammar.parser import parse
     from minerva_bus.grammar.scene import EMPTY, Scene
-    from minerva_bus.grammar.symbols import (
-        AgentKind,
-        Default,
-        EventType,
-        Primitive,
-        Transformation,
-    )
+    from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
     from minerva_bus.grammar.types import (
         Cells,
         Degrees,
@@ -39,17 +34,18 @@ if TYPE_CHECKING:
     from minerva_bus.world.views import visualize
 
 
-__version__ = "0.3.0"
+__version__ = "0.5.0"
 
 _HOMES = {
     "errors": "MinervaError",
     "grammar.batch": "Events",
     "grammar.events": "Event",
+    "grammar.fields": "Default",
     "grammar.forms": "Disc Label Line Motion Raster",
     "grammar.ids": "Ids",
     "grammar.parser": "parse",
     "grammar.scene": "EMPTY Scene",
-    "grammar.symbols": "AgentKind Default EventType Primitive Transformation",
+    "grammar.symbols": "AgentKind EventType Primitive Transformation",
     "grammar.types": "Cells Degrees Metres MetresPerSecond Reals Seconds",
     "grammar.vocabulary": "Vocabulary",
     "semantics.geometry": "Geometry interpret",

@@ -8,6 +8,7 @@
     ├── MisuseError              code that uses this library asks for something it cannot have
     ├── ProtocolError            a member of the bus sent what the protocol does not allow
     ├── BusError                 a session, an endpoint or a world on the bus cannot be reached
+    ├── KeysError                a key or a certificate is missing, or is not what is needed
     └── WorldStopped             a running world had to end before its time
 
 A message says who, where, what was expected and what to do next.
@@ -71,6 +72,14 @@ class ProtocolError(MinervaError):
 
 class BusError(MinervaError):
     """A session, an endpoint or a world on the bus cannot be reached."""
+
+
+class Followed(BusError):
+    """Another coordinator runs the world now."""
+
+
+class KeysError(MinervaError):
+    """A key or a certificate is missing, or is not what is needed."""
 
 
 class WorldStopped(MinervaError):

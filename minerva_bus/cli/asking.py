@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from minerva_bus.cli.places import client, place
+from minerva_bus.bus.client import Client
+from minerva_bus.bus.credentials import Credentials
+from minerva_bus.cli.places import client, identity, place
+from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.batch import single
@@ -18,34 +20,32 @@ from minerva_bus.launch.registry import running
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
-def _print(line: str) -> None:
-    print(line, flush=True)  # noqa: T201
-
-
 def list_members(connect: str, world: str, json_too: bool) -> None:
     """Print who takes part, or which worlds run where there are several."""
     worlds = running()
     if not connect and not world and len(worlds) != 1:
         if json_too:
-            _print(json.dumps([{"world": w.world, "endpoint": w.endpoint, "pid": w.pid}
+            say(json.dumps([{"world": w.world, "endpoint": w.endpoint, "pid": w.pid}
                                for w in worlds]))  # fmt: skip
         elif worlds:
             _table(
                 ["world", "endpoint", "pid"], [[w.world, w.endpoint, str(w.pid)] for w in worlds]
             )
         else:
-            print("no world runs on this machine", file=sys.stderr)  # noqa: T201
+            tell("no world runs on this machine")
         return
     with client(connect, world) as asked:
         status = asked.operator.status()
     if json_too:
-        _print(json.dumps(listing(status)))
+        say(json.dumps(listing(status)))
         return
-    _print(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
+    say(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
     _table(
         ["member", "state", "roles", "types", "last reply", "late", "pid", "host", "figures"],
         [_row(member) for member in status.members],
     )
+    if status.refused:
+        say(f"refused: {', '.join(f'{count} of {who}' for who, count in status.refused.items())}")
 
 
 def _doing(status: WorldStatus) -> str:
@@ -79,13 +79,14 @@ def _table(titles: list[str], rows: list[list[str]]) -> None:
     widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
     for row in [titles, *rows]:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
-        _print("  ".join(cells).rstrip())
+        say("  ".join(cells).rstrip())
 
 
 def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) -> None:
     """Print events, fragments or views of a type as they come."""
-    endpoint, world = place(connect, world)
-    with client(endpoint, world) as asked:
+    own = identity() if connect else None
+    endpoint, world = place(connect, world, own)
+    with Client(endpoint, world, own) as asked:
         vocabulary = asked.vocabulary()
         declared = vocabulary.events.get(type_)
         if type_ and declared is None and type_ not in vocabulary.kinds:
@@ -98,12 +99,12 @@ def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) 
             shown = 0
             for record in asked.records():
                 for what in _of_interest(record, type_):
-                    _print(json.dumps(what) if json_too else f"{what['frame']:>7}  {what['text']}")
+                    say(json.dumps(what) if json_too else f"{what['frame']:>7}  {what['text']}")
                     shown += 1
                     if shown == count:
                         return
             return
-    _echo_view(type_, endpoint, world, count, json_too)
+    _echo_view(type_, endpoint, world, own, count, json_too)
 
 
 def _of_interest(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
@@ -127,7 +128,14 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, bool | int | float | str) else value_text(value)
 
 
-def _echo_view(event_type: str, endpoint: str, world: str, count: int, json_too: bool) -> None:
+def _echo_view(
+    event_type: str,
+    endpoint: str,
+    world: str,
+    own: Credentials | None,
+    count: int,
+    json_too: bool,
+) -> None:
     import os
 
     from minerva_bus.bus.member import BusMember
@@ -144,13 +152,13 @@ def _echo_view(event_type: str, endpoint: str, world: str, count: int, json_too:
 
         def show(self, view: View) -> None:
             what = {"frame": view.frame, "type": event_type, "text": str(view.scene)}
-            _print(json.dumps(what) if json_too else f"{view.frame:>7}  {_short(view.scene)}")
+            say(json.dumps(what) if json_too else f"{view.frame:>7}  {_short(view.scene)}")
             self.shown += 1
             if self.shown == count:
                 member.leave()
 
-    participant = Participant(f"echo-{os.getpid()}", Echo())
-    member = BusMember(participant, world, endpoint, lambda line: print(line, file=sys.stderr))  # noqa: T201
+    name = f"echo-{os.getpid()}" if own is None else own.name
+    member = BusMember(Participant(name, Echo()), world, endpoint, tell, own=own)
     leave_on_signals(member)
     member.run()
 
@@ -179,17 +187,17 @@ def publish(
     with client(connect, world) as asked:
         answer = asked.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
     if json_too:
-        _print(json.dumps(answer))
+        say(json.dumps(answer))
         return
     through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
-    _print(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
+    say(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
 
 
 def stop_world(connect: str, world: str) -> None:
     """End a running world."""
     with client(connect, world) as asked:
         asked.ask("stop")
-        _print(f"{asked.world}: asked to stop")
+        say(f"{asked.world}: asked to stop")
 
 
 def show_version(json_too: bool) -> None:
@@ -207,6 +215,6 @@ def show_version(json_too: bool) -> None:
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
         found[package] = version(package)
     if json_too:
-        _print(json.dumps(found))
+        say(json.dumps(found))
     else:
         _table(["part", "version"], [[name, str(value)] for name, value in found.items()])

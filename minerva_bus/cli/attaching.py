@@ -3,48 +3,101 @@
 from __future__ import annotations
 
 import signal
-import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Final
 
-from minerva_bus.bus.member import BusMember
-from minerva_bus.cli.places import place
-from minerva_bus.errors import WorldFileError
-from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.specs import AGENTS, bind, entries, find_agents, find_service, load
-from minerva_bus.launch.worldfile import toml_value
+from minerva_bus.bus.diagnosis import check_reachable
+from minerva_bus.bus.endpoints import check_endpoint
+from minerva_bus.bus.member import BACK_WITHIN, BusMember
+from minerva_bus.bus.session import REACHED_WITHIN, end_at_once
+from minerva_bus.cli.places import identity, place
+from minerva_bus.cli.saying import tell
+from minerva_bus.errors import KeysError, WorldFileError, nearest
+from minerva_bus.frame.participant import Anew, Participant
+from minerva_bus.launch.overrides import Overrides, toml_value
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import (
+    AGENTS,
+    bind,
+    entries,
+    find_agents,
+    find_service,
+    find_world,
+    load,
+)
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Device
+
+KEEP_TRYING: Final = 600.0
 
 
-def attach_member(spec: str, connect: str, world: str, name: str, options: dict[str, str]) -> int:
-    """Take part in a running world until it ends or Ctrl-C; the exit code."""
-    endpoint, world = place(connect, world)
-    participant = _participant(spec, name, options)
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The way to a world: where, its name, and for how many seconds it is looked for if lost.
 
-    def tell(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)  # noqa: T201
+    One of this machine listens elsewhere when it is run again, so that is not awaited for long.
+    """
 
-    member = BusMember(participant, world, endpoint, tell)
+    connect: str = ""
+    world: str = ""
+    keep_trying: float | None = None
+
+    def back_within(self, local: bool) -> float:
+        """For how many seconds it is looked for."""
+        if self.keep_trying is not None:
+            return self.keep_trying
+        return BACK_WITHIN if local else KEEP_TRYING
+
+
+def attach_member(
+    spec: str, way: Way, name: str, options: dict[str, str], process: str = ""
+) -> int:
+    """Take part in a running world until it ends, or Ctrl-C, or no more comes; the exit code."""
+    while True:
+        if process:
+            participant = _of_file(spec, process, name, options)
+        else:
+            participant = _participant(spec, name, options)
+        try:
+            return _attached(participant, way)
+        except Anew as anew:
+            tell(f"{participant.name}: {anew}; it joins again, from the beginning")
+
+
+def _attached(participant: Participant, way: Way) -> int:
+    connect, world = way.connect, way.world
+    own = identity(participant.name) if connect else None
+    if own is not None and own.name != participant.name:
+        raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
+    endpoint, world = place(connect, world, own)
+    there = check_endpoint(endpoint)
+    if not there.local:  # As long as that takes, Ctrl-C is no leaving yet.
+        check_reachable(there, REACHED_WITHIN)
+
+    service = participant.service
+    ends = not isinstance(service, Device)
+    within = way.back_within(there.local)
+    member = BusMember(participant, world, endpoint, tell, own=own, ends=ends, back_within=within)
     leave_on_signals(member)
     tell(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
-    code = member.run()
+    code = member.run() or int(getattr(service, "failed", False))
     if participant.stopped:
         tell(f"{participant.name}: the world has ended: {participant.stopped}")
+    end_at_once(code)
     return code
 
 
-def bridge_source(
-    kind: str, source: str, connect: str, world: str, name: str, options: dict[str, str]
-) -> int:
-    """Bring what a source says into a running world until it ends or Ctrl-C; the exit code."""
+def bridge_source(kind: str, source: str, way: Way, name: str, options: dict[str, str]) -> int:
+    """Bring what a source says into a running world until either ends or Ctrl-C; the exit code."""
     option = getattr(find_service(kind, Path.cwd()), "source_option", "")
     if source and not option:
         raise WorldFileError(f"{kind} is no bridge that a source can be named for; see its options")
     if source:
         path = Path(source)  # Not resolved: a device's link may lead elsewhere when it is back.
         options = {**options, option: str(path.absolute()) if path.exists() else source}
-    return attach_member(kind, connect, world, name, options)
+    return attach_member(kind, way, name, options)
 
 
 def leave_on_signals(member: BusMember) -> None:
@@ -70,6 +123,20 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Participant:
         return Participant(name, None, find_agents(spec, folder))
     typed: dict[str, Any] = {key: toml_value(value) for key, value in options.items()}
     return Participant(name, bind(find_service(spec, folder), typed, name)())
+
+
+def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Participant:
+    """The process of that name of a world file. Raises WorldFileError where there is none."""
+    file = read_world_file(find_world(spec), Overrides(options=options))
+    known = {one.name: one for one in file.processes}
+    if process not in known:
+        raise WorldFileError(
+            f"{file.path}: there is no process {process!r}{nearest(process, list(known))};"
+            f" there are {', '.join(known)}"
+        )
+    if known[process].command:
+        raise WorldFileError(f"{process} is a command: run it itself, with MINERVA_CONNECT set")
+    return replace(known[process], name=name or process).participant()
 
 
 def _names_agents(spec: str, folder: Path) -> bool:

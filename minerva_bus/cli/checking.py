@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
+from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, SceneError, WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
-from minerva_bus.launch.worldfile import read_world_file
 
 
 def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
@@ -25,11 +25,11 @@ def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
         if isinstance(error, SceneError):
             found |= {"line": error.line, "column": error.column, "expected": error.expected}
     if json_too:
-        print(json.dumps(found))  # noqa: T201
+        say(json.dumps(found))
     elif found["ok"]:
-        print(f"{file}: {found['what']}")  # noqa: T201
+        say(f"{file}: {found['what']}")
     else:
-        print(found["error"], file=sys.stderr)  # noqa: T201
+        tell(found["error"])
     return 0 if found["ok"] else 1
 
 

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Final
 
+from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
 
 LEAST: Final = (3, 11)
@@ -26,6 +27,7 @@ EXTRAS: Final = {
     "record": (("mcap",), "records of runs"),
     "plot": (("matplotlib",), "plots of records"),
     "neighbours": (("scipy",), "who is near whom"),
+    "tls": (("cryptography",), "certificates for those on other machines"),
     "profile": (("pyinstrument",), "flame graphs of members"),
 }
 
@@ -44,12 +46,12 @@ def examine(json_too: bool) -> int:
     """Print what was found; the exit code is 1 where something is wrong that worlds need."""
     found = list(_findings())
     if json_too:
-        print(json.dumps([asdict(one) for one in found]), flush=True)  # noqa: T201
+        say(json.dumps([asdict(one) for one in found]))
     else:
         width = max(len(one.what) for one in found)
         for one in found:
             mark = "✓" if one.good else ("✗" if one.needed else "–")
-            print(f"{mark} {one.what.ljust(width)}  {one.note}", flush=True)  # noqa: T201
+            say(f"{mark} {one.what.ljust(width)}  {one.note}")
     return 0 if all(one.good for one in found if one.needed) else 1
 
 

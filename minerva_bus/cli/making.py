@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from minerva_bus.cli.saying import say
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.skeleton import write_bridge
 
@@ -18,12 +19,8 @@ def make_new(kind: str, name: str, folder: Path) -> None:
             f" {', '.join(KINDS)}"
         )
     made = KINDS[kind](name, folder)
-    _print(f"{made} is written; it works as it is:")
-    _print(f"  cd {made}")
-    _print("  pytest                                  # its tests")
-    _print("  minerva run yard.toml --in-process      # a small world that hears it")
-    _print(f"then change {name}/bridge.py, where it reads what your device says")
-
-
-def _print(line: str) -> None:
-    print(line)  # noqa: T201
+    say(f"{made} is written; it works as it is:")
+    say(f"  cd {made}")
+    say("  pytest                                  # its tests")
+    say("  minerva run yard.toml --in-process      # a small world that hears it")
+    say(f"then change {name}/bridge.py, where it reads what your device says")

@@ -13,6 +13,7 @@ from typing import Any, Final, cast
 
 import typer
 
+from minerva_bus.cli.saying import tell
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.specs import entries, load
 from minerva_bus.world.recordings import MapChoice, Mapper, PassOver, Progress, Recording
@@ -23,20 +24,27 @@ _STEPS: Final = 1000
 
 
 def map_recording(
-    file: Path, output: Path | None, cell: float, farthest: float, begin: float, end: float | None
+    file: Path,
+    output: Path | None,
+    cell: float,
+    farthest: float,
+    begin: float,
+    end: float | None,
+    poses: str = "published",
 ) -> None:
     """Draw the map of a recording into OUTPUT.pgm, .yaml and .png. Raises MinervaError.
 
-    `cell` and `farthest` are metres (0: as recorded), `begin` and `end` seconds.
+    `cell` and `farthest` are metres (0: as recorded), `begin` and `end` seconds; for
+    `poses` see `MapChoice`.
     """
-    choice = MapChoice(cell, farthest, begin, math.inf if end is None else end)
+    choice = MapChoice(cell, farthest, begin, math.inf if end is None else end, poses)
     into = output or Path(f"{file.name.partition('.')[0]}.pgm")
     draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))
     passed = _Passed()
     with _progress(file.name) as progress:
         made = draw(_opener(file, passed), into, choice, progress)
     for line in [*passed.lines(), *made]:
-        print(line, file=sys.stderr)  # noqa: T201
+        tell(line)
 
 
 def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:

@@ -2,64 +2,59 @@
 
 from __future__ import annotations
 
-import json
-import sys
 import time
-from dataclasses import asdict
 
 from minerva_bus.bus.client import Client
 from minerva_bus.cli.places import client
+from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
+from minerva_bus.launch.loglines import Entry
 from minerva_bus.world.operator import LogLine
 
 LOOK_EVERY = 0.1
 LAST = 1000
 
 
-def _print(line: str) -> None:
-    print(line, flush=True)  # noqa: T201
-
-
 def pause_world(connect: str, world: str) -> None:
     """Let a world begin no frame."""
     with client(connect, world) as asked:
         asked.operator.pause()
-        _print(f"{asked.world}: paused before frame {_resting(asked)}")
+        say(f"{asked.world}: paused before frame {_resting(asked)}")
 
 
 def resume_world(connect: str, world: str) -> None:
     """Let a world go on."""
     with client(connect, world) as asked:
         asked.operator.resume()
-        _print(f"{asked.world}: goes on")
+        say(f"{asked.world}: goes on")
 
 
 def step_world(frames: int, connect: str, world: str) -> None:
     """Let a world run some frames and pause; come back when it has."""
     with client(connect, world) as asked:
         asked.operator.step(frames)
-        _print(f"{asked.world}: paused before frame {_resting(asked)}")
+        say(f"{asked.world}: paused before frame {_resting(asked)}")
 
 
 def set_rate(hz: float, connect: str, world: str) -> None:
     """Change how many frames a world begins in a second."""
     with client(connect, world) as asked:
         asked.operator.set_rate(hz)
-        _print(f"{asked.world}: {f'{hz:g} frames per second' if hz else 'as fast as it goes'}")
+        say(f"{asked.world}: {f'{hz:g} frames per second' if hz else 'as fast as it goes'}")
 
 
 def restart_member(member: str, connect: str, world: str) -> None:
     """Start a process of a world's file anew."""
     with client(connect, world) as asked:
         asked.operator.restart(member)
-        _print(f"{asked.world}: {member} is started anew")
+        say(f"{asked.world}: {member} is started anew")
 
 
 def drain_member(member: str, connect: str, world: str) -> None:
     """Let other hosts take over a host's agents."""
     with client(connect, world) as asked:
         others = asked.operator.drain(member)
-        _print(f"{asked.world}: the agents of {member} go to {', '.join(others)}")
+        say(f"{asked.world}: the agents of {member} go to {', '.join(others)}")
 
 
 def _resting(asked: Client) -> int:
@@ -72,7 +67,7 @@ def _resting(asked: Client) -> int:
             return status.frame
         if status.waited > 1 and status.waiting != told:
             told = status.waiting
-            print(f"waiting for {', '.join(told)}", file=sys.stderr, flush=True)  # noqa: T201
+            tell(f"waiting for {', '.join(told)}")
         time.sleep(LOOK_EVERY)
 
 
@@ -89,7 +84,7 @@ def show_logs(member: str, follow: bool, connect: str, world: str, json_too: boo
                     raise
                 return  # The world that was followed has ended.
             for line in lines:
-                _print(json.dumps(asdict(line)) if json_too else _shown(line))
+                say(_entry(line, asked.world).json() if json_too else _shown(line))
                 since = line.number
             if not follow and len(lines) < LAST:
                 return
@@ -101,6 +96,10 @@ def _check_member(asked: Client, member: str) -> None:
     known = [one.name for one in asked.operator.status().members]
     if member and member not in [*known, "coordinator"]:
         raise MinervaError(f"{asked.world} has no member {member!r}{nearest(member, known)}")
+
+
+def _entry(line: LogLine, world: str) -> Entry:
+    return Entry(line.time, line.level, world, line.frame, line.member, line.text)
 
 
 def _shown(line: LogLine) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from minerva_bus.cli.saying import say
 from minerva_bus.record.comparison import compare
 from minerva_bus.record.info import info_of
+from minerva_bus.record.looking import moment_of, written
 from minerva_bus.record.reader import Record
 
 
@@ -14,14 +16,27 @@ def show_info(file: Path, check: bool, json_too: bool) -> None:
     """Print what is in a record. Raises RecordError."""
     with Record(file) as record:
         info = info_of(record, check)
-    _print(json.dumps(info.plain()) if json_too else "\n".join(info.lines()))
+    say(json.dumps(info.plain()) if json_too else "\n".join(info.lines()))
+
+
+def show_moment(file: Path, frame: int | None, string: bool, json_too: bool) -> None:
+    """Print what a frame begins with and what happens in it, or its string alone.
+
+    Raises RecordError.
+    """
+    with Record(file) as record:
+        moment = moment_of(record, frame)
+    if json_too:
+        say(json.dumps(moment.plain()))
+    else:
+        say(written(moment.string) if string else "\n".join(moment.lines()))
 
 
 def show_difference(a: Path, b: Path, json_too: bool) -> int:
     """Print where two records part; the exit code, 0 where they do not. Raises RecordError."""
     with Record(a) as one, Record(b) as other:
         found = compare(one, other)
-    _print(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
+    say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
     return 0 if found.same else 1
 
 
@@ -32,8 +47,4 @@ def draw_plot(file: Path, output: Path | None) -> None:
     into = output or file.with_suffix(".png")
     with Record(file) as record:
         plot(record, into)
-    _print(str(into))
-
-
-def _print(text: str) -> None:
-    print(text)  # noqa: T201
+    say(str(into))

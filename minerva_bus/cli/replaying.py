@@ -10,18 +10,15 @@ from pathlib import Path
 
 import typer
 
+from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED
 from minerva_bus.cli.places import client
+from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.replaying import read_replay, recomputed
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import Overrides
-
-FAILED, INTERRUPTED = 1, 130
-
-
-def _print(line: str) -> None:
-    print(line, flush=True)  # noqa: T201
+from minerva_bus.launch.swapping import Swap, replay_swapped
 
 
 def replay_record(
@@ -42,9 +39,9 @@ def replay_record(
     try:
         summary = supervisor.run()
     except WorldStopped as stopped:
-        print(f"minerva: {replay.file.world.name}: {stopped}", file=sys.stderr)  # noqa: T201
+        tell(f"minerva: {replay.file.world.name}: {stopped}")
         return FAILED
-    _print(json.dumps(summary.plain()) if json_too else "\n".join(summary.lines()))
+    say(json.dumps(summary.plain()) if json_too else "\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
     return FAILED if supervisor.failure else 0
@@ -58,12 +55,27 @@ def recompute_record(path: Path, world: str, json_too: bool) -> int:
     with _progress() as told:
         found = recomputed(path, world, told)
     if json_too:
-        _print(json.dumps(found.plain()))
+        say(json.dumps(found.plain()))
     elif found.same:
-        _print(f"the same: λ gives all {found.frames:,} frames again")
+        say(f"the same: λ gives all {found.frames:,} frames again")
     else:
-        _print("\n".join(found.lines()))
+        say("\n".join(found.lines()))
     return 0 if found.same else FAILED
+
+
+def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -> int:
+    """Run a record again with one member replaced; the exit code, 0 where nothing differs.
+
+    Raises RecordError and WorldFileError, and MisuseError for what cannot be swapped.
+    """
+    try:
+        with _progress() as told:
+            found = replay_swapped(path, world, swap, into, told)
+    except WorldStopped as stopped:
+        tell(f"minerva: {stopped}")
+        return FAILED
+    say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
+    return 0 if found.difference.same else FAILED
 
 
 @contextmanager
@@ -85,4 +97,4 @@ def seek_frame(frame: int, connect: str, world: str) -> None:
     """Let a replay go on from another frame."""
     with client(connect, world) as asked:
         asked.ask("seek", frame=frame)
-        _print(f"{asked.world}: goes on from frame {frame}")
+        say(f"{asked.world}: goes on from frame {frame}")

@@ -8,15 +8,17 @@ import sys
 
 import typer
 
-from minerva_bus.errors import MisuseError, WorldStopped
+from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
+from minerva_bus.cli.saying import say
+from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.profiling import NOTHING, Profiling
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
-
-FAILED, INTERRUPTED = 1, 130
+from minerva_bus.launch.worldfile import WorldFile
 
 
 def read_world(world: str, overrides: Overrides) -> WorldFile:
@@ -37,7 +39,9 @@ def run_world(
     if in_process and profiling != NOTHING:
         raise MisuseError("--profile and --profile-member look at the bus: not with --in-process")
     profiling.check(file)
-    console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
+    as_json = file.watch.log_format == "json"
+    quiet = quiet or (json_too and not as_json and not sys.stderr.isatty())
+    console = Console(quiet=quiet, json=as_json, world=file.world.name)
     failure = ""
     try:
         if in_process:
@@ -48,14 +52,18 @@ def run_world(
             summary = supervisor.run()
             failure = supervisor.failure
     except WorldStopped as stopped:
-        print(f"minerva: {file.world.name}: {stopped}", file=sys.stderr)  # noqa: T201
+        console.problem(str(stopped))
         raise typer.Exit(FAILED) from None
-    if json_too:
-        print(json.dumps(summary.plain()))  # noqa: T201
+    except MinervaError as error:
+        if not as_json:
+            raise
+        console.problem(str(error))
+        raise typer.Exit(WRONG) from None
+    if json_too or as_json:
+        say(json.dumps(summary.plain()))
     else:
-        print("\n".join(summary.lines()))  # noqa: T201
+        say("\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
     if failure:
         raise typer.Exit(FAILED)
-    sys.stdout.flush()

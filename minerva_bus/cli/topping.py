@@ -8,6 +8,7 @@ import time
 
 from minerva_bus.cli.asking import listing
 from minerva_bus.cli.places import client
+from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
 
 MEASURED_FOR = 0.5
@@ -21,7 +22,7 @@ def watch_world(connect: str, world: str, json_too: bool) -> None:
         if json_too:
             asked.operator.status()
             time.sleep(MEASURED_FOR)  # What is measured is known from the first question on.
-            print(json.dumps(listing(asked.operator.status())), flush=True)  # noqa: T201
+            say(json.dumps(listing(asked.operator.status())))
             return
         try:
             from minerva_bus.cli.top.dashboard import Dashboard

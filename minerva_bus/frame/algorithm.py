@@ -9,21 +9,26 @@ over is in an order that does not depend on who answered first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
 
+from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.attendance import Attendance
 from minerva_bus.frame.core import Phase
+from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
 from minerva_bus.frame.membership import Change, Member, State
-from minerva_bus.frame.showing import patch_all
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.frame.showing import check_all, patch_all
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene, agents
+
+ORDERS: Final = "~order"
+"""The source of people's events that no generator takes."""
 
 STRANGERS_NAMED = 3
 MOST_WAITING = 100_000
@@ -48,6 +53,7 @@ class FrameAlgorithm(Attendance):
             s.GaveUp: self._on_gave_up,
             s.Violation: self._on_violation,
             s.Silent: self._on_silent,
+            s.Skip: self._on_skip,
             m.Failed: self._on_failed,
             m.Resync: self._on_resync,
             m.Leaving: self._on_leaving,
@@ -84,15 +90,82 @@ class FrameAlgorithm(Attendance):
             names.update(member.name for member in self.roster.awaited())
         return sorted(names)
 
+    def awaits(self, member: str) -> bool:
+        """Whether a frame waits for an answer of a member, this one or the next."""
+        ahead = member in self._asked_ahead and member not in self._early
+        return ahead or member in self.waiting_for()
+
     @property
     def in_frame(self) -> bool:
         """Whether a frame is under way."""
         return self.phase in (Phase.TICK, Phase.EVOLVE)
 
     @property
+    def at_rest(self) -> bool:
+        """Whether the next frame would change nothing, nor show anything new.
+
+        Nobody generates in step with it, no event waits, and every device has seen the string. A
+        world of a number of frames goes through them all the same.
+        """
+        if self.world.frames or self.phase is not Phase.READY or self._rearrange:
+            return False
+        attending = self.roster.attending
+        unseen = self.frame - self._stirred < attending.every
+        busy = unseen or attending.tickers or attending.joining
+        return not (busy or self._inbox or self._emitted or self._sanctions)
+
+    @property
     def scene(self) -> Scene:
         """The string w of the frame that runs or comes next."""
         return self.composition.scene
+
+    def again(self, course: Course) -> list[s.Instruction]:
+        """Take a frame's course from a journal, before anybody has appeared.
+
+        Raises ProtocolError where it is not of the frame that comes next, or does not fit.
+        """
+        if course.frame != self.frame:
+            raise ProtocolError(f"the course of frame {course.frame} is not of {self.frame}")
+        self._out = []
+        self._begin_frame_state()
+        self._inbox = {source: list(events) for source, events in course.taken.items()}
+        self._ticked = dict(course.ticked)
+        self._gather(course.due)
+        try:
+            self.composition.lay_out(course.layout)
+            self._layout = course.layout
+            for reply in course.replies:
+                self._merge(reply, self._patched(reply))
+            self._inbox = {source: list(events) for source, events in course.waiting.items()}
+            self._apply()
+        except Unfit as unfit:
+            raise ProtocolError(f"the course of frame {course.frame}: {unfit}") from None
+        self._rearrange = True
+        return self._out
+
+    @property
+    def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
+        """The events that no whole frame has, by source, if people's are among them."""
+        evolving = self.phase is Phase.EVOLVE
+        taken: Mapping[str, Sequence[AnyEvent]] = self._taken if evolving else {}
+        if ORDERS not in taken and ORDERS not in self._inbox:
+            return {}
+        sources = sorted({*taken, *self._inbox})
+        return {one: [*taken.get(one, ()), *self._inbox.get(one, ())] for one in sources}
+
+    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """These events, by source, wait for the frame that comes next."""
+        self._inbox = {source: list(some) for source, some in events.items()}
+
+    def expect(self, members: Iterable[str]) -> None:
+        """Wait for these too before the world goes on."""
+        for name in sorted(members):
+            self.roster.expect(name)
+
+    @property
+    def over(self) -> bool:
+        """Whether the world has come to its own end."""
+        return bool(self._why_over())
 
     # --- steps 1 and 2: the frame begins, and generators answer ---
 
@@ -118,7 +191,8 @@ class FrameAlgorithm(Attendance):
         member = self.roster.get(reply.member)
         awaited = self.phase is Phase.TICK and reply.member in self._pending
         in_time = awaited and reply.frame == self.frame
-        early = not awaited and reply.frame == self._asked_ahead.get(reply.member, -1)
+        ahead = reply.frame == self._asked_ahead.get(reply.member, -1)
+        early = ahead and not (self.in_frame and reply.frame == self.frame)
         if not member.here or not (in_time or early) or reply.member in self._early:
             member.late += 1
             return
@@ -153,22 +227,23 @@ class FrameAlgorithm(Attendance):
         if not member.here or not self._may_generate(member, told.events):
             return
         member.last_reply = self.frame
-        waiting = self._inbox.setdefault(told.member, [])
-        if len(waiting) < MOST_WAITING:
-            waiting.extend(told.events)
+        count = sum(map(_count, told.events))
+        if self._held.get(told.member, 0) < MOST_WAITING:
+            self._held[told.member] = self._held.get(told.member, 0) + count
+            self._inbox.setdefault(told.member, []).extend(told.events)
             return
         if not member.dropped:
             self._say(
                 member.name, f"has {MOST_WAITING} events waiting for a frame; more are dropped"
             )
-        member.dropped += len(told.events)
+        member.dropped += count
 
     def _on_order(self, order: s.Order) -> None:
         takers = self.roster.takers(order.event.type)
         for taker in takers:
             self._send(taker.name, m.Orders((order.event,)))
         if not takers:
-            self._inbox.setdefault("~order", []).append(order.event)
+            self._inbox.setdefault(ORDERS, []).append(order.event)
 
     def _on_drain(self, told: s.Drain) -> None:
         member = self.roster.get(told.member)
@@ -187,6 +262,9 @@ class FrameAlgorithm(Attendance):
         wrong, changed = self._wrong_with(reply, frozenset(self._parts[key])), dict[str, Scene]()
         try:
             changed = {} if wrong else self._patched(reply)
+            for event_type, patches in reply.view_patches.items():
+                showing = self._showings.get(event_type)
+                check_all({} if showing is None else showing.parts, patches)
         except Unfit as unfit:
             wrong = f"it sent {unfit}, not of what is there"
         if wrong:
@@ -196,14 +274,19 @@ class FrameAlgorithm(Attendance):
         self._answered(member)
         if reply.took and not reply.part:
             self._distribution.took(reply.member, reply.took)
-        self._changed.update(changed)
+        self._merge(reply, changed)
         self._changed_by.update(dict.fromkeys(changed, reply.member))
+        self._finish_if_done()
+
+    def _merge(self, reply: m.EvolveReply, changed: m.Parts) -> None:
+        """Let what a host has answered count, with what it says has `changed`."""
+        self._replies.append(reply)
+        self._changed.update(changed)
         self._sent.update(reply.emitted)
         for event_type, parts in reply.views.items():
             self._views.setdefault(event_type, {}).update(parts)
         for event_type, patches in reply.view_patches.items():
             self._view_patches.setdefault(event_type, {}).update(patches)
-        self._finish_if_done()
 
     def _patched(self, reply: m.EvolveReply) -> dict[str, Scene]:
         """What became of a host's fragments. Raises Unfit for patches of what is not there."""
@@ -261,10 +344,15 @@ class FrameAlgorithm(Attendance):
     def _on_end(self, told: s.End) -> None:
         if self.phase is Phase.ENDED:
             return
+        self.failed = self.failed or told.failed
         if self.phase is Phase.STOPPING:
             self._over()
         else:
             self._end(told.reason)
+
+
+def _count(event: AnyEvent) -> int:
+    return event.count if isinstance(event, Events) else 1
 
 
 def _from(event: AnyEvent, sender: str, part: Columns | None) -> bool:

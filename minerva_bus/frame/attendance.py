@@ -43,13 +43,17 @@ class Attendance(Steps):
             self._ready_if_all_here()
 
     def _ready_if_all_here(self) -> None:
-        if not self.roster.awaited():
-            self.phase = Phase.READY
-            self._out.append(s.Ready(self.frame))
+        if self.roster.awaited():
+            return
+        if self.frame and self._why_over():  # A coordinator before this one did not come to that.
+            self._end_or_go_on()
+            return
+        self.phase = Phase.READY
+        self._out.append(s.Ready(self.frame))
 
     def _admit(self, member: Member, hello: m.Hello) -> None:
         self.roster.change(member, Change.ADMITTED)
-        member.last_reply = self.frame
+        member.last_reply = self._stirred = self.frame
         world, saved = self.world, self._saved.get(member.name)
         self._send(
             member.name,
@@ -58,7 +62,8 @@ class Attendance(Steps):
                 world.policy.value, saved,
             ),
         )  # fmt: skip
-        self._rearrange = self._rearrange or bool(hello.kinds)
+        near = member.name in world.placement.neighbours
+        self._rearrange = self._rearrange or near or bool(hello.kinds)
         self._tell_sources(member)
         for event_type in hello.draws:
             showing = self._showings.get(event_type)
@@ -87,9 +92,23 @@ class Attendance(Steps):
         if self.phase is Phase.STOPPING:
             self._departed.setdefault(member.name, False)
         elif self.phase is not Phase.ENDED:
-            gone = "is gone; the world waits for it" if member.needed else "is gone"
-            self._say(member.name, gone)
+            self.roster.change(member, Change.VANISHED)
+            self._say(member.name, f"is gone{self._outlook_without(member)}")
         self._lose(member)
+
+    def _outlook_without(self, member: Member) -> str:
+        """What becomes of a world without a member that is gone, as it is said."""
+        waits = "; the world waits for it" if member.needed else ""
+        hello, distribution = member.hello, self._distribution
+        if self.phase is Phase.WAITING or hello is None or hello.ticks:
+            return waits
+        if not hello.kinds:
+            return "; the world goes on" if member.needed else ""
+        if not distribution.fragments_of(member.name):
+            return "; no agents lived on it"
+        if distribution.may_take_over(member.name, self.offers()):
+            return "; other hosts take its agents over"
+        return waits or "; no other host can take its agents over"
 
     def _on_leaving(self, told: m.Leaving) -> None:
         member = self.roster.get(told.member)
@@ -102,11 +121,33 @@ class Attendance(Steps):
     def _on_gave_up(self, told: s.GaveUp) -> None:
         member = self.roster.get(told.member)
         self.roster.expect_no_more(member)
-        if self.roster.change(member, Change.GAVE_UP):
+        over = self.phase in (Phase.STOPPING, Phase.ENDED)
+        if self.roster.change(member, Change.GAVE_UP) and not over:
             self._say(member.name, "will not come back; the world goes on without it")
             self._go_on_without(member)
         if self.phase is Phase.WAITING:
             self._ready_if_all_here()
+
+    def _on_skip(self, told: s.Skip) -> None:
+        """Wait no longer for an answer in this frame; it will be late, whenever it comes."""
+        member = self.roster.get(told.member)
+        parts = [key for key in self._parts if key[0] == member.name]
+        stranded = bool(self._stranded) and member.awaited
+        if not (parts or stranded or (self.phase is Phase.TICK and member.name in self._pending)):
+            return
+        self._say(member.name, f"is left out of frame {self.frame}")
+        if self.phase is Phase.TICK:
+            self._pending.discard(member.name)
+            if not self._pending:
+                self._collect()
+            return
+        for key in parts:
+            del self._parts[key]
+        if stranded:
+            self._stranded = set()
+        self._distribution.forget(member.name)
+        self._rearrange = True
+        self._finish_if_done()
 
     def _on_violation(self, told: s.Violation) -> None:
         member = self.roster.get(told.member)
@@ -124,6 +165,7 @@ class Attendance(Steps):
             self._go_on_without(member)
 
     def _go_on_without(self, member: Member) -> None:
+        self._rearrange |= member.name in self.world.placement.neighbours
         self._tell_sources(member)
         self._forget_early(member)
         if self.phase is Phase.TICK and member.name in self._pending:

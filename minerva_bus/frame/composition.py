@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Final, TypeAlias, cast
 
 import numpy as np
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.grammar.columns import CHUNK, Columns, packed
+from minerva_bus.grammar.column import CHUNK
+from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import (
     EMPTY,
@@ -28,6 +30,8 @@ PART: Final = "~"
 
 FIRST: Final = 64
 Fragment: TypeAlias = AgentNode | Columns
+Layout: TypeAlias = tuple[tuple[tuple[str, int], ...], ...]
+"""Of each population its parts: name and rows."""
 
 
 class Composition:
@@ -124,6 +128,10 @@ class Composition:
 
     def homes(self, agents: Ids) -> Iterator[str]:
         """The fragments in which some agents live."""
+        very = next((name for name, part in self.parts.items() if part.ids is agents), None)
+        if very is not None:  # as when all of a part are told something
+            yield very
+            return
         if not self._home:
             first = agents.take(slice(FIRST))  # of very many, a few live everywhere already
             parts = {name for name, part in self.parts.items() if _any_in(part, first)}
@@ -204,17 +212,37 @@ class Composition:
             parts = {**self._as_strings(), **changes}
             self._take_apart(packed(fill(self.skeleton, parts)), parts)
             return True
-        moved = False
+        before: dict[str, Ids] = {}
         for name, scene in changes.items():
             piece = cast("Fragment", scene.pieces[0])
             self.fragments[name] = piece
             if isinstance(piece, Columns):
-                moved |= piece.ids is not self.parts[name].ids
+                if piece.ids is not self.parts[name].ids:
+                    before[name] = _ids(self.parts[name])
                 self.parts[name] = piece
         self._scene = None
-        if moved:
+        if before and not self._newborn_alone(before):
             self._check_apart()
         return False
+
+    def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
+        """Whether it is easily seen that all have an id of their own, as all had one before.
+
+        Then it is enough to look for those who are new in these parts.
+        """
+        known = [_ids(part) for part in self.parts.values()]
+        born: list[Ids] = []
+        for name, old in before.items():
+            now = _ids(self.parts[name])
+            turnover = now.since(old) if now.distinct else None
+            if turnover is None:
+                return False
+            if len(turnover.born):
+                born.append(now.take(turnover.born))
+        if not born or self._home:
+            return not born
+        newborn = Ids.concatenated(born)
+        return sum(int((ids.rows_of(newborn) >= 0).sum()) for ids in known) == len(newborn)
 
     def _same_shape(self, name: str, scene: Scene) -> bool:
         if len(scene.pieces) != 1:
@@ -237,17 +265,38 @@ class Composition:
 
     def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Cut a population anew, in so many parts of these sizes; they get new names."""
-        rows = Columns.concatenated([self.parts[name] for name in population])
-        pieces: list[Piece] = []
-        begin = 0
-        for size in sizes:
-            pieces.append(rows.take(slice(begin, begin + size)))
-            begin += size
-        first, others = population[0], population[1:]
         parts = self._as_strings()
-        gone = dict.fromkeys(others, EMPTY)
-        whole = fill(self.skeleton, {**parts, **gone, first: Scene(tuple(pieces))})
-        self._take_apart(whole, parts)
+        cut = _in_place_of(population, self._pieces(population, sizes))
+        self._take_apart(fill(self.skeleton, {**parts, **cut}), parts)
+
+    def _pieces(self, population: Sequence[str], sizes: Sequence[int]) -> list[Columns]:
+        rows = Columns.concatenated([self.parts[name] for name in population])
+        ends = accumulate(sizes)
+        return [rows.take(slice(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
+
+    @property
+    def layout(self) -> Layout:
+        """The parts of each population: names and rows."""
+        return tuple(
+            tuple((name, self.parts[name].count) for name in population)
+            for population in self.populations
+        )
+
+    def lay_out(self, layout: Layout) -> None:
+        """Cut all populations into parts of these names and rows. Raises Unfit."""
+        if layout == self.layout:
+            return
+        if [_rows(parts) for parts in layout] != [_rows(parts) for parts in self.layout]:
+            raise Unfit("parts of other populations")
+        whole, named = dict[str, Scene](), dict[str, Scene]()
+        for population, parts in zip(self.populations, layout, strict=True):
+            pieces = self._pieces(population, [count for _, count in parts])
+            names = [name for name, _ in parts]
+            named |= {name: Scene((one,)) for name, one in zip(names, pieces, strict=True)}
+            whole |= _in_place_of(population, pieces)
+        agents = {one: own for one, own in self._as_strings().items() if one not in self.parts}
+        self._named = max(self._named, *(int(name.rpartition(".")[2]) for name in named))
+        self._take_apart(fill(self.skeleton, {**agents, **whole}), {**agents, **named})
 
     def _as_strings(self) -> dict[str, Scene]:
         return {name: Scene((one,)) for name, one in self.fragments.items()}
@@ -262,11 +311,26 @@ def fragment_in(scene: Scene, name: str) -> Fragment | None:
 
 
 def shares(rows: int, weights: Sequence[float]) -> list[int]:
-    """How many of some rows each host gets; whole chunks where there are enough of them."""
+    """How many of some rows each host gets, one at least while there is one for each.
+
+    Whole chunks where there are enough of them.
+    """
     unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
     ends = np.cumsum(weights) / sum(weights) * (rows / unit)
-    cuts = [0, *[round(end) * unit for end in ends[:-1]], rows]
-    return [end - begin for begin, end in pairwise(cuts)]
+    cuts = [0]
+    for place, end in enumerate(ends[:-1], 1):
+        most = rows - len(weights) + place  # Those behind it want one each, too.
+        cuts.append(max(min(round(end) * unit, most), min(cuts[-1] + 1, rows)))
+    return [end - begin for begin, end in pairwise([*cuts, rows])]
+
+
+def _in_place_of(population: Sequence[str], pieces: Sequence[Piece]) -> dict[str, Scene]:
+    """What stands in the slots of a population's parts when it is in these pieces."""
+    return {**dict.fromkeys(population, EMPTY), population[0]: Scene(tuple(pieces))}
+
+
+def _rows(parts: Iterable[tuple[str, int]]) -> int:
+    return sum(count for _, count in parts)
 
 
 def _ids(part: Columns) -> Ids:

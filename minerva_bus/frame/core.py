@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Any
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.composition import Composition, Layout
 from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
+from minerva_bus.frame.enforcement import Enforcement
 from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.world.norms import SOURCE
 
 
 class Phase(Enum):
@@ -41,7 +43,10 @@ class Core:
         self.frame: int = past.frame
         self.roster = Roster(world.expected)
         self.composition = Composition(world.scene)
-        self._distribution = Distribution(world.vocabulary, self.composition)
+        self._distribution = Distribution(
+            world.vocabulary, self.composition, world.placement.agents_per_host
+        )
+        self._homeless: int = 0
         self._rearrange = True
         self._showings = {
             one: Showing(one, past.frame, last.frame, last.scene)
@@ -52,6 +57,9 @@ class Core:
         self._inbox: dict[str, list[AnyEvent]] = {
             source: list(events) for source, events in past.inbox.items()
         }
+        self._sanctions: list[AnyEvent] = self._inbox.pop(SOURCE, [])
+        self._enforcement = Enforcement(world.norms, self.composition, past.saved.get(SOURCE, {}))
+        self._held: dict[str, int] = {}
         self._emitted: list[AnyEvent] = list(past.emitted)
         self._asked_ahead: dict[str, int] = {}
         self._early: dict[str, m.TickReply] = {}
@@ -63,12 +71,18 @@ class Core:
         self._reason = ""
         self.failed = False
         self.strangers: int = 0
+        self._stirred = past.frame
+        """The frame that begins with what was changed last."""
         self._begin_frame_state()
         self._out: list[s.Instruction] = []
 
     def _begin_frame_state(self) -> None:
         self._pending: set[str] = set()
         self._ticked: dict[str, m.TickReply] = {}
+        self._taken: Mapping[str, Sequence[AnyEvent]] = {}
+        self._due: tuple[str, ...] = ()
+        self._layout: Layout = ()
+        self._replies: list[m.EvolveReply] = []
         self._parts: dict[tuple[str, int], tuple[str, ...]] = {}
         self._part = 0
         self._stranded: set[str] = set()
@@ -89,10 +103,27 @@ class Core:
             self.frame,
             dict(self._saved),
             tuple(self._emitted),
-            {source: tuple(events) for source, events in self._inbox.items()},
+            self._waiting(),
             self._reached,
             self._reaching,
         )
+
+    @property
+    def shown(self) -> list[m.ViewShown]:
+        """What was shown last, whole, of each visual event type."""
+        return [showing.key() for _, showing in sorted(self._showings.items())]
+
+    def show_again(self, view: m.ViewShown) -> None:
+        """Go on from a whole view that was shown last."""
+        skeleton = view.skeleton if view.skeleton is not None else EMPTY
+        self._showings[view.event_type] = Showing(
+            view.event_type, view.sequence, view.frame, skeleton, dict(view.parts)
+        )
+
+    def _waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
+        """What waits for the next frame, by source."""
+        waiting = {source: tuple(events) for source, events in self._inbox.items()}
+        return {**waiting, SOURCE: tuple(self._sanctions)} if self._sanctions else waiting
 
     def _send(self, to: str, message: m.ToMember) -> None:
         self._out.append(s.Send(to, message))
@@ -136,6 +167,9 @@ class Core:
 
     def _over(self) -> None:
         self.phase = Phase.ENDED
+        if self._enforcement.broken:
+            counts = sorted(self._enforcement.broken.items())
+            self._figures[SOURCE] = {f"norm_{name}": count for name, count in counts}
         self._out.append(s.Ended(self._reason, _summed(self._figures)))
 
 

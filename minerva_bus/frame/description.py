@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from minerva_bus.frame.checkpoint import Checkpoint, LastView
+from minerva_bus.frame.constraints import Placement
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy
+from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order
 
 
@@ -18,6 +20,8 @@ class World:
 
     `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
     limit), when its string is ε, or when every agent of the kinds that send `until` has sent it.
+    `norms` say what nobody may do. `placement` says where agents may live; it cannot reach the
+    string unless some find no place.
 
     One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
     views of before, by visual event type, which coupled devices still have to act on.
@@ -33,5 +37,7 @@ class World:
     frames: int = 0
     until: str = ""
     expected: frozenset[str] = frozenset()
+    norms: tuple[Norm, ...] = ()
+    placement: Placement = field(default_factory=Placement)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])

@@ -42,11 +42,13 @@ class Diary:
                 self._happens(number, event_type, f"{event_type}: {count} of them in this frame")
         self._counts.append(counts)
 
-    def said(self, time: float, member: str, text: str) -> None:
+    def said(
+        self, time: float, member: str, text: str, frame: int = 0, level: str = "info"
+    ) -> None:
         """Note a member's line, or a word about it; `time` is in seconds since 1970."""
         for line in text.rstrip("\n").split("\n"):
             self._logged += 1
-            self._lines.append(LogLine(self._logged, time, member, _short(line)))
+            self._lines.append(LogLine(self._logged, time, member, _short(line), frame, level))
 
     def per_frame(self) -> dict[str, float]:
         """How many events of each type a frame has had, on average of the last ones."""

@@ -9,9 +9,10 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, size
 from minerva_bus.grammar.patch import Patch, difference
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.turnover import Turnover
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Evolved, Policy, evolve
@@ -45,6 +46,10 @@ class Host:
         self.kinds: Kinds = kinds
         self.fragments: dict[str, Fragment] = {}
         self._shown: dict[tuple[str, str], _Shown] = {}
+
+    def clear(self) -> None:
+        """Let go of everything."""
+        self.fragments, self._shown = {}, {}
 
     def take(self, given: Fragments) -> None:
         """Keep these fragments, and let go of others."""
@@ -124,8 +129,8 @@ class Host:
                 continue
             view = visualize(Scene((piece,)), events, self.kinds, frame.number)
             self._shown[event_type, fragment] = _Shown(piece, events.events, view)
-            patch = _patch(shown.view, view) if shown is not None else None
-            if patch is not None and patch.changes:
+            patch = _view_patch(shown, piece, view) if shown is not None else None
+            if patch is not None and (patch.changes or patch.turnover is not None):
                 found.patched[fragment] = patch
             elif patch is None and (shown is None or _other(shown.view, view)):
                 found.changed[fragment] = view
@@ -138,14 +143,25 @@ def _other(old: Scene, new: Scene) -> bool:
     return several or old != new
 
 
-def _patch(old: Scene, new: Scene) -> Patch | None:
-    """What differs, where both are one piece in columns with the same rows."""
+def _patch(old: Scene, new: Scene, turnover: Turnover | None = None) -> Patch | None:
+    """What differs, where both are one piece in columns, of rows that are in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
     before, after = old.pieces[0], new.pieces[0]
     if not isinstance(before, Columns) or not isinstance(after, Columns):
         return None
-    return difference(before, after)
+    return difference(before, after, turnover)
+
+
+def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Patch | None:
+    """What differs in a view; agents have come and gone in it as they have in what it is of."""
+    old, new = shown.piece, piece
+    turnover = None
+    if isinstance(old, Columns) and isinstance(new, Columns) and old.ids and new.ids:
+        whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
+        if old.ids is not new.ids and whole:
+            turnover = new.ids.since(old.ids)
+    return _patch(shown.view, view, turnover)
 
 
 def _checked(
@@ -153,9 +169,9 @@ def _checked(
 ) -> dict[str, tuple[AnyEvent, ...]]:
     """What was sent, by single agents and, under the fragment's name, by those in columns."""
     sent: dict[str, tuple[AnyEvent, ...]] = {
-        agent: tuple([vocabulary.check_event(event) for event in events])
+        agent: tuple([vocabulary.check_event(event, f"#{agent}") for event in events])
         for agent, events in result.emitted.items()
     }
     if result.many:
-        sent[fragment] = tuple([vocabulary.check_any(event) for event in result.many])
+        sent[fragment] = tuple([vocabulary.check_any(event, fragment) for event in result.many])
     return sent

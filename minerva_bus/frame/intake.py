@@ -40,7 +40,9 @@ class Intake:
         """Keep what has come."""
         key = readings.topic, readings.member
         if readings.frame >= 0:
-            self._in_step[key] = readings
+            kept = self._in_step.get(key)
+            if kept is None or kept.frame <= readings.frame:
+                self._in_step[key] = readings
             return
         waiting = self._free.setdefault(key, deque())
         for reading in readings.readings:

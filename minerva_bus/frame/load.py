@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from statistics import median
 from typing import Final
 
@@ -26,15 +26,19 @@ class Load:
             speeds.append(rows / seconds)
             del speeds[:-WINDOW]
 
-    def weights(self, hosts: Sequence[str]) -> list[float]:
-        """The shares that suit these hosts; equal ones while nothing is known of one of them."""
+    def weights(self, hosts: Sequence[str], rows: int) -> list[float]:
+        """The shares of so many rows that suit these hosts.
+
+        Equal ones while nothing is known of one of them, and where rows are few: what a host needs
+        for a frame is then no matter of rows, and whoever has fewer would seem to be slow.
+        """
         known = [self._speed(host) for host in hosts]
-        return known if all(known) else [1.0] * len(hosts)
+        return known if _many(rows, hosts) and all(known) else [1.0] * len(hosts)
 
     def lopsided(self, rows: Mapping[str, int]) -> bool:
         """Whether hosts with so many rows each would be much quicker with other shares."""
         speeds = [self._speed(host) for host in rows]
-        if len(rows) < 2 or not all(speeds) or sum(rows.values()) < _WORTH * len(rows):
+        if len(rows) < 2 or not all(speeds) or not _many(sum(rows.values()), rows):
             return False
         slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
         return slowest > _BY_HOW_MUCH * sum(rows.values()) / sum(speeds)
@@ -42,3 +46,8 @@ class Load:
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
         return median(speeds) if len(speeds) == WINDOW else 0.0
+
+
+def _many(rows: int, hosts: Sized) -> bool:
+    """Whether a host's time is a matter of how many rows it has."""
+    return rows >= _WORTH * len(hosts)

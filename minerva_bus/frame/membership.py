@@ -61,6 +61,7 @@ class Member:
     `drained`: it shall host no agents that another one can.
     `dropped`: how many of its events came when too many waited already.
     `figures`: how it does, as it says itself.
+    `joins`: how often a process of this name has joined.
     `greeted`: the hello is of the process that is there now, not of one before it.
     """
 
@@ -74,6 +75,7 @@ class Member:
     drained: bool = False
     dropped: int = 0
     figures: Figures = field(default_factory=dict[str, bool | int | float | str])
+    joins: int = 0
 
     def change(self, change: Change) -> bool:
         """Move by the table; False where the table has no such move."""

@@ -65,12 +65,16 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class TickReply:
-    """C^d(t) of a lockstep member, and what a successor of it would need to go on."""
+    """C^d(t) of a lockstep member, and what a successor of it would need to go on.
+
+    `heard` are the bytes that it came as, for a journal.
+    """
 
     member: str
     frame: int
     events: tuple[AnyEvent, ...] = ()
     saved: Mapping[str, Any] | None = None
+    heard: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +84,8 @@ class EvolveReply:
     `changed` maps a fragment to the string that replaces it, `patched` one in columns to what is
     different in it; `views` a visual event type to the changed views by fragment; `emitted` an
     agent, or a fragment in columns, to the events that it sent. `took` is how many seconds the
-    answer was waited for, as who waited has it: it does not travel.
+    answer was waited for, and `heard` the bytes that it came as, as who waited has them: they do
+    not travel.
     """
 
     member: str
@@ -94,6 +99,7 @@ class EvolveReply:
     patched: Patches = field(default_factory=dict[str, Patch])
     view_patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
     took: float = 0.0
+    heard: bytes = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

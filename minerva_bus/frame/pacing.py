@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
+
+REST: Final = 0.1
+"""Seconds between two frames in which nothing happens, of a world that goes as fast as it can."""
 
 
 @dataclass(slots=True)
@@ -38,6 +42,13 @@ class Pace:
         else:
             self._next += period
         return self._next
+
+    def rest(self, last: float, view: float) -> float:
+        """Until when the world may rest if nothing happens, its `last` frame having ended then.
+
+        `view` is when one by the clock is due. A world with a rhythm of its own never rests.
+        """
+        return min(last + REST, view) if self.rate <= 0 and self.left is None else last
 
     def began(self) -> None:
         """A frame has begun."""
@@ -74,6 +85,12 @@ class Glances:
             self._last[event_type] = now
         return due
 
+    def next(self, rates: Mapping[str, float]) -> float:
+        """When the first of these views is due."""
+        return min((self._next(one, rate) for one, rate in rates.items()), default=float("inf"))
+
     def _is_due(self, event_type: str, now: float, rate: float) -> bool:
-        last = self._last.get(event_type)
-        return last is None or now - last >= 0.95 / rate
+        return now >= self._next(event_type, rate)
+
+    def _next(self, event_type: str, rate: float) -> float:
+        return self._last.get(event_type, float("-inf")) + 0.95 / rate

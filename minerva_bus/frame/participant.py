@@ -5,6 +5,7 @@ The same object answers on the bus, in one process and in tests. User code runs 
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
@@ -25,7 +26,15 @@ from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.moment import Frame
 from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
-from minerva_bus.world.services import Device, Generator, Service, Tick, View, WorldInfo
+from minerva_bus.world.services import (
+    Device,
+    Generator,
+    Service,
+    Tick,
+    View,
+    WorldInfo,
+    checked_service,
+)
 
 Outgoing: TypeAlias = m.FromMember | m.Readings
 
@@ -36,6 +45,10 @@ class Refusal(MinervaError):
 
 class Unready(Refusal):
     """The member cannot take part in this world, as its service says."""
+
+
+class Anew(Refusal):
+    """The world has begun anew: who took part before has to begin anew, too."""
 
 
 @dataclass(slots=True)
@@ -55,12 +68,14 @@ class Participant:
     ) -> None:
         self.name = name
         self.operator = cast("Operator", Nobody())
-        self.service = service
+        self.service = checked_service(service)
         self.host = Host(name, kinds_of(agents))
         self.world: m.Welcome | None = None
         self.stopped = ""
         self.frame = -1
         self._asked: int | None = None
+        self._ticked: dict[int, tuple[Outgoing, ...]] = {}
+        self._evolved: tuple[int, set[int]] = (-1, set())
         self._sources: dict[str, tuple[str, ...]] = {}
         self._intake = Intake() if service is None else Intake(service.takes, service.nth)
         self._published: dict[str, m.Readings] = {}
@@ -132,14 +147,17 @@ class Participant:
 
     def _on_welcome(self, welcome: m.Welcome) -> None:
         """The first time, or once more where it has been out of the world's sight."""
-        again, self.world = self.world is not None, welcome
-        self._asked = None
+        again = self.world is not None and self._same_run(self.world, welcome)
+        self.world = welcome
+        self._asked, self._evolved = None, (-1, set())
         self._intake.clear()
+        self.host.clear()
+        for picture in self._pictures.values():
+            picture.sequence = -1
         if self.service is None:
             return
         if again:
-            if welcome.saved is not None:
-                self.service.restore(welcome.saved)
+            self._go_back(self.service, welcome)
             return
         info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
         try:
@@ -148,6 +166,21 @@ class Participant:
             raise Unready(f"{self.name} cannot take part: {error}") from error
         if welcome.saved is not None:
             self.service.restore(welcome.saved)
+
+    def _same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:
+        """Whether it is still the run that it was in. Raises Anew where that cannot be."""
+        same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
+        earlier = welcome.frame + 1 < self.frame and welcome.saved is None
+        if not same or earlier:
+            raise Anew(f"the world {welcome.world!r} has begun anew, at frame {welcome.frame}")
+        return True
+
+    def _go_back(self, service: Service, welcome: m.Welcome) -> None:
+        """Be as it was before a frame; what it said in that frame already, it can say again."""
+        if welcome.frame not in self._ticked:
+            self._ticked = {welcome.frame - 1: ()}
+            if welcome.saved is not None:
+                service.restore(welcome.saved)
 
     def _on_refused(self, refused: m.Refused) -> None:
         raise Refusal(f"the world does not take {self.name}: {refused.reason}")
@@ -158,8 +191,9 @@ class Participant:
         self._out.append(m.Report(self.name, self.figures()))
 
     def figures(self) -> m.Figures:
-        """How it does."""
-        figures = dict(self.service.report()) if self.service is not None else {}
+        """How it does; a number that is not finite, as a mean of nothing, is no figure."""
+        told: m.Figures = self.service.report() if self.service is not None else {}
+        figures = {name: one for name, one in told.items() if _is_figure(one)}
         if self._intake.dropped:
             figures["dropped"] = self._intake.dropped
         return figures
@@ -186,8 +220,12 @@ class Participant:
         self._tick_if_complete()
 
     def _on_tick(self, request: m.TickRequest) -> None:
-        self._asked = request.frame
-        self._tick_if_complete()
+        said = self._ticked.get(request.frame)
+        if said is not None:  # The coordinator, or a successor of it, has not heard it.
+            self._out.extend(said)
+        elif request.frame >= max(self._ticked, default=0):  # Else it was asked long ago.
+            self._asked = request.frame
+            self._tick_if_complete()
 
     def _tick_if_complete(self) -> None:
         """Answer a tick once this frame's readings of all lockstep publishers are there."""
@@ -195,6 +233,12 @@ class Participant:
             return
         frame, self._asked = self._asked, None
         self.frame = frame
+        said = len(self._out)
+        self._tick(frame)
+        self._ticked = {one: out for one, out in self._ticked.items() if one >= frame - 1}
+        self._ticked[frame] = tuple(self._out[said:])
+
+    def _tick(self, frame: int) -> None:
         service = self.service
         if not isinstance(service, Generator) or not service.lockstep:
             if isinstance(service, Device) and service.coupled:
@@ -284,7 +328,7 @@ class Participant:
     # --- agents ---
 
     def _on_evolve(self, request: m.EvolveRequest) -> None:
-        if self.name not in request.asked:
+        if self.name not in request.asked or self._has_evolved(request):
             return
         assert self.world is not None
         self.frame = request.frame
@@ -292,6 +336,21 @@ class Participant:
         frame = self._frame(request.frame)
         self._out.append(self.host.answer(request, frame, policy, self.world.vocabulary))
 
+    def _has_evolved(self, request: m.EvolveRequest) -> bool:
+        """Whether this was asked before: fragments may evolve once only in a frame."""
+        frame, parts = self._evolved
+        if request.frame < frame or (request.frame == frame and request.part in parts):
+            return True
+        if request.frame > frame:
+            parts = set[int]()
+        parts.add(request.part)
+        self._evolved = request.frame, parts
+        return False
+
     def _frame(self, number: int) -> Frame:
         assert self.world is not None
         return Frame(number, self.world.dt, self.world.seed)
+
+
+def _is_figure(value: bool | int | float | str) -> bool:
+    return not isinstance(value, float) or math.isfinite(value)

@@ -97,7 +97,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         """The visual events of the film, and those that devices here want."""
         types, shot = self.world.vocabulary.events, self.film.ahead
         filmed = [one for one in shot.events if types[one.type].visual] if shot is not None else []
-        sources = {"~film": filmed, "~device": self._due_views(closing)}
+        sources = {"~film": filmed, "~device": self._visual_events(self._due_views(closing))}
         return collect(self.world.order, sources)
 
     def _dispatch(self) -> None:

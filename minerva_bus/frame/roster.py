@@ -12,7 +12,9 @@ from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Vocabulary
 
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = 5
+MOST_DEPARTED = 200
+"""Guests who are still listed when they have left; who left longest ago is forgotten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +24,8 @@ class Attending:
     `tickers` are those asked in a tick and `sources` the devices that are the source of their own
     visual events, both also while they are away for a moment; `ahead` are those asked before the
     frame begins; `joining` those to be admitted. `rates` has the visual event types of devices
-    that want views by the clock, and how many a second.
+    that want views by the clock, and how many a second; of the others, all see one within `every`
+    frames.
     """
 
     here: tuple[Member, ...]
@@ -33,6 +36,7 @@ class Attending:
     ahead: tuple[str, ...]
     sources: tuple[Hello, ...]
     rates: Mapping[str, float]
+    every: int
 
 
 class Roster:
@@ -42,6 +46,7 @@ class Roster:
         self._members = {
             name: Member(name, expected=True, state=State.LOST) for name in sorted(expected)
         }
+        self._departed: dict[str, None] = {}
         self._attending: Attending | None = None
 
     def __iter__(self) -> Iterator[Member]:
@@ -57,6 +62,7 @@ class Roster:
         if member is None:
             member = self._members[name] = Member(name)
             self._attending = None
+            self._note_departed(member)
         return member
 
     def change(self, member: Member, change: Change) -> bool:
@@ -64,17 +70,43 @@ class Roster:
         self._attending = None
         if change is Change.APPEARED:
             member.greeted = False
-        return member.change(change)
+        moved = member.change(change)
+        self._note_departed(member)
+        return moved
+
+    def _note_departed(self, member: Member) -> None:
+        """Keep in mind who has left, the last ones: names that come and go have no end."""
+        self._departed.pop(member.name, None)
+        if member.state is State.LEFT and not member.expected:
+            self._departed[member.name] = None
+        if len(self._departed) > MOST_DEPARTED:
+            longest_gone = next(iter(self._departed))
+            del self._departed[longest_gone]
+            self._members.pop(longest_gone, None)
+
+    def expected(self) -> frozenset[str]:
+        """Whom the world waits for where they are away."""
+        return frozenset(name for name, member in self._members.items() if member.expected)
+
+    def expect(self, name: str) -> None:
+        """Somebody of this name will come (back), and is waited for."""
+        member = self.get(name)
+        if not member.expected:
+            member.expected, member.state = True, State.LOST
+            self._attending = None
+            self._note_departed(member)
 
     def expect_no_more(self, member: Member) -> None:
         """Nobody waits for this one any longer."""
         self._attending = None
         member.expected = False
+        self._note_departed(member)
 
     def introduce(self, member: Member, hello: Hello) -> None:
         """A member has said who it is."""
         self._attending = None
         member.hello, member.greeted, member.drained = hello, True, False
+        member.joins += 1
 
     @property
     def attending(self) -> Attending:
@@ -97,6 +129,7 @@ class Roster:
             ahead=tuple(member.name for member in tickers if member.here and _ahead(member)),
             sources=tuple(hello for hello in hellos if hello.every > 0),
             rates=_rates(hellos),
+            every=max([1, *(hello.every for hello in hellos)]),
         )
 
     def here(self) -> tuple[Member, ...]:
@@ -120,6 +153,10 @@ class Roster:
             for name, kinds in hosts.items()
         }
         return {name: kinds for name, kinds in offers.items() if kinds}
+
+    def machines(self) -> dict[str, str]:
+        """The machine that each member who is here runs on."""
+        return {m.name: m.hello.host for m in self.here() if m.hello is not None}
 
     def awaited_kinds(self) -> frozenset[str]:
         """The kinds that hosts offer which are away for a moment."""
@@ -182,15 +219,21 @@ def objection(hello: Hello, vocabulary: Vocabulary) -> str:
             )
     if hello.publishes and hello.coupled and not hello.lockstep:
         return "it publishes readings but generates nothing: a publisher is a Generator too"
-    for kind in hello.kinds:
-        mine = vocabulary.kinds.get(kind.name)
-        if mine is None:
-            return f"the world's vocabulary has no agents {kind.name}"
-        if _shape(mine) != _shape(kind):
-            return (
-                f"its {kind.name} has the state ({', '.join(kind.fields.names)}), the world's"
-                f" ({', '.join(mine.fields.names)}): both must come from the same code"
-            )
+    found = (_objection_to(kind, vocabulary) for kind in hello.kinds)
+    return next((reason for reason in found if reason), "")
+
+
+def _objection_to(kind: AgentKind, vocabulary: Vocabulary) -> str:
+    mine = vocabulary.kinds.get(kind.name)
+    if mine is None:
+        return f"the world's vocabulary has no agents {kind.name}"
+    if _shape(mine) != _shape(kind):
+        return (
+            f"its {kind.name} has the state ({', '.join(kind.fields.names)}), the world's"
+            f" ({', '.join(mine.fields.names)}): both must come from the same code"
+        )
+    if mine.chances != kind.chances:
+        return f"its {kind.name} answers events with other probabilities than the world's"
     return ""
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.patch import patched
+from minerva_bus.grammar.patch import check, patched
 from minerva_bus.grammar.scene import EMPTY, Scene
 
 
@@ -51,8 +51,18 @@ class Showing:
 def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
     """Put patches into the fragments or views of these names. Raises Unfit."""
     for name, patch in patches.items():
-        old = parts.get(name, EMPTY)
-        piece = old.pieces[0] if len(old.pieces) == 1 else None
-        if not isinstance(piece, Columns):
-            raise Unfit(f"a patch of {name}, which is not in columns")
-        parts[name] = Scene((patched(piece, patch),))
+        parts[name] = Scene((patched(_columns(parts, name), patch),))
+
+
+def check_all(parts: Parts, patches: Patches) -> None:
+    """Raise Unfit where patches are none of the fragments or views of these names."""
+    for name, patch in patches.items():
+        check(_columns(parts, name), patch)
+
+
+def _columns(parts: Parts, name: str) -> Columns:
+    old = parts.get(name, EMPTY)
+    piece = old.pieces[0] if len(old.pieces) == 1 else None
+    if not isinstance(piece, Columns):
+        raise Unfit(f"a patch of {name}, which is not in columns")
+    return piece

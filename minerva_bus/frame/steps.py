@@ -8,7 +8,10 @@ from typing import Final
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.core import Core, Phase
+from minerva_bus.frame.constraints import Offers
+from minerva_bus.frame.core import Phase
+from minerva_bus.frame.course import Course
+from minerva_bus.frame.enforcing import Enforcing
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
@@ -21,11 +24,21 @@ BALANCED_EVERY: Final = 32
 """Frames after which it is looked whether hosts have work for the same time."""
 
 
-class Steps(Core):
+class Steps(Enforcing):
     """One frame: its events, its evolution and views, and what follows from them."""
 
     def _collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
+        self._gather(self._due_views(closing=False))
+        self.phase = Phase.EVOLVE
+        if not self.world.frames or self.frame + 1 < self.world.frames:
+            self._ask_ahead(self.frame + 1)
+        self._dispatch()
+
+    def _gather(self, due: tuple[str, ...]) -> None:
+        """The frame's events; `due` are the types of which a device wants a view by itself."""
+        self._taken = self._inbox
+        self._due = due
         sources: dict[str, Sequence[AnyEvent]] = {**self._inbox}
         if self._emitted:
             sources[AGENTS] = self._emitted
@@ -34,16 +47,12 @@ class Steps(Core):
                 sources[member] = [*reply.events, *sources.get(member, ())]
             if reply.saved is not None:
                 self._saved[member] = reply.saved
-        self._inbox = {}
-        due = self._due_views(closing=False)
+        self._inbox, self._held = {}, {}
         if due:
-            sources["~device"] = due
-        if sources:
-            self._sort_events(collect(self.world.order, sources))
-        self.phase = Phase.EVOLVE
-        if not self.world.frames or self.frame + 1 < self.world.frames:
-            self._ask_ahead(self.frame + 1)
-        self._dispatch()
+            sources["~device"] = self._visual_events(due)
+        allowed = self._allowed(sources)
+        if allowed:
+            self._sort_events(collect(self.world.order, allowed))
 
     def _ask_ahead(self, frame: int) -> None:
         """Ask generators that do not depend on the world before the frame begins, once each."""
@@ -58,8 +67,8 @@ class Steps(Core):
         self._visual = tuple([event for event in events if types[event.type].visual])
         self._evolving = tuple([event for event in events if not types[event.type].visual])
 
-    def _due_views(self, closing: bool) -> tuple[Event, ...]:
-        """The events of those devices that are the source of their own."""
+    def _due_views(self, closing: bool) -> tuple[str, ...]:
+        """The event types of those devices that are the source of their own, sorted."""
         due = {
             event_type
             for hello in self.roster.attending.sources
@@ -68,15 +77,20 @@ class Steps(Core):
         }
         rates = self.roster.attending.rates
         due.update(rates if closing else [one for one in self._glances if one in rates])
+        return tuple(sorted(due))
+
+    def _visual_events(self, due: tuple[str, ...]) -> tuple[Event, ...]:
         types = self.world.vocabulary.events
-        return tuple([types[event_type]() for event_type in sorted(due)])
+        return tuple([types[event_type]() for event_type in due])
 
     # --- steps 5 and 6: evolution and views ---
 
     def _dispatch(self) -> None:
         if self._rearrange or (self.frame % BALANCED_EVERY == 0 and self._distribution.lopsided):
             self._rearrange = False
-            self._distribution.arrange(self.roster.offers())
+            self._distribution.arrange(self.offers())
+            self._count_homeless()
+        self._layout = self.composition.layout
         events = self._evolving + self._visual
         if events and self._distribution.unplaced:
             self._strand(self._distribution.unplaced)
@@ -90,6 +104,26 @@ class Steps(Core):
             request = m.EvolveRequest(self.frame, asked, self._evolving, self._visual)
             self._send(s.HOSTS, request)
         self._finish_if_done()
+
+    def offers(self) -> Offers:
+        """What each host may evolve, as far as the world's placement allows."""
+        return self.world.placement.allowed(self.roster.offers(), self.roster.machines())
+
+    def _count_homeless(self) -> None:
+        """Say how many agents find no place, where that has changed and rules are why."""
+        placement, homeless = self.world.placement, self._distribution.homeless
+        if homeless == self._homeless or not (placement.rules or placement.agents_per_host):
+            return
+        self._homeless = homeless
+        if homeless:
+            most = placement.agents_per_host
+            full = f"a host takes {most} (agents_per_host)" if most else "[placement] says where"
+            self._say(
+                "placement",
+                f"{homeless} agents have no host and stand still: {full}; attach another one",
+            )
+        else:
+            self._say("placement", "every agent has a host again")
 
     def _give(self, host: str) -> None:
         lacking = self._distribution.lacking(host)
@@ -105,8 +139,8 @@ class Steps(Core):
 
     def _ask_again(self, fragments: list[str]) -> None:
         """Ask for some fragments once more in this frame, wherever they are placed now."""
-        self._rearrange = False
-        self._distribution.arrange(self.roster.offers(), between=False)
+        self._rearrange = self.world.placement.agents_per_host > 0
+        self._distribution.arrange(self.offers(), between=False)
         self._stranded = set()
         placed: dict[str, list[str]] = {}
         for fragment in fragments:
@@ -137,19 +171,46 @@ class Steps(Core):
     # --- steps 7 to 10: output, and the next frame ---
 
     def _commit(self) -> None:
+        if self._apply():
+            self._end_or_go_on()
+
+    def _apply(self) -> bool:
+        """Make the frame's outcome the string; False where it cannot be one."""
         self._show()
+        made, overruled = self._changed, self._enforce()
         self._note_until()
         self._emitted = self._sent_in_order()
         try:
             self._rearrange |= self.composition.replace(self._changed)
         except VocabularyError as error:
             self._fail(f"frame {self.frame}: {error}")
-            return
-        for fragment, host in self._changed_by.items():
-            self._distribution.changed(host, fragment, self._changed[fragment])
-        self._out.append(s.FrameDone(self.frame, self._record(self.frame), self._events))
+            return False
+        for fragment, scene in made.items():
+            host = self._changed_by.get(fragment)
+            if host is not None:
+                self._distribution.changed(host, fragment, scene)
+            else:  # Who made it is gone, and its heir may have been given what was there before.
+                self._distribution.overruled(fragment)
+        for fragment in overruled:
+            self._distribution.overruled(fragment)
+        self._out.append(
+            s.FrameDone(self.frame, self._record(self.frame), self._events, self._course())
+        )
         self.frame += 1
-        self._end_or_go_on()
+        if self._changed:
+            self._stirred = self.frame
+        return True
+
+    def _course(self) -> Course:
+        return Course(
+            self.frame,
+            self._due,
+            self._ticked,
+            self._taken,
+            self._layout,
+            self._replies,
+            self._inbox,
+        )
 
     def _record(self, frame: int) -> Callable[[], m.FrameRecord]:
         events, changed = self._events, self._changed
@@ -184,15 +245,22 @@ class Steps(Core):
                 self._out.append(s.Show(event_type, view))
 
     def _end_or_go_on(self) -> None:
-        if self.composition.empty:
-            self._close("the string is empty")
-        elif self._until_holds():
-            self._close(f"every agent has sent {self.world.until}")
-        elif self.world.frames and self.frame >= self.world.frames:
-            self._close("the frames are over")
+        reason = self._why_over()
+        if reason:
+            self._close(reason)
         else:
             self.phase = Phase.READY
             self._out.append(s.Ready(self.frame))
+
+    def _why_over(self) -> str:
+        """Why no frame follows, or the empty text."""
+        if self.composition.empty:
+            return "the string is empty"
+        if self._until_holds():
+            return f"every agent has sent {self.world.until}"
+        if self.world.frames and self.frame >= self.world.frames:
+            return "the frames are over"
+        return ""
 
     @property
     def reached(self) -> bool:
@@ -223,6 +291,6 @@ class Steps(Core):
         self._reason = reason
         due = self._due_views(closing=True)
         self._begin_frame_state()
-        self._visual = due
+        self._visual = self._visual_events(due)
         self.phase = Phase.CLOSING
         self._dispatch()

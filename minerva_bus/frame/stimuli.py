@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeAlias
 
+from minerva_bus.frame.course import Course
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
@@ -63,6 +64,13 @@ class Drain:
 
 
 @dataclass(frozen=True, slots=True)
+class Skip:
+    """The frame shall go on without this member's answer; its agents stand still."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
 class Silent:
     """Time has passed: those who are being waited for are late, or gone without a report."""
 
@@ -86,9 +94,10 @@ class Seek:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """The world shall end now."""
+    """The world shall end now; `failed`: before its time, because something went wrong."""
 
     reason: str
+    failed: bool = False
 
 
 Stimulus: TypeAlias = (
@@ -99,6 +108,7 @@ Stimulus: TypeAlias = (
     | Violation
     | Order
     | Drain
+    | Skip
     | Silent
     | Begin
     | Seek
@@ -144,12 +154,14 @@ class Ready:
 class FrameDone:
     """A frame is over. `record` is made when it is asked for, which is now or never.
 
-    It has the digest of the whole string, which nobody need pay for who does not want it.
+    It has the digest of the whole string, which nobody need pay for who does not want it. The
+    `course` is for a journal.
     """
 
     frame: int
     make: Callable[[], FrameRecord]
     events: tuple[AnyEvent, ...] = ()
+    course: Course | None = None
 
     @cached_property
     def record(self) -> FrameRecord:

@@ -14,6 +14,7 @@ from typing import Any
 from minerva_bus.bus.control import answer
 from minerva_bus.bus.notices import Outlet, Published
 from minerva_bus.bus.operating import AskingOperator
+from minerva_bus.bus.totals import Totals
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -21,7 +22,9 @@ from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.frame.participant import Participant, Unready
 from minerva_bus.launch.console import Console, live_line
+from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
@@ -29,6 +32,7 @@ from minerva_bus.world.services import Generator, Service
 
 NAP = 0.01
 ANSWERED_WITHIN = 1.0
+MICRO = 1e6
 
 
 class Alone:
@@ -45,6 +49,7 @@ class Alone:
         self.algorithm = FrameAlgorithm(file.world)
         self.pace = Pace(file.rate)
         self.diary = Diary()
+        self._totals = Totals()
         self.hz = 0.0
         self.waited = 0.0
         self._due: float | None = began
@@ -59,9 +64,16 @@ class Alone:
 
     def run(self) -> Summary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
+        with printed(self._log):
+            return self._run()
+
+    def _run(self) -> Summary:
         outside = [process.name for process in self._file.processes if process.command]
         if outside:
             raise MinervaError(f"{outside[0]} is a command of its own: run without --in-process")
+        elsewhere = [process.name for process in self._file.processes if process.elsewhere]
+        if elsewhere:
+            raise MinervaError(f"{elsewhere[0]} runs elsewhere: run without --in-process")
         participants = [process.participant() for process in self._file.processes]
         for participant in participants:
             participant.operator = AskingOperator(self._ask)
@@ -69,6 +81,7 @@ class Alone:
         self._record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
+        runner.hear = self._record.sensed if self._record.topics else None
         reason = ""
         try:
             runner.start()
@@ -78,15 +91,16 @@ class Alone:
                 for one in participants
                 if one.service is not None and one.service.pulse_every
             ]
-            while runner.ended is None:
-                self._turn()
+            with exported(self._file.world.name, self._file.watch.metrics, self._ask, self._note):
+                while runner.ended is None:
+                    self._turn()
         except KeyboardInterrupt:
             reason = "interrupted"
             runner.tell(s.End(reason))
         except Unready as error:
             raise WorldStopped(str(error)) from None
         except MinervaError as error:
-            self._console.log("in-process", traceback.format_exc())
+            self._log(traceback.format_exc())
             raise WorldStopped(f"frame {self.algorithm.frame}: {error}") from error
         finally:
             self._stop.set()
@@ -97,20 +111,34 @@ class Alone:
                     participant.service.close()
         return self._summary(runner, reason)
 
+    def _log(self, text: str) -> None:
+        self._console.frame = self.algorithm.frame
+        self._console.log(MEMBERS, text)
+
+    def _note(self, text: str) -> None:
+        self._console.note(f"{self._file.world.name}: {text}")
+
     # --- one turn: a frame, or a nap until it is due ---
 
     def _turn(self) -> None:
         self._serve()
         self._hear()
         self._pulse()
-        now = time.monotonic()
-        if self._due is None or self._due > now:
-            time.sleep(NAP if self._due is None else min(self._due - now, NAP))
+        now, due = time.monotonic(), self._next_at()
+        if due is None or due > now:
+            time.sleep(NAP if due is None else min(due - now, NAP))
             return
         self.pace.began()
         rates = self.algorithm.roster.attending.rates
         self.tell(s.Begin(self._glances.due(now, rates) if rates else ()))
         self.repace()
+
+    def _next_at(self) -> float | None:
+        """When the next frame begins, as things stand."""
+        if self._due is None or not self.algorithm.at_rest:
+            return self._due
+        view = self._glances.next(self.algorithm.roster.attending.rates)
+        return max(self._due, self.pace.rest(self._last_frame, view))
 
     def _pulse(self) -> None:
         now = time.monotonic()
@@ -163,6 +191,14 @@ class Alone:
         """The parts of a frame: in one process, nothing is waited for."""
         return {}
 
+    def counted(self) -> Totals:
+        """Frames and events; in one process there are no bytes."""
+        return self._totals
+
+    def refused(self) -> Mapping[str, int]:
+        """Nothing: nobody comes from outside."""
+        return {}
+
     def restart(self, member: str) -> str:
         """Why a member cannot be started anew."""
         return "all members are in one process: none can be started anew alone"
@@ -193,17 +229,25 @@ class Alone:
 
     def _watch(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Say):
-            self._console.log(instruction.member, instruction.text)
+            self._console.frame = self.algorithm.frame
+            self._console.log(instruction.member, instruction.text, "warning")
             self._record.said(instruction.member, instruction.text)
-            self.diary.said(time.time(), instruction.member, instruction.text)
+            frame = self.algorithm.frame
+            self.diary.said(time.time(), instruction.member, instruction.text, frame, "warning")
         elif isinstance(instruction, s.FrameDone):
             self._record.frame(instruction)
-            now = self._last_frame = time.monotonic()
+            now = time.monotonic()
+            self._count(instruction, now - (self._last_frame or now))
+            self._last_frame = now
             self.diary.frame(instruction.frame, instruction.events)
             if not self._first_frame:
                 self._first_frame = now
             if now - self._status_at >= 0.1:
                 self._show(now)
+
+    def _count(self, done: s.FrameDone, seconds: float) -> None:
+        self._totals.add({"frame": MICRO * seconds})
+        self._totals.count(done.events)
 
     def _show(self, now: float) -> None:
         frame = self.algorithm.frame

@@ -5,15 +5,23 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator, Patience, Printed, Status, Watchers
+from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.overhearing import overhear
+from minerva_bus.bus.watchers import Printed, Status, Watchers
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.border import security
+from minerva_bus.launch.exporting import exported
+from minerva_bus.launch.journaling import Keeping, find_past, next_epoch
 from minerva_bus.launch.profiling import profile_of, sampled
 from minerva_bus.launch.recording import Nothing, Recording, recording
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.record.journal import go_on
 
 
 def take_part(process: Process, world: str, endpoint: str, sample: bool, shared: bool) -> int:
@@ -33,27 +41,48 @@ def coordinate(
     profile: bool,
     shared: bool,
     make: Callable[..., BusCoordinator],
+    again: bool,
 ) -> int:
-    """Be a world's coordinator, which reports to the launcher and obeys it; the exit code."""
-    told = _Told(reports)
+    """Be a world's coordinator, which reports to the launcher and obeys it; the exit code.
+
+    `again`: the one before it was killed.
+    """
+    started = [one.name for one in file.processes if not one.elsewhere]
+    told = _Told(reports, [one.name for one in file.processes if one.elsewhere])
+    past = find_past(file, again=again)
+    algorithm = FrameAlgorithm(file.world if past is None else past.world)
+
+    def say(text: str) -> None:
+        reports.tell("said", member="record", text=text)
+
+    told.record = recording(file, algorithm, say, again=past is not None)
+    if past is not None:
+        go_on(algorithm, past, told.record.frame)
+        reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal")
     coordinator = make(
         file.world,
         told.watchers(),
         rate=file.rate,
         listen=file.bus.listen,
-        patience=Patience(file.bus.soft, file.bus.hard),
+        deadlines=file.deadlines,
         shared=shared,
+        routers=file.bus.border.routers,
+        limits=file.bus.border.limits,
+        security=security(file.bus.border, file.world.name, started),
         keep=profile,
+        epoch=next_epoch(past),
+        algorithm=algorithm,
     )
     told.coordinator = coordinator
-    told.record = recording(
-        file, coordinator.algorithm, lambda text: reports.tell("said", member="record", text=text)
-    )
+    told.journal = Keeping(file, coordinator, past, say)
     threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
+    name, listen = file.world.name, file.watch.metrics
     try:
-        ended = coordinator.run()
+        with exported(name, listen, coordinator.ask, lambda text: reports.tell("noted", text=text)):
+            ended = coordinator.run()
     finally:
         told.record.close()
+        told.journal.close()
     told.ended(ended)
     return 0
 
@@ -62,8 +91,10 @@ class _Told:
     """What the launcher is told, and the record, of a world that runs."""
 
     coordinator: BusCoordinator
+    journal: Keeping
 
-    def __init__(self, reports: Reports) -> None:
+    def __init__(self, reports: Reports, elsewhere: Collection[str]) -> None:
+        self._elsewhere = elsewhere
         self.record: Recording = Nothing()
         self._reports = reports
         self._began: float | None = None
@@ -75,14 +106,29 @@ class _Told:
         return Watchers(
             said=self._said,
             status=self._status,
-            listening=lambda endpoint: tell("listening", endpoint=endpoint),
+            listening=lambda endpoint: tell(
+                "listening", endpoint=endpoint, listens_at=self.coordinator.guard.listens_at
+            ),
             stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
             frame_done=self._frame_done,
+            operated=lambda: self.journal.operated(),
             stopping=lambda: tell("stopping"),
-            restart=lambda member: tell("restart", member=member) or "",
+            restart=self._restart,
+            opened=self._opened,
         )
 
+    def _restart(self, member: str) -> str:
+        if member in self._elsewhere:
+            return f"{member} does not run here: start it anew where it runs"
+        self._reports.tell("restart", member=member)
+        return ""
+
+    def _opened(self, session: Any) -> list[Any]:
+        record, keys = self.record, self.coordinator.keys
+        return overhear(session, keys, record.topics, record.heard) if record.topics else []
+
     def _frame_done(self, done: s.FrameDone) -> None:
+        self.journal.frame(done)
         self.record.frame(done)
         if self._began is None:
             self._began = time.monotonic()
@@ -109,7 +155,9 @@ class _Told:
             frames=algorithm.frame,
             digest=algorithm.scene.digest.hex(),
             reached=algorithm.reached,
-            seconds=0.0 if self._began is None else coordinator.last_frame_at - self._began,
+            seconds=0.0
+            if self._began is None
+            else max(0.0, coordinator.last_frame_at - self._began),
             members=max(self._members, coordinator.most_members),
             figures=dict(ended.figures),
             profile=coordinator.profile(),
@@ -122,8 +170,8 @@ def _obey(commands: int, coordinator: BusCoordinator) -> None:
         for line in lines.feed(data):
             word, _, rest = line.partition(" ")
             if word == "log":
-                member, _, text = rest.partition(" ")
-                coordinator.inbox.put(Printed(member, text))
+                level, member, text = rest.split(" ", 2)
+                coordinator.inbox.put(Printed(member, text, level))
             elif word == "gave_up":
                 coordinator.inbox.put(s.GaveUp(rest))
             elif word == "stop":

@@ -8,28 +8,37 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, TextIO
 
+from minerva_bus.launch.loglines import Entry
+
 _COLORS = (36, 33, 35, 32, 34, 96, 93, 95, 92, 94)
 
 
 @dataclass(slots=True)
 class Console:
-    """Writes to a terminal, or plainly to anything else.
+    """Writes to a terminal, or plainly to anything else; or JSON, one object a line.
 
-    `quiet` leaves out all but what went wrong.
+    `quiet` leaves out all but what went wrong. `world` and `frame` are those that lines in JSON
+    are about; the frame is the last one that was heard of.
     """
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
     quiet: bool = False
+    json: bool = False
+    world: str = ""
+    frame: int = -1
     _live: str = ""
     _names: dict[str, int] = field(default_factory=dict[str, int])
 
     @property
     def terminal(self) -> bool:
         """Whether a person looks at it."""
-        return self.stream.isatty()
+        return self.stream.isatty() and not self.json
 
-    def log(self, name: str, line: str) -> None:
+    def log(self, name: str, line: str, level: str = "info") -> None:
         """A line about a member, with its name in front."""
+        if self.json:
+            self._write(level, name, line)
+            return
         shown = name
         if self.terminal:
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
@@ -38,8 +47,27 @@ class Console:
 
     def note(self, line: str) -> None:
         """A line about the world."""
-        if not self.quiet:
+        if self.quiet:
+            return
+        if self.json:
+            self._write("info", "", line.removeprefix(f"{self.world}: "))
+        else:
             self._above(line + "\n")
+
+    def problem(self, line: str) -> None:
+        """What went wrong with the world as a whole."""
+        if self.json:
+            self._write("error", "", line)
+        else:
+            name = f"{self.world}: " if self.world else ""
+            self._above(f"minerva: {name}{line}\n")
+
+    def _write(self, level: str, member: str, text: str) -> None:
+        now = time.time()
+        for line in text.rstrip("\n").split("\n"):
+            entry = Entry(now, level, self.world, self.frame, member, line)
+            self.stream.write(entry.json() + "\n")
+        self.stream.flush()
 
     def live(self, line: str) -> None:
         """Let the line at the bottom be this."""
@@ -51,6 +79,10 @@ class Console:
             self.stream.write(f"\r\x1b[2K{line}")
             self.stream.flush()
             self._live = line
+
+    def progress(self, name: str, done: int, total: int, rest: str) -> None:
+        """Let the line at the bottom say how much of something is done."""
+        self.live(f"{name} {_bar(done, total, 20)}  {done}/{total} {rest}")
 
     def end(self) -> None:
         """Take the line at the bottom away."""
@@ -73,10 +105,7 @@ def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> 
     seconds = time.monotonic() - began
     frame = int(status["frame"])
     total = f"/{frames}" if frames else ""
-    bar = ""
-    if frames:
-        done = min(12, 12 * frame // frames)
-        bar = f" {'█' * done}{'░' * (12 - done)}"
+    bar = f" {_bar(frame, frames, 12)}" if frames else ""
     shown = (
         f"{world}{bar}  frame {frame}{total}  {_speed(status)}  "
         f"{status['members']} members  {seconds:.0f} s"
@@ -85,6 +114,11 @@ def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> 
         names = ", ".join(status["waiting"])
         shown += f"  waiting for {names} since {status['waited']:.1f} s"
     return shown
+
+
+def _bar(done: int, total: int, width: int) -> str:
+    part = min(width, width * done // total)
+    return f"{'█' * part}{'░' * (width - part)}"
 
 
 def _speed(status: dict[str, Any]) -> str:

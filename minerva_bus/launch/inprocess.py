@@ -24,6 +24,8 @@ class InProcess:
         self._queue: deque[s.Stimulus] = deque()
         self._watch = watch
         self.ended: s.Ended | None = None
+        self.hear: Callable[[m.Readings], None] | None = None
+        """Told of what comes on sensor topics."""
 
     def start(self) -> None:
         """Let all members join."""
@@ -38,7 +40,9 @@ class InProcess:
                 self._carry_out(instruction)
 
     def pass_on(self, readings: m.Readings) -> None:
-        """Give a free-running publisher's readings to all who listen to their topic."""
+        """Give a publisher's readings to all who listen to their topic."""
+        if self.hear is not None:
+            self.hear(readings)
         self._deliver(self._listeners(readings.topic), readings)
 
     def _carry_out(self, instruction: s.Instruction) -> None:
@@ -67,7 +71,7 @@ class InProcess:
             participant.show()
             for answer in answers:
                 if isinstance(answer, m.Readings):
-                    self._deliver(self._listeners(answer.topic), answer)
+                    self.pass_on(answer)
                 else:
                     self._queue.append(answer)
 

@@ -9,12 +9,32 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
 
 FOLDER = Path("/dev/shm")  # noqa: S108
+
+
+LARGE = 4 * 1024 * 1024
+"""Bytes of columns from which on a world's own processes share memory."""
+
+
+def prepared(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str], None]) -> bool:
+    """Whether a world's processes share memory, once what is left over there is gone.
+
+    They do where every process can have its part of the bytes needed: more would end by a signal.
+    `wanted` is what the world file says; None: where the string is large.
+    """
+    if wanted is False or (wanted is None and column_bytes(scene) < LARGE):
+        return False
+    sweep()
+    shared = has_room(needed)
+    if wanted and not shared:
+        note(f"no room for {needed >> 20} MB of shared memory; large messages go through sockets")
+    return shared
 
 
 def column_bytes(scene: Scene) -> int:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.messages import Readings
+from minerva_bus.launch.keeping import ALL
 from minerva_bus.launch.resuming import Resumed, option_text
 from minerva_bus.launch.worldfile import WorldFile
 
@@ -19,7 +21,9 @@ if TYPE_CHECKING:
 
 
 class Recording(Protocol):
-    """What is told of a run as it goes on."""
+    """What is told of a run as it goes on; `topics` are those that it wants to hear of."""
+
+    topics: tuple[str, ...]
 
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over."""
@@ -27,6 +31,14 @@ class Recording(Protocol):
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member, or printed by it."""
+        ...
+
+    def sensed(self, told: Readings) -> None:
+        """Something came on a sensor topic; as `heard` from any thread."""
+        ...
+
+    def heard(self, topic: str, member: str, data: bytes) -> None:
+        """Something came on a sensor topic, over the bus."""
         ...
 
     def close(self) -> None:
@@ -37,11 +49,19 @@ class Recording(Protocol):
 class Nothing:
     """No record is wanted."""
 
+    topics: tuple[str, ...] = ()
+
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over."""
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member."""
+
+    def sensed(self, told: Readings) -> None:
+        """Something came on a sensor topic."""
+
+    def heard(self, topic: str, member: str, data: bytes) -> None:
+        """Something came on a sensor topic, over the bus."""
 
     def close(self) -> None:
         """The run is over."""
@@ -51,14 +71,23 @@ class InFile:
     """A record in a file. Raises RecordError, and MisuseError where mcap is not installed."""
 
     def __init__(
-        self, file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None]
+        self,
+        file: WorldFile,
+        algorithm: FrameAlgorithm,
+        say: Callable[[str], None],
+        again: bool,
     ) -> None:
         from minerva_bus.record.description import Description
         from minerva_bus.record.reader import Record
 
         self._algorithm = algorithm
-        if isinstance(file, Resumed):
-            with Record(file.origin) as past:
+        self._say = say
+        self.topics = file.record.topics
+        self._next = algorithm.frame
+        origin = _origin(file, again)
+        if origin is not None:
+            with Record(origin) as past:
+                self._next = past.end()[0].frame
                 self._record(file, _retold(past.description, file), say, past)
             return
         options = {name: option_text(value) for name, value in file.options.items()}
@@ -87,13 +116,27 @@ class InFile:
 
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over."""
+        if done.frame < self._next:
+            return  # It is in the record that a killed coordinator has left.
+        if done.frame > self._next:
+            self._say(f"frames {self._next} to {done.frame - 1} are not in the record")
+        self._next = done.frame + 1
         algorithm = self._algorithm
         checkpoint = algorithm.checkpoint
-        self._recorder.frame(done.record, algorithm.scene, self._seconds(), checkpoint=checkpoint)
+        self._recorder.frame(done, algorithm.scene, self._seconds(), checkpoint=checkpoint)
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member, or printed by it."""
         self._recorder.log(member, text, self._seconds())
+
+    def sensed(self, told: Readings) -> None:
+        """Something came on a sensor topic; from any thread."""
+        if ALL in self.topics or told.topic in self.topics:
+            self._recorder.sensed(told, self._seconds())
+
+    def heard(self, topic: str, member: str, data: bytes) -> None:
+        """Something came on a sensor topic, over the bus; from any thread."""
+        self._recorder.heard(topic, member, data, self._seconds())
 
     def close(self) -> None:
         """The run is over."""
@@ -101,6 +144,13 @@ class InFile:
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began
+
+
+def _origin(file: WorldFile, again: bool) -> Path | None:
+    """The record that this one goes on from."""
+    if again:
+        return Path(file.record.path)
+    return file.origin if isinstance(file, Resumed) else None
 
 
 def _retold(told: Description, file: WorldFile) -> Description:
@@ -119,9 +169,24 @@ def _retold(told: Description, file: WorldFile) -> Description:
     )
 
 
-def recording(file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None]) -> Recording:
-    """The record that a world file or a command line asks for."""
-    return InFile(file, algorithm, say) if file.record.path else Nothing()
+def recording(
+    file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None], *, again: bool = False
+) -> Recording:
+    """The record that a world file or a command line asks for.
+
+    `again`: another one was begun by a coordinator that was killed; it goes on, if it can.
+    """
+    if not file.record.path:
+        return Nothing()
+    from minerva_bus.record.errors import RecordError
+
+    try:
+        return InFile(file, algorithm, say, again)
+    except RecordError as error:
+        if not again:
+            raise
+        say(f"{error}; the world goes on without a record")
+        return Nothing()
 
 
 def check_record(file: WorldFile) -> None:

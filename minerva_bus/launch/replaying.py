@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.bus.coordinator import Watchers
 from minerva_bus.bus.profile import MeasuringCoordinator
+from minerva_bus.bus.watchers import Watchers
 from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -21,8 +21,10 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.replaying import ReplayAlgorithm
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.resuming import completed, differing_vocabulary, find_file, kinds_in
-from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.keys import checked_name
 from minerva_bus.protocol.plain import whole
 from minerva_bus.world.kinds import Kinds
@@ -95,7 +97,7 @@ def read_replay(
         raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
     with Record(path) as record:
         told = record.description
-        file = _world_file(path, world, told, overrides)
+        file = world_file_of(path, world, told, overrides)
         film = RecordFilm(record)
         if not film.end:
             raise MisuseError(f"{path}: there is no frame in it")
@@ -129,12 +131,12 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
     from minerva_bus.record.recomputing import recompute
 
     with Record(path) as record:
-        file = _world_file(path, world, record.description, Overrides())
+        file = world_file_of(path, world, record.description, Overrides())
         last = record.last()[0]
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
-def _world_file(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
+def world_file_of(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
     """The world file that a record's code comes with."""
     found = find_file(world, told, f"minerva replay {path} WORLD")
     file = read_world_file(found, replace(completed(given, told), name=""))

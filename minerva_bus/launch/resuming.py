@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -19,12 +19,15 @@ from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint, LastView
 from minerva_bus.frame.description import World
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
-from minerva_bus.launch.worldfile import Overrides, WorldFile, read_world_file
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.alphabet import plain_vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of
+from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.views import visualize
 
 if TYPE_CHECKING:
@@ -61,15 +64,14 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
     kept = replace(file.record, path=file.record.path or str(path))
     notes = (f"goes on from frame {checkpoint.frame} of {path}", *_unused(checkpoint, file))
     notes += file.notes
-    return Resumed(
-        file.path, past, file.rate, file.processes, file.bus, file.options, notes, kept, file.text,
-        origin=path,
-    )  # fmt: skip
+    said: dict[str, Any] = {one.name: getattr(file, one.name) for one in fields(WorldFile)}
+    said.update(world=past, notes=notes, record=kept, origin=path)
+    return Resumed(**said)
 
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Words about what was saved for members that are not in a world file."""
-    for name in sorted(checkpoint.saved.keys() - {process.name for process in file.processes}):
+    for name in sorted(checkpoint.saved.keys() - {SOURCE, *(one.name for one in file.processes)}):
         yield f"what {name} has saved waits for a member of this name: no process has it"
 
 
@@ -156,6 +158,8 @@ def differing(world: World, recorded: World) -> Iterator[str]:
     what = differing_vocabulary(world, recorded)
     if what:
         yield what
+    if world.norms != recorded.norms:
+        yield "its norms are not those of the world file"
     if world.order != recorded.order:
         yield "its order of events is not the one of the world file"
 

@@ -58,6 +58,22 @@ def _import(name: str, spec: str) -> Any:
         raise WorldFileError(f"{spec!r}: importing {name} raised {error!r}") from error
 
 
+def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
+    """What the function that a world file names, `module:function`, returns for its options.
+
+    Raises WorldFileError, and any other MinervaError that the function raises.
+    """
+    function = load(spec, path.parent)
+    if not callable(function):
+        raise WorldFileError(f"{path}: {spec} is no function")
+    try:
+        return function(options)
+    except MinervaError:
+        raise
+    except Exception as error:
+        raise WorldFileError(f"{path}: {spec} raised {error!r}") from error
+
+
 @cache
 def entries(group: str) -> Mapping[str, EntryPoint]:
     """What is installed under an entry point group, by name."""

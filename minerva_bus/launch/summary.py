@@ -1,11 +1,29 @@
-"""What a run came to."""
+"""What a run came to, and how long its start took."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
+
+
+@dataclass(slots=True)
+class Laps:
+    """How long the parts of a start took, seconds; `began` is of the monotonic clock."""
+
+    began: float
+    parts: dict[str, float] = field(default_factory=dict[str, float])
+
+    @property
+    def total(self) -> float:
+        """From the beginning to the end of the last part."""
+        return sum(self.parts.values())
+
+    def end(self, part: str) -> None:
+        """A part is over: what has passed since the part before."""
+        self.parts[part] = time.monotonic() - self.began - self.total
 
 
 @dataclass(frozen=True, slots=True)

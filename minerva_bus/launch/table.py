@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, NoReturn, cast
+from typing import Any, Final, NoReturn, cast
 
-from minerva_bus.errors import SceneError, WorldFileError, nearest
+from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
+from minerva_bus.protocol.keys import checked_name
+
+MOST: Final = (1 << 63) - 1
+"""The greatest whole number that messages carry."""
 
 
 class Table:
@@ -26,11 +30,13 @@ class Table:
         """A text."""
         return self._get(key, str, default, "a text")
 
-    def whole(self, key: str, default: int, least: int = 0) -> int:
-        """A whole number, not under `least`."""
+    def whole(self, key: str, default: int, least: int = 0, most: int = MOST) -> int:
+        """A whole number, not under `least` nor over `most`."""
         value = self._get(key, int, default, "a whole number")
         if value < least:
             self.wrong(key, f"must be at least {least}")
+        if value > most:
+            self.wrong(key, f"must be at most {most}")
         return value
 
     def number(self, key: str, default: float, least: float = 0.0) -> float:
@@ -59,6 +65,13 @@ class Table:
             self.wrong(key, f"must be one of {', '.join(choices)}{nearest(value, list(choices))}")
         return value
 
+    def named(self, name: str, what: str) -> str:
+        """A name that something of this table has, where it is one that the bus can carry."""
+        try:
+            return checked_name(name, what)
+        except MisuseError as error:
+            raise WorldFileError(f"{self._source}: {error}") from None
+
     def table(self, key: str) -> Table:
         """A table within this one; empty where it is not given."""
         data = self._get(key, dict, {}, "a table")
@@ -70,6 +83,16 @@ class Table:
         left = {key: value for key, value in self.data.items() if key not in self._asked}
         self._asked += left
         return left
+
+    def asked(self, key: str) -> None:
+        """A key that is read elsewhere."""
+        self._asked.append(key)
+
+    def place(self, key: str) -> str:
+        """Where a key stands, for messages: file, line and name."""
+        at = self._place(key)
+        line = f":{self._text.count(chr(10), 0, at) + 1}" if at >= 0 else ""
+        return f"{self._source}{line}: {self.name}.{key}"
 
     def done(self) -> None:
         """Complain of unknown keys."""
@@ -96,9 +119,9 @@ class Table:
     def _place(self, key: str) -> int:
         start = 0
         if self.name:
-            header = re.search(rf"^\s*\[\s*{re.escape(self.name)}\s*\]", self._text, re.M)
+            header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(self.name)}[ \t]*\]", self._text, re.M)
             start = header.end() if header else 0
-        pattern = rf"^\s*(\[[\w.]*\.?)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
+        pattern = rf"^[ \t]*(\[[\w.]*\.)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
         match = re.compile(pattern, re.M).search(self._text, start)
         return match.start("key") if match else -1
 

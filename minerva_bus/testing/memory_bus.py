@@ -21,6 +21,7 @@ from typing import Any, Final, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
+from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Outgoing, Participant, Refusal
 from minerva_bus.testing.telling import told
@@ -30,6 +31,7 @@ Link: TypeAlias = tuple[str, str]
 
 BEGIN: Final[Link] = ("begin", "")
 CLOCK: Final[Link] = ("clock", "")
+TWICE: Final = (m.TickRequest, m.EvolveRequest, m.TickReply, m.EvolveReply, m.Readings)
 _KINDS: Final = ("down", "up", "there")
 
 
@@ -41,6 +43,7 @@ class MemoryBus:
 
     def __init__(self, world: World, makers: Mapping[str, Maker]) -> None:
         self.algorithm = FrameAlgorithm(world)
+        self.courses: list[Course] = []
         self.makers = dict(makers)
         self.alive: dict[str, Participant] = {}
         self.records: list[m.FrameRecord] = []
@@ -79,6 +82,25 @@ class MemoryBus:
         """Let a member go of its own will."""
         self._queue("up", name).append(m.Leaving(name))
         self.vanish(name)
+
+    def kill_coordinator(self, successor: FrameAlgorithm | None = None) -> None:
+        """Let another coordinator go on after the last whole frame; members stay.
+
+        Without a `successor`, one is made of the courses of all frames. What is under way is lost,
+        in both directions.
+        """
+        before = self.algorithm
+        if successor is None:
+            successor = FrameAlgorithm(before.world)
+            for course in self.courses:
+                successor.again(course)
+        successor.expect(member.name for member in before.roster.here())
+        self.algorithm = successor
+        self._queues.clear()
+        self._began = True
+        self.trace.append("the coordinator was killed")
+        for name in sorted(self.alive):
+            self._queue("there", name).append(s.Appeared(name))
 
     # --- one thing after another --------------------------------------------------------------
 
@@ -143,6 +165,15 @@ class MemoryBus:
                 return
             self.frame()
 
+    def repeat(self, link: Link) -> None:
+        """Let the first message of a link come once more, behind all that is on its way there.
+
+        Only what a frame asks and what is answered comes twice; all else a link says once.
+        """
+        message = self._queues[link][0]
+        if isinstance(message, TWICE):
+            self._queues[link].append(message)
+
     def drop(self, link: Link) -> None:
         """Lose the first message of a link."""
         self._queues[link].popleft()
@@ -186,6 +217,8 @@ class MemoryBus:
                 self._queue("down", name).append(instruction.message)
         elif isinstance(instruction, s.FrameDone):
             self.records.append(instruction.record)
+            if instruction.course is not None:
+                self.courses.append(instruction.course)
         elif isinstance(instruction, s.Ready):
             self._began = False
         elif isinstance(instruction, s.Say):

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Default, Fields
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
@@ -30,14 +31,7 @@ from minerva_bus.grammar.scene import (
     rebuild,
     rescoped,
 )
-from minerva_bus.grammar.symbols import (
-    AgentKind,
-    Default,
-    EventType,
-    Fields,
-    Primitive,
-    Transformation,
-)
+from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Entry, Vocabulary
 from minerva_bus.testing.any_string import (
@@ -93,6 +87,9 @@ def types(depth: int = 1) -> SearchStrategy[Type]:
     plain = st.one_of(
         st.sampled_from(_KINDS).map(Type),
         st.sampled_from(UNITS).map(lambda unit: Type("real", unit)),
+        st.lists(names(), min_size=1, max_size=3, unique=True).map(
+            lambda words: Type("text", words=tuple(words))
+        ),
     )
     if depth == 0:
         return plain
@@ -103,6 +100,8 @@ def values_of(wanted: Type, strings: SearchStrategy[Scene] | None = None) -> Sea
     """Values of one type, in their final form; `strings` draws those of strings of L(M)."""
     if wanted.item is not None:
         return st.lists(values_of(wanted.item, strings), max_size=3).map(tuple)
+    if wanted.words:
+        return st.sampled_from(wanted.words)
     by_kind: dict[str, SearchStrategy[Any]] = {
         "bool": st.booleans(),
         "int": integers(),

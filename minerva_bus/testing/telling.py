@@ -29,6 +29,8 @@ def told(what: object) -> str:  # noqa: C901
             return f"ended: {reason} {dict(figures) or ''}".rstrip()
         case s.Appeared(member) | s.Vanished(member):
             return f"{member} {type(what).__name__.lower()}"
+        case s.Skip(member):
+            return f"skip {member}"
         case s.Drain(member):
             return f"drain {member}"
         case s.GaveUp(member):
@@ -37,7 +39,7 @@ def told(what: object) -> str:  # noqa: C901
             return f"{member} breaks the protocol: {reason}"
         case s.Order(event):
             return f"order: {event}"
-        case s.End(reason):
+        case s.End(reason=reason):
             return f"end: {reason}"
         case s.Begin() | s.Silent() | s.Stopping():
             return type(what).__name__.lower()

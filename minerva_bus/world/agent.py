@@ -37,7 +37,16 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.world.alone import as_one, view_as_one
-from minerva_bus.world.declaring import ON, POPULATION, TOGETHER, VIEW, handlers, state_of
+from minerva_bus.world.declaring import (
+    ON,
+    POPULATION,
+    PROBABILITY,
+    TOGETHER,
+    VIEW,
+    chances_of,
+    handlers,
+    state_of,
+)
 from minerva_bus.world.lineage import child_id
 from minerva_bus.world.moment import Moment
 
@@ -46,14 +55,25 @@ ViewHandler = Callable[[Any, Event], Scene]
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
-def on(*event_types: str, population: bool = False, together: bool = False) -> Callable[[_F], _F]:
+def on(
+    *event_types: str,
+    population: bool = False,
+    together: bool = False,
+    probability: float | str = 1.0,
+) -> Callable[[_F], _F]:
     """Mark a method `(self, event, moment)` as the activity for these event types.
 
     With `population` it is written for many agents at once (world/population.py). With `together`
     it gets all events of a frame for one type in one call, not one for each agent after another:
     then `event.row` says which of the agents each of them is for.
+
+    With a `probability` h, from 0 to 1 or the name of an attribute that has it, the agent is an
+    a^{d,h} of section 5: it answers each event of these types with that probability only.
     """
-    return _mark(ON, event_types, population or together, together)
+    if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
+    h = probability if isinstance(probability, str) else float(probability)
+    return _mark(ON, event_types, population or together, together, h)
 
 
 def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
@@ -62,11 +82,15 @@ def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
     With `population` it is written for many agents at once: it returns a string with one node for
     each of them, as primitives and transformations give where their parameters are arrays.
     """
-    return _mark(VIEW, event_types, population, False)
+    return _mark(VIEW, event_types, population, False, 1.0)
 
 
 def _mark(
-    name: str, event_types: tuple[object, ...], population: bool, together: bool
+    name: str,
+    event_types: tuple[object, ...],
+    population: bool,
+    together: bool,
+    probability: float | str,
 ) -> Callable[[_F], _F]:
     if not event_types or not all(isinstance(one, str) for one in event_types):
         raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
@@ -75,6 +99,7 @@ def _mark(
         setattr(function, name, event_types)
         setattr(function, POPULATION, population)
         setattr(function, TOGETHER, together)
+        setattr(function, PROBABILITY, probability)
         return function
 
     return mark
@@ -104,7 +129,13 @@ class Agent:
         name = symbol or (inherited.name if inherited is not None else "")
         if name:
             state = state_of(cls, Agent)
-            cls.kind = AgentKind(name, state, frozenset(cls.activities), frozenset(cls.views))
+            cls.kind = AgentKind(
+                name,
+                state,
+                frozenset(cls.activities),
+                frozenset(cls.views),
+                chances_of(cls, activities),
+            )
             _check_columns(cls.kind, cls.population or cls.population_views)
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:

@@ -50,6 +50,16 @@ def frame_key(seed: int, frame: int) -> int:
     return int.from_bytes(blake2b(f"{seed}\0{frame}".encode(), digest_size=8).digest(), "little")
 
 
+@lru_cache(maxsize=64)
+def answer_key(seed: int, frame: int, event_type: str) -> int:
+    """What a frame adds to the streams that decide which events of a type agents answer.
+
+    They are other streams than those that λ draws from, which therefore keep their numbers.
+    """
+    told = f"{seed}\0{frame}\0{event_type}"
+    return int.from_bytes(blake2b(told.encode(), digest_size=8).digest(), "little")
+
+
 _B = TypeVar("_B", bool, NDArray[np.bool_])
 _I = TypeVar("_I", int, NDArray[np.int64])
 _R = TypeVar("_R", float, Numbers)
@@ -147,8 +157,10 @@ class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
         return _mixed(agents ^ np.uint64(key))
 
     def of(self, rows: NDArray[np.intp] | None) -> Chances:
-        """The draws of some rows; the others' streams stay where they are."""
-        return Chances(self.words, rows)
+        """The draws of some rows of these; the others' streams stay where they are."""
+        if rows is None or self._rows is None:
+            return Chances(self.words, self._rows if rows is None else rows)
+        return Chances(self.words, self._rows[rows])
 
     def random(self) -> Numbers:
         if self._rows is None:

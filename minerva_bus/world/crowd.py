@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import groupby, repeat
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,7 @@ from minerva_bus.world.population import (
     Received,
     returns_nothing,
 )
-
-Round: TypeAlias = tuple[AnyEvent, Rows | None]
-"""Events and the rows of their agents, each row once; None: one event for all."""
+from minerva_bus.world.rounds import Round, narrowed, turns
 
 
 class Crowd:
@@ -55,6 +53,7 @@ class Crowd:
         self._cls = kinds[part.symbol]
         self._herd = Herd(part, self._cls.kind.fields)
         self._draws = Draws(self._ids, frame)
+        self._by_chance = dict(self._cls.kind.chances)
         self._objects = Objects(self._cls, self._herd)
         self._lives: dict[int, tuple[Life, Moment]] = {}
         self._said: list[tuple[int, Sequence[Event]]] = []
@@ -86,15 +85,29 @@ class Crowd:
         Where all are wanted `at_once` a row may be there several times.
         """
         for item in items:
-            for event, rows in _turns(item, self._ids, at_once=at_once and not self._lives):
+            for event, rows in turns(item, self._ids, at_once=at_once and not self._lives):
                 if self._lives:
                     self._live_on(event, rows)
                 keep = None if self._herd.away is None else ~self._herd.away
                 if item.condition:
                     keep = self._willing(event, keep)
-                left = (event, rows) if keep is None else _narrowed(event, rows, keep)
+                left = (event, rows) if keep is None else narrowed(event, rows, keep)
+                if left is not None and item.type in self._by_chance:
+                    left = self._answering(*left)
                 if left is not None:
                     yield left
+
+    def _answering(self, event: AnyEvent, rows: Rows | None) -> Round | None:
+        """Those who answer an event that they answer by chance."""
+        probability: Any = self._by_chance[event.type]
+        if isinstance(probability, str):
+            self._settle(event)
+            values = self._herd.value(probability)
+            probability = values if rows is None else values[rows]
+        answers = self._draws.answers(event.type, rows, probability)
+        keep = np.ones(len(self._ids), np.bool_)
+        keep[slice(None) if rows is None else rows] = answers
+        return narrowed(event, rows, keep)
 
     def _willing(self, event: AnyEvent, keep: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
         """Those for whom the condition holds."""
@@ -133,6 +146,7 @@ class Crowd:
         """Events of one type, the row of each, and which of them are for somebody here."""
         first = items[0]
         simple = len(items) == 1 and not self._lives and self._herd.away is None
+        simple &= first.type not in self._by_chance
         if simple and isinstance(first, Events) and first.receivers and not first.condition:
             rows = self._ids.rows_of(first.receivers)
             chosen = np.flatnonzero(rows >= 0)
@@ -156,6 +170,8 @@ class Crowd:
     def _as_population(
         self, activity: Callable[..., Any], given: Any, event: AnyEvent, rows: Rows | None
     ) -> None:
+        if rows is not None and len(rows) == len(self._ids):
+            rows = None  # everybody, and nobody twice
         self._settle(event)
         self._objects.forget()
         self._draws.gather()
@@ -246,49 +262,3 @@ def evolve_many(
     crowd = Crowd(part, kinds, frame)
     crowd.meet(addressed)
     return crowd.end(addressed.events[-1])
-
-
-def _turns(item: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
-    """An event's agents; several events in turns, so that no agent has two in one."""
-    if isinstance(item, Events):
-        if item.receivers is None:
-            for event in item:
-                yield event, None
-        else:
-            yield from _each_once(item, ids.rows_of(item.receivers), at_once=at_once)
-    elif not item.receivers:
-        yield item, None
-    else:
-        rows = ids.rows_of(Ids.of(item.receivers))
-        rows = np.sort(rows[rows >= 0])
-        if len(rows):
-            yield item, rows
-
-
-def _each_once(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
-    here = rows >= 0
-    if not here.all():
-        chosen = np.flatnonzero(here)
-        events, rows = events.take(chosen), rows[chosen]
-    if not len(rows):
-        return
-    if at_once or (rows[1:] > rows[:-1]).all():
-        yield events, rows
-        return
-    order = np.argsort(rows, kind="stable")
-    ordered = rows[order]
-    begins = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
-    lengths = np.diff(np.append(begins, len(ordered)))
-    turn = np.arange(len(ordered)) - np.repeat(begins, lengths)
-    for number in range(int(lengths.max())):
-        chosen = order[turn == number]
-        yield events.take(chosen), rows[chosen]
-
-
-def _narrowed(event: AnyEvent, rows: Rows | None, keep: NDArray[np.bool_]) -> Round | None:
-    if isinstance(event, Event):
-        left = np.flatnonzero(keep) if rows is None else rows[keep[rows]]
-        return (event, left) if len(left) else None
-    assert rows is not None
-    chosen = np.flatnonzero(keep[rows])
-    return (event.take(chosen), rows[chosen]) if len(chosen) else None

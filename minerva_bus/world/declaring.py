@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from inspect import get_annotations
 from typing import Any, ClassVar, get_origin, get_type_hints
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.symbols import Default, Fields
+from minerva_bus.grammar.fields import Default, Fields
 
 ON = "_minerva_on"
 VIEW = "_minerva_view"
 POPULATION = "_minerva_population"
 TOGETHER = "_minerva_together"
+PROBABILITY = "_minerva_probability"
 
 
 def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
@@ -36,6 +37,23 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
                     )
         found |= own
     return {event_type: getattr(cls, name) for event_type, name in found.items()}
+
+
+def chances_of(
+    cls: type, activities: Mapping[str, Callable[..., Any]]
+) -> tuple[tuple[str, float | str], ...]:
+    """The event types that a class answers with a probability only, sorted: h of a^{d,h}.
+
+    A method that is overridden without a mark keeps the probability of the one it overrides.
+    """
+    found: dict[str, float | str] = {}
+    for event_type, function in activities.items():
+        marked = (vars(base).get(function.__name__) for base in cls.__mro__)
+        first = next((one for one in marked if event_type in getattr(one, ON, ())), function)
+        probability: float | str = getattr(first, PROBABILITY, 1.0)
+        if probability != 1.0:
+            found[event_type] = probability
+    return tuple(sorted(found.items()))
 
 
 def state_of(cls: type, root: type) -> Fields:

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.columns import Column, Columns, Rows, bits, packed
+from minerva_bus.grammar.column import Column, Rows, bits
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
+from minerva_bus.grammar.turnover import Turnover
 from minerva_bus.world.population import Birth, Herd
 
 _FEW = 0.25
@@ -65,15 +67,18 @@ def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
 
 
 def _in_columns(part: Columns, herd: Herd) -> Scene:
-    staying = np.arange(part.count) if herd.away is None else np.flatnonzero(~herd.away)
-    born = sorted(herd.born, key=_later_first)
-    parts = [part.take(staying), *(birth.newborn for birth in born)]
-    if len(parts) > 1:
-        rows = np.concatenate([staying, *(birth.rows for birth in born)])
-        whole = Columns.concatenated(parts).take(np.argsort(rows, kind="stable"))
+    stays = np.ones(part.count, np.bool_) if herd.away is None else ~herd.away
+    gone = np.flatnonzero(~stays)
+    if not herd.born:
+        turnover, newborn = Turnover(part.count, gone, np.empty(0, np.intp)), None
     else:
-        whole = parts[0]
-    return Scene((whole,)) if whole.count else EMPTY
+        births = sorted(herd.born, key=_later_first)
+        parents = np.concatenate([birth.rows for birth in births])
+        order = np.argsort(parents, kind="stable")
+        ahead = np.cumsum(stays)[parents[order]]
+        turnover = Turnover(part.count, gone, ahead + np.arange(len(order)))
+        newborn = Columns.concatenated([birth.newborn for birth in births]).take(order)
+    return Scene((part.turned(turnover, newborn),)) if turnover.after else EMPTY
 
 
 def _later_first(birth: Birth) -> int:

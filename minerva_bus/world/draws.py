@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.chance import Chance, Chances, frame_key, hash_of, stream
+from minerva_bus.world.chance import Chance, Chances, answer_key, frame_key, hash_of, stream
 from minerva_bus.world.moment import Frame, Moment
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ class Draws:
         self._many: Chances | None = None
         self._single: dict[int, Chance] = {}
         self._streams: dict[int, np.random.Generator] = {}
+        self._answers: dict[str, Chances] = {}
 
     def many(self) -> Chances:
         """The streams of all."""
@@ -66,10 +69,19 @@ class Draws:
             found = self._streams[row] = stream(self._frame.seed, who, self._frame.number)
         return found
 
+    def answers(self, event_type: str, rows: Rows | None, probability: Any) -> NDArray[np.bool_]:
+        """Which of some rows answer the next event of a type that they answer by chance."""
+        found = self._answers.get(event_type)
+        if found is None:
+            key = answer_key(self._frame.seed, self._frame.number, event_type)
+            found = self._answers[event_type] = Chances(Chances.begin(self._ids.hashes, key))
+        return found.of(rows).chance(probability)
+
     def lend(self, row: int, moment: Moment) -> None:
         """Let one agent go on with its streams for good."""
         drawn = row in self._single or self._many is not None
-        moment.lent(self.single(row) if drawn else None, self._streams.get(row))
+        answers = {one: Chance(int(many.words[row])) for one, many in self._answers.items()}
+        moment.lent(self.single(row) if drawn else None, self._streams.get(row), answers)
 
 
 class Passing(Moment):

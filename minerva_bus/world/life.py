@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Container
+from collections.abc import Container, Mapping
+from typing import Any
 
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.condition import holds
@@ -62,8 +63,18 @@ class Life:
         if agent is None:
             agent = self._agent = self._thawed(self._node, event)
         self._event = event
-        if not event.condition or holds(event.condition, self._now(agent, event).state):
+        if event.condition and not holds(event.condition, self._now(agent, event).state):
+            return
+        probability = agent.kind.chance(event.type)
+        if probability == 1.0 or self._answers(agent, event, probability):
             self.become(self._activity(agent, event), event)
+
+    def _answers(self, agent: Agent, event: Event, probability: float | str) -> bool:
+        """Whether it answers an event that it answers by chance."""
+        if isinstance(probability, str):
+            state: Mapping[str, Any] = self._now(agent, event).state
+            return self._moment.answers(event.type, state[probability])
+        return self._moment.answers(event.type, probability)
 
     def returned(self, result: object, event: Event) -> None:
         """Take what λ has returned elsewhere. Raises ActivityError."""

@@ -24,6 +24,6 @@ def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
     names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
     longest = int(np.strings.str_len(names).max())
     if longest <= LONGEST:
-        return Ids(None, names.astype(f"S{longest}"))
+        return Ids(None, names.astype(f"S{longest}")).sound_like((parents,))
     texts = [child_id(*pair) for pair in zip(parents.texts(), births.tolist(), strict=True)]
-    return Ids.of(texts)
+    return Ids.of(texts).sound_like((parents,))

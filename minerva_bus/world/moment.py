@@ -9,7 +9,7 @@ import numpy as np
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.chance import Chance, frame_key, hash_of, stream
+from minerva_bus.world.chance import Chance, answer_key, frame_key, hash_of, stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +55,7 @@ class Moment(InFrame):
     emitted: list[Event] = field(default_factory=list[Event])
     _random: np.random.Generator | None = None
     _chance: Chance | None = None
+    _answers: dict[str, Chance] | None = None
 
     @property
     def random(self) -> np.random.Generator:
@@ -63,9 +64,26 @@ class Moment(InFrame):
             self._random = stream(self.frame.seed, self.who, self.frame.number)
         return self._random
 
-    def lent(self, chance: Chance | None, random: np.random.Generator | None) -> None:
+    def lent(
+        self,
+        chance: Chance | None,
+        random: np.random.Generator | None,
+        answers: dict[str, Chance],
+    ) -> None:
         """Go on with these streams."""
-        self._chance, self._random = chance, random
+        self._chance, self._random, self._answers = chance, random, answers
+
+    def answers(self, event_type: str, probability: float) -> bool:
+        """Whether an agent answers the next event of a type that it answers by chance.
+
+        Drawn from a stream for each (seed, agent, frame, type), a number for each such event.
+        """
+        known = self._answers = self._answers if self._answers is not None else {}
+        found = known.get(event_type)
+        if found is None:
+            key = answer_key(self.frame.seed, self.frame.number, event_type)
+            found = known[event_type] = Chance.of(hash_of(self.who.removeprefix("#")), key)
+        return found.chance(probability)
 
     @property
     def drawn(self) -> tuple[Chance | None, np.random.Generator | None]:

@@ -14,6 +14,7 @@ from minerva_bus.grammar.batch import AnyEvent
 class MemberStatus:
     """One member and how it is doing.
 
+    `joins` counts the processes of this name that have joined, the first one and those after it.
     `wait` is for how long its answers are waited for, in microseconds a frame; `figures` are what
     it says itself of how it does, such as how much was `dropped`.
     """
@@ -31,6 +32,7 @@ class MemberStatus:
     pid: int = 0
     host: str = ""
     expected: bool = False
+    joins: int = 0
     wait: float = 0.0
     figures: Mapping[str, bool | int | float | str] = field(
         default_factory=dict[str, bool | int | float | str]
@@ -59,13 +61,16 @@ class Happening:
 class LogLine:
     """What a member has printed, or what the world has said of it.
 
-    `time` is in seconds since 1970; `number` counts the lines of the world up from 1.
+    `time` is in seconds since 1970; `number` counts the lines of the world up from 1; `frame` is
+    the one under way. `level` is info for what a member prints, warning for what is said of it.
     """
 
     number: int
     time: float
     member: str
     text: str
+    frame: int = 0
+    level: str = "info"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +81,7 @@ class WorldStatus:
     `left` how many frames a paused world still runs; `events` are per second by type; `phases`
     are the parts of a frame in microseconds and `bytes_in`, `bytes_out` its bytes, each the mean
     over the last frames. `waiting` are those that a frame waits for, `waited` seconds so far.
+    `refused` tells how much was refused, by whose it was: members, people, strangers.
     """
 
     world: str
@@ -95,6 +101,7 @@ class WorldStatus:
     bytes_in: float = 0.0
     bytes_out: float = 0.0
     happenings: tuple[Happening, ...] = ()
+    refused: Mapping[str, int] = field(default_factory=dict[str, int])
 
     @property
     def orders(self) -> tuple[str, ...]:

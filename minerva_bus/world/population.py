@@ -24,9 +24,9 @@ from minerva_bus.grammar.arrays import fit_array, is_array, repeated
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.symbols import Fields
 from minerva_bus.world.chance import Chances
 from minerva_bus.world.lineage import child_ids
 from minerva_bus.world.moment import Frame, InFrame

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.world.readings import Reading
 
 PassOver: TypeAlias = Callable[[str, str], None]
@@ -39,7 +39,8 @@ class Recording(Protocol):
     """A file of readings.
 
     The topic `pose` has an `Odometry` for each scan of which the recording knows where the robot
-    was, right before that scan.
+    was, right before that scan. The topic `correction` has one where the readings of odometry after
+    it begin anew: whoever recorded has moved what they had reached to there.
     """
 
     @property
@@ -56,18 +57,24 @@ class Recording(Protocol):
         ...
 
 
+POSES: Final = ("published", "odometry", "matched")
+
+
 @dataclass(frozen=True, slots=True)
 class MapChoice:
     """What of a recording a map is drawn from, and how finely. Raises MisuseError.
 
     `cell` is the side of a cell and `farthest` the longest range that counts (0: as recorded), in
-    metres; `begin` and `end` are seconds after the first reading.
+    metres; `begin` and `end` are seconds after the first reading. `poses` says which places of
+    the robot count: those that are `published` in it, those of the `odometry` alone, or those
+    that scans `matched` to the map correct.
     """
 
     cell: float = 0.05
     farthest: float = 0.0
     begin: float = 0.0
     end: float = math.inf
+    poses: str = "published"
 
     def __post_init__(self) -> None:
         if not 0 < self.cell < math.inf:
@@ -78,6 +85,11 @@ class MapChoice:
             raise MisuseError(
                 f"from {self.begin:g} to {self.end:g} s there is nothing; expected from < to,"
                 " seconds after the beginning"
+            )
+        if self.poses not in POSES:
+            raise MisuseError(
+                f"there are no poses {self.poses!r}{nearest(self.poses, [*POSES])}; expected"
+                f" {', '.join(POSES)}"
             )
 
 

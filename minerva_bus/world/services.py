@@ -128,7 +128,10 @@ class Service:
         return False
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """Figures, for the summary of the run, and for people who look in the meantime."""
+        """Figures, for the summary of the run, and for people who look in the meantime.
+
+        A number that is not finite, as a mean of nothing, is left out.
+        """
         return {}
 
     def close(self) -> None:
@@ -217,6 +220,29 @@ class Device(Service):
         """g = φ(v), step 7 of Table 2."""
 
 
+def checked_service(service: Service | None) -> Service | None:
+    """The service, if what it says of itself are names. Raises MisuseError.
+
+    They are attributes, which a value of its own, such as an option's, can stand in for.
+    """
+    names = ["topics", "publishes"] if service is not None else []
+    if isinstance(service, Generator) and type(service).generates is Generator.generates:
+        names.append("events")
+    if isinstance(service, Device):
+        names.append("draws")
+    for name in names:
+        said = getattr(service, name)
+        names_only = isinstance(said, tuple | list) and all(
+            isinstance(one, str) for one in cast("Iterable[Any]", said)
+        )
+        if not names_only:
+            raise MisuseError(
+                f"{type(service).__name__}: self.{name} must be a tuple of names, not {said!r:.60};"
+                " call an attribute for something else, as an option's value, otherwise"
+            )
+    return service
+
+
 __all__ = [
     "Device",
     "Emit",
@@ -226,4 +252,5 @@ __all__ = [
     "Tick",
     "View",
     "WorldInfo",
+    "checked_service",
 ]

@@ -80,6 +80,7 @@ def test_the_world_itself_is_right(folder):
         ("frames = 5", "frams = 5", "world.frams is unknown; did you mean 'frames'?"),
         ("frames = 5", 'frames = "many"', "world.frames must be a whole number"),
         ("frames = 5", "frames = -1", "world.frames must be at least 0"),
+        ("frames = 5", f"frames = {10**40}", "world.frames must be at most 9223372036854775807"),
         ("frames = 5", "frames = ", "Invalid value"),
         ("AWalker#w", "AWolker#w", "did you mean 'AWalker'?"),
         ("AWalker#w", "AWalker#w<y=1>", "AWalker#w has no y"),

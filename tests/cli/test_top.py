@@ -68,7 +68,7 @@ def run(play, operator=None):
 
 
 async def until(pilot, holds):
-    for _ in range(100):
+    for _ in range(800):
         if holds():
             return
         await pilot.pause(0.05)
@@ -87,11 +87,10 @@ def rows(dashboard):
 def test_it_shows_members_phases_events_and_the_log():
     async def play(dashboard, pilot, operator):
         await until(pilot, lambda: len(rows(dashboard)) == 2)
+        await until(pilot, lambda: "frame 42" in shown(dashboard, "heading"))
+        assert "yard" in shown(dashboard, "heading")
         assert rows(dashboard)["walkers"][:4] == ["walkers", "late", "agents", "AWalker"]
         assert rows(dashboard)["walkers"][-1] == "dropped 2, source open"
-        heading = shown(dashboard, "heading")
-        assert "yard" in heading
-        assert "frame 42" in heading
         log = dashboard.query_one(RichLog)
         await until(pilot, lambda: "steps  hello" in "".join(line.text for line in log.lines))
 
@@ -134,6 +133,16 @@ def test_a_world_that_does_not_answer_is_said_and_forgotten_when_it_does():
         await until(pilot, lambda: "the world has not answered" in shown(dashboard, "trouble"))
         operator.silent = False
         await until(pilot, lambda: not shown(dashboard, "trouble"))
+
+    run(play)
+
+
+def test_an_answer_that_comes_while_it_ends_is_passed_over():
+    async def play(dashboard, pilot, operator):
+        await until(pilot, lambda: len(rows(dashboard)) == 2)
+        await dashboard.query("*").remove()
+        dashboard._show(STATUS, ())
+        dashboard._show_trouble("too late")
 
     run(play)
 

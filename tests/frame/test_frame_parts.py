@@ -16,7 +16,7 @@ from minerva_bus.frame.membership import TRANSITIONS, Change, Member, State
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.placement import place
-from minerva_bus.frame.roster import PROTOCOL_VERSION, Roster, objection
+from minerva_bus.frame.roster import MOST_DEPARTED, PROTOCOL_VERSION, Roster, objection
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.slots import fill
@@ -30,7 +30,32 @@ read = FAMILY_VOCABULARY.read
 # --- members ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("state", "change"), product(State, Change))
+def test_who_left_is_listed_until_many_others_have():
+    roster = Roster(["home"])
+
+    def comes(name):
+        guest = roster.get(name)
+        roster.change(guest, Change.APPEARED)
+        roster.change(guest, Change.ADMITTED)
+        return guest
+
+    comes("stays")
+    returns = comes("returns")
+    roster.change(returns, Change.WENT)
+    for number in range(MOST_DEPARTED):
+        roster.change(comes(f"guest-{number}"), Change.WENT)
+        if not number:
+            comes("returns")
+    assert len(list(roster)) == MOST_DEPARTED + 3
+    roster.change(comes("last"), Change.WENT)
+    names = {one.name for one in roster}
+    assert {"home", "stays", "returns", "guest-1", "last"} <= names
+    assert "guest-0" not in names
+    assert roster.get("guest-0").state is State.LEFT
+    assert len(list(roster)) == MOST_DEPARTED + 3
+
+
+@pytest.mark.parametrize(("state", "change"), list(product(State, Change)))
 def test_a_member_moves_by_the_table_and_not_otherwise(state, change):
     member = Member("m", state=state)
     moved = member.change(change)

@@ -13,19 +13,24 @@ def measured(**speeds):
 
 def test_shares_are_equal_until_all_hosts_are_known():
     load = Load()
-    assert load.weights(["a", "b"]) == [1.0, 1.0]
+    assert load.weights(["a", "b"], 10**6) == [1.0, 1.0]
     for _ in range(WINDOW):
         load.took("a", 1000, 0.1)
-    assert load.weights(["a", "b"]) == [1.0, 1.0]
+    assert load.weights(["a", "b"], 10**6) == [1.0, 1.0]
     assert not load.lopsided({"a": 10**6, "b": 10**6})
 
 
 def test_a_host_twice_as_quick_gets_twice_as_much():
     load = measured(a=2e6, b=1e6)
-    one, other = load.weights(["a", "b"])
+    one, other = load.weights(["a", "b"], 10**6)
     assert round(one / other, 6) == 2.0
     assert load.lopsided({"a": 500_000, "b": 500_000})
     assert not load.lopsided({"a": 666_000, "b": 333_000})
+
+
+def test_of_few_rows_each_host_has_as_many():
+    """Else whoever has fewer would seem slower, and have ever fewer, to the last one."""
+    assert measured(a=2e6, b=1e3).weights(["a", "b"], 200) == [1.0, 1.0]
 
 
 def test_few_rows_are_not_worth_moving_and_one_host_has_all():

@@ -165,6 +165,32 @@ def test_any_order_of_messages_gives_the_digests_of_one_process(setting, seed):
 @both
 @schedule
 @given(seed=seeds, data=st.data())
+def test_what_is_said_twice_counts_once(setting, seed, data):
+    """Questions and answers come again, much later too, while members and coordinators die."""
+    digests, _ = setting.undisturbed
+    bus, chance = MemoryBus(setting.world, setting.members), Random(seed)
+    bus.start()
+    deaths = sorted(data.draw(st.lists(st.integers(1, 200), max_size=2)))
+    step = bus.step
+
+    def twice(link):
+        if link[0] in ("up", "down") and chance.random() < 0.2:
+            bus.repeat(link)
+        step(link)
+        if deaths and len(bus.trace) > 5 * deaths[0]:
+            deaths.pop(0)
+            bus.kill_coordinator()
+
+    bus.step = twice
+    play(bus, chance, data.draw(blows(setting, st.integers(1, 60), 6, guests=False)))
+    note("\n".join(bus.trace))
+    assert bus.stuck == [] or not deaths
+    assert bus.digests == digests
+
+
+@both
+@schedule
+@given(seed=seeds, data=st.data())
 def test_members_that_die_and_come_back_change_nothing(setting, seed, data):
     digests, ended = setting.undisturbed
     bus = MemoryBus(setting.world, setting.members | setting.guests)

@@ -198,7 +198,7 @@ def test_another_host_takes_over_what_one_that_died_in_evolution_leaves():
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > other: evolved 1: #b
         > host vanished
-            says host: is gone; the world waits for it
+            says host: is gone; other hosts take its agents over
             other ← fragments #a
             other ← evolve 1 on other (#a only): eAdd<n=1>
         > other: evolved 1: #a
@@ -238,7 +238,7 @@ def test_what_a_host_answered_before_it_died_counts_and_its_heir_is_given_it():
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > host: evolved 1: #a
         > host vanished
-            says host: is gone; the world waits for it
+            says host: is gone; other hosts take its agents over
         > other: evolved 1: #b
             frame 1 done: eAdd<n=1>; #a: ACounter#a<n=2>(), #b: ACounter#b<n=2>()
             ready for frame 2
@@ -253,6 +253,26 @@ def test_what_a_host_answered_before_it_died_counts_and_its_heir_is_given_it():
     """,
     )
     assert bus.digests == undisturbed(3)
+
+
+def test_the_first_of_two_hosts_that_is_back_is_given_what_the_other_had_answered():
+    """Both were lost in a frame, and the other one is not back yet when the next one begins."""
+    members = {"host": host("host", Counter), "other": host("other", Counter)}
+    bus = counters(members=members)
+    bus.start()
+    bus.run(1)
+    bus.hold(("down", "other"))
+    bus.frame()
+    bus.vanish("host")
+    bus.vanish("other")
+    bus.release()
+    bus.settle()
+    assert bus.algorithm.waiting_for() == ["host", "other"]
+    bus.appear("other")
+    bus.settle()
+    bus.frame()
+    bus.frame()
+    assert bus.digests == undisturbed(4)
 
 
 def test_a_host_that_comes_back_in_the_frame_in_which_it_answered_has_nothing():

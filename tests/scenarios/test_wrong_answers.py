@@ -19,6 +19,7 @@ from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.membership import State
+from minerva_bus.grammar.patch import Patch
 from minerva_bus.testing.memory_bus import BEGIN
 
 
@@ -113,7 +114,7 @@ def test_what_a_dead_host_had_answered_is_dropped_when_another_has_been_asked():
             ~hosts ← evolve 1 on host, other: eAdd<n=1>
         > other: evolved 1: #b
         > host vanished
-            says host: is gone; the world waits for it
+            says host: is gone; other hosts take its agents over
             other ← fragments #a
             other ← evolve 1 on other (#a only): eAdd<n=1>
         > other: evolved 1: #a
@@ -175,6 +176,22 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
     bus.settle()
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
     assert not bus.algorithm._emitted
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
+    bus = started(members={"other": host("other", Counter)}, expected=["add"])
+    (mine,) = [one for one, it in bus.alive.items() if [*it.host.fragments] == [name]]
+    bus.hold(("down", mine))
+    bus.frame()
+    patch = Patch(1, ("PDot",), ())
+    bus.put(m.EvolveReply(mine, 1, 0, view_patches={"eShow": {name: patch}}))
+    bus.step(("up", mine))
+    bus.release()
+    bus.settle()
+    said = f"it sent a patch of {name}, which is not in columns, not of what is there"
+    assert f"{mine}: broke the protocol: {said}" in bus.said
+    assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
 def test_the_trace_of_one_that_is_shut_out():

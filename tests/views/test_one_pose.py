@@ -18,8 +18,9 @@ from minerva_bus import View, WorldInfo, visualize
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
-from minerva_bus.launch.worldfile import Overrides, read_world_file
 from minerva_bus.semantics.picture import Lists
 from minerva_services.svg import Svg
 from minerva_services.window.painter import Sight

@@ -113,7 +113,13 @@ class Dashboard(App[None]):
             return
         self.call_from_thread(self._show, status, lines)
 
+    def _is_left(self) -> bool:
+        """Whether the screen has been cleared: an answer may come while the dashboard ends."""
+        return not self.query("#trouble")
+
     def _show(self, status: WorldStatus, lines: tuple[LogLine, ...]) -> None:
+        if self._is_left():
+            return
         self._status, self._answered = status, time.monotonic()
         self._static("trouble").update("")
         self._static("heading").update(texts.heading(status))
@@ -124,6 +130,8 @@ class Dashboard(App[None]):
         self._show_log(status.happenings, lines)
 
     def _show_trouble(self, problem: str) -> None:
+        if self._is_left():
+            return
         silent = time.monotonic() - self._answered
         self._static("trouble").update(f"no answer for {silent:.0f} s: {problem}")
 

@@ -1,0 +1,1 @@
+"""What typer is told of each command; what a command does is imported once it is called."""

@@ -1,0 +1,25 @@
+"""`minerva metrics`."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType
+
+from minerva_bus.cli.places import client
+from minerva_bus.cli.saying import tell
+from minerva_bus.launch.exporting import Exporter
+
+
+def serve_metrics(listen: str, connect: str, world: str) -> None:
+    """Serve a world's figures until Ctrl-C; a world that ends meanwhile is said to be down."""
+    stop = threading.Event()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    with client(connect, world) as asked, Exporter(asked.world, listen, asked.ask) as exporter:
+        signal.signal(signal.SIGINT, end)
+        signal.signal(signal.SIGTERM, end)
+        tell(f"{asked.world}: metrics at {exporter.url}")
+        stop.wait()

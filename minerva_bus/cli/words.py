@@ -1,0 +1,22 @@
+"""The words of a command line that typer does not know: a world's or a service's own options."""
+
+from __future__ import annotations
+
+from minerva_bus.errors import MinervaError
+
+
+def options_of(words: list[str]) -> dict[str, str]:
+    """`--name value` and `--name=value` pairs that typer does not know."""
+    found: dict[str, str] = {}
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or not name:
+            raise MinervaError(f"what is {word!r}? Expected options such as --name value")
+        if not equals:
+            if not rest:
+                raise MinervaError(f"--{name} needs a value")
+            value = rest.pop(0)
+        found[name.replace("-", "_")] = value
+    return found

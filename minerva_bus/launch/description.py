@@ -1,0 +1,110 @@
+"""The table [world] of a world file: what the world is, whoever runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.specs import called, load
+from minerva_bus.launch.table import Table
+from minerva_bus.launch.watching import read_placement
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.order import Order
+
+
+def read_description(
+    table: Table,
+    placement: Table,
+    path: Path,
+    given: Overrides,
+    options: Mapping[str, Any],
+    members: Collection[str],
+) -> tuple[World, float]:
+    """The world, without its norms, and its rate: frames a second, 0: as fast as it goes.
+
+    `members` are waited for; `options` are what a scene is made with. Raises WorldFileError and
+    SceneError.
+    """
+    table.text("defaults")
+    own_name, own_rate = table.text("name", path.stem), table.number("rate", 0.0)
+    own_seed, own_frames = table.whole("seed", 0, -(1 << 63)), table.whole("frames", 0)
+    vocabulary = _vocabulary(table, path)
+    world = World(
+        name=table.named(given.name or own_name, "a world"),
+        scene=_scene(table, vocabulary, path, options),
+        vocabulary=vocabulary,
+        seed=_seed(own_seed if given.seed is None else given.seed, path),
+        dt=table.number("dt", 1.0 / own_rate if own_rate else 0.1, 1e-9),
+        order=Order(_event_types(table, "order", vocabulary)),
+        policy=Policy(table.choice("policy", ("sequential", "literal"))),
+        frames=own_frames if given.frames is None else given.frames,
+        until=_until(table, vocabulary, given.until),
+        expected=frozenset(members),
+        placement=read_placement(placement, vocabulary),
+    )
+    table.done()
+    if not members:
+        raise WorldFileError(f"{path}: no [process.NAME]: nobody would run this world")
+    return world, own_rate if given.rate is None else given.rate
+
+
+def _seed(seed: int, path: Path) -> int:
+    if not -(1 << 63) <= seed < 1 << 63:
+        raise WorldFileError(f"{path}: the seed must be a whole number of 64 bits")
+    return seed
+
+
+def _vocabulary(table: Table, path: Path) -> Vocabulary:
+    spec = table.text("vocabulary")
+    if not spec:
+        raise WorldFileError(f'{path}: [world] needs vocabulary = "module:attribute"')
+    found = load(spec, path.parent)
+    if not isinstance(found, Vocabulary):
+        kind = type(found).__name__
+        table.wrong("vocabulary", f"must name a Vocabulary; {spec} is of type {kind}")
+    return found
+
+
+def _scene(table: Table, vocabulary: Vocabulary, path: Path, options: Mapping[str, Any]) -> Scene:
+    text, maker = table.text("string"), table.text("scene")
+    if bool(text) == bool(maker):
+        raise WorldFileError(f"{path}: [world] needs exactly one of string and scene")
+    if text:
+        return vocabulary.read(text, f"{path}: world.string")
+    made = called(maker, options, path)
+    if isinstance(made, str):
+        return vocabulary.read(made, maker)
+    if not isinstance(made, Scene):
+        kind = type(made).__name__
+        raise WorldFileError(f"{path}: {maker} must return a string, not {kind}")
+    return vocabulary.check(made, maker)
+
+
+def _event_types(table: Table, key: str, vocabulary: Vocabulary) -> tuple[str, ...]:
+    types = table.texts(key)
+    for one in types:
+        if one not in vocabulary.events:
+            known = list(vocabulary.events)
+            table.wrong(key, f"has the unknown event type {one}{nearest(one, known)}")
+    return types
+
+
+def _until(table: Table, vocabulary: Vocabulary, given: str | None) -> str:
+    types = _event_types(table, "until", vocabulary)
+    if given is not None:
+        if given and given not in vocabulary.events:
+            known = nearest(given, list(vocabulary.events))
+            raise WorldFileError(f"--until: there is no event type {given}{known}")
+        types = (given,) if given else ()
+    if len(types) > 1:
+        table.wrong("until", "must be one event type")
+    for one in types:
+        if vocabulary.events[one].visual:
+            table.wrong("until", f"must be an event that agents send; {one} is visual")
+    return "".join(types)

@@ -1,0 +1,180 @@
+"""Metrics and health of a world over HTTP: /metrics, /live and /ready.
+
+In threads of its own, which ask as any operator does: between two messages the coordinator
+answers, and what is made of the answer costs the frame nothing.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final, Self, cast
+
+from minerva_bus.bus.totals import read_totals
+from minerva_bus.errors import BusError, MinervaError, MisuseError
+from minerva_bus.launch.health import Health, live, ready
+from minerva_bus.protocol.status import read_status
+from minerva_bus.world.operator import WorldStatus
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+PORT: Final = 9464
+KEPT_AWAKE: Final = 2.0
+"""Seconds between questions for the totals, which are counted only while somebody asks."""
+
+Ask = Callable[..., Mapping[str, Any]]
+Check = Callable[[WorldStatus | None, str], Health]
+
+
+def address(listen: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT. Raises MisuseError."""
+    host, colon, port = listen.rpartition(":")
+    if not colon or not host or not port.isdecimal() or int(port) > 65535:
+        raise MisuseError(f"{listen!r} is no address; expected HOST:PORT, such as 127.0.0.1:{PORT}")
+    return host.strip("[]"), int(port)
+
+
+class Exporter:
+    """Serves one world's figures until it is closed; `ask` asks its coordinator.
+
+    Raises MisuseError for a wrong address, BusError where it cannot be listened to, and
+    MinervaError without the extra `metrics`.
+    """
+
+    def __init__(self, world: str, listen: str, ask: Ask) -> None:
+        host, port = address(listen)
+        if find_spec("prometheus_client") is None:
+            raise MinervaError("metrics need prometheus-client: pip install 'minerva-bus[metrics]'")
+        self.world = world
+        self._ask = ask
+        try:
+            self._server = _Server((host, port), self)
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise BusError(
+                f"cannot serve metrics at {listen}: {why}; choose another port, or port 0 for any"
+                " that is free"
+            ) from None
+        self._closed = threading.Event()
+        serve = self._server.serve_forever
+        threading.Thread(target=serve, args=(0.1,), daemon=True).start()
+        threading.Thread(target=self._keep_awake, daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Where it can be asked."""
+        host, port = self._server.server_address[:2]
+        shown = f"[{host}]" if ":" in str(host) else host
+        return f"http://{shown}:{port}/metrics"
+
+    def close(self) -> None:
+        """Serve nobody any more."""
+        self._closed.set()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def health(self, check: Check) -> Health:
+        """How the world is, by one of the checks of `launch/health.py`."""
+        try:
+            return check(self._status(), "")
+        except MinervaError as error:
+            return check(None, str(error))
+
+    def collect(self) -> Iterator[Metric]:
+        """What Prometheus asks of a collector."""
+        from minerva_bus.launch.metrics import figures, no_figures
+
+        try:
+            status, totals = self._status(), read_totals(self._ask("totals").get("totals"))
+        except MinervaError:
+            return no_figures(self.world)
+        return figures(status, totals)
+
+    def _status(self) -> WorldStatus:
+        return read_status(self._ask("status").get("status"))
+
+    def _keep_awake(self) -> None:
+        while not self._closed.wait(KEPT_AWAKE):
+            try:
+                self._ask("totals")
+            except MinervaError:
+                continue  # It is said by /live, to whoever asks.
+
+
+@contextmanager
+def exported(world: str, listen: str, ask: Ask, note: Callable[[str], None]) -> Generator[None]:
+    """Serve a world's figures meanwhile, where an address is given; `note` is told where."""
+    if not listen:
+        yield
+        return
+    with Exporter(world, listen, ask) as exporter:
+        note(f"metrics at {exporter.url}")
+        yield
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, where: tuple[str, int], exporter: Exporter) -> None:
+        self.exporter = exporter
+        self.address_family = socket.AF_INET6 if ":" in where[0] else socket.AF_INET
+        super().__init__(where, _Handler)
+
+    def server_bind(self) -> None:
+        """Bind, without the look for the machine's own name that the base does."""
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self.socket.bind(self.server_address)
+        self.server_address = self.socket.getsockname()
+        self.server_name, self.server_port = map(str, self.server_address[:2])  # pyright: ignore
+
+
+class _Handler(BaseHTTPRequestHandler):
+    timeout = 10
+    server_version, sys_version = "minerva", ""
+
+    @property
+    def _exporter(self) -> Exporter:
+        return cast("_Server", self.server).exporter
+
+    def do_GET(self) -> None:
+        path = self.path.partition("?")[0]
+        if path == "/metrics":
+            self._metrics()
+        elif path in _CHECKS:
+            health = self._exporter.health(_CHECKS[path])
+            self._reply(health.code, "text/plain; charset=utf-8", f"{health.words}\n".encode())
+        else:
+            self._reply(404, "text/plain; charset=utf-8", b"there are /metrics, /live, /ready\n")
+
+    def _metrics(self) -> None:
+        from prometheus_client import CollectorRegistry
+        from prometheus_client.exposition import choose_encoder
+
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(self._exporter)  # pyright: ignore[reportArgumentType]
+        encode, kind = choose_encoder(self.headers.get("Accept", ""))
+        self._reply(200, kind, encode(registry))
+
+    def _reply(self, code: int, kind: str, body: bytes) -> None:
+        self.send_response(code)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nobody wants to read who has asked."""
+
+
+_CHECKS: Mapping[str, Check] = {"/live": live, "/ready": ready}

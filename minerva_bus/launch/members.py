@@ -1,0 +1,151 @@
+"""The processes of a world file that the launcher starts, and how they are doing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+
+from minerva_bus.launch.children import take_part
+from minerva_bus.launch.ending import kill, kill_rest
+from minerva_bus.launch.pipes import NOWHERE
+from minerva_bus.launch.reports import Lines
+from minerva_bus.launch.starters import Child, command, fork
+from minerva_bus.launch.surroundings import Surroundings
+from minerva_bus.launch.worldfile import Process
+
+CALM = 30.0
+LAST_WORDS = 0.4
+FIRST_WAIT, LONGEST_WAIT = 0.05, 5.0
+
+
+@dataclass(slots=True)
+class Watched:
+    """One process of the world file and how it is doing; times are of the monotonic clock.
+
+    `wanted`: a person wants it started anew. `left_at`: it has ended without a failure, and from
+    then on that is one, if the world has not ended, too. `cause`: what it has said of its failure.
+    """
+
+    process: Process
+    child: Child | None = None
+    failures: int = 0
+    started: float = 0.0
+    restart_at: float | None = None
+    left_at: float | None = None
+    cause: str = ""
+    wanted: bool = False
+    gave_up: bool = False
+    lines: Lines = field(default_factory=Lines)
+
+    @property
+    def times(self) -> list[float]:
+        """When there is something to be done about it."""
+        return [at for at in (self.restart_at, self.left_at) if at is not None]
+
+    def restart(self) -> None:
+        """Let it be started anew, as somebody wants it; that is no failure of it."""
+        self.wanted = self.child is not None
+        if self.child is not None:
+            kill(self.child.pid)
+        else:
+            self.restart_at = time.monotonic()
+
+    def leave(self) -> None:
+        """It has ended by itself: word of the world's end may follow."""
+        self.left_at = time.monotonic() + LAST_WORDS
+
+    def fail(self) -> float | None:
+        """Count a failure; the seconds until it is started anew, or None where it is not."""
+        now = time.monotonic()
+        if now - self.started > CALM:
+            self.failures = 0
+        self.failures += 1
+        self.left_at = None
+        if self.process.on_failure != "restart" or self.failures > self.process.restarts:
+            return None
+        wait = min(LONGEST_WAIT, FIRST_WAIT * 2 ** (self.failures - 1))
+        self.restart_at = now + wait
+        return wait
+
+
+class Members:
+    """All processes of a world that are started here, by name; `printed` gets their lines."""
+
+    def __init__(self, around: Surroundings, printed: Callable[[str, str], None]) -> None:
+        here = [process for process in around.file.processes if not process.elsewhere]
+        self._around = around
+        self._printed = printed
+        self._watched = {process.name: Watched(process) for process in here}
+
+    def __iter__(self) -> Iterator[Watched]:
+        return iter(self._watched.values())
+
+    def __len__(self) -> int:
+        return len(self._watched)
+
+    @property
+    def running(self) -> bool:
+        """Whether any of them is there."""
+        return any(watched.child for watched in self)
+
+    def get(self, name: str) -> Watched | None:
+        """The one of this name, if it is started here."""
+        return self._watched.get(name)
+
+    def start(self, watched: Watched) -> None:
+        """Start a process, or start it anew."""
+        child = self._child(watched.process)
+        watched.child, watched.started, watched.restart_at = child, time.monotonic(), None
+        watched.lines = Lines()
+        self._around.pipes.listen(child.output, lambda: self._hear(watched, child))
+
+    def _child(self, process: Process) -> Child:
+        around, world = self._around, self._around.file.world.name
+        endpoint, shared, lifeline = around.endpoint, around.shared, around.lifeline[0]
+        if process.command:
+            environment = {
+                "MINERVA_WORLD": world,
+                "MINERVA_CONNECT": endpoint,
+                "MINERVA_NAME": process.name,
+            }
+            return command(process.name, process.command, environment, process.folder, lifeline)
+        sample = process.name == around.profiling.member
+        body = partial(take_part, process, world, endpoint, sample, shared)
+        return fork(process.name, body, (), lifeline)
+
+    def ended(self, pid: int) -> Watched | None:
+        """The process whose child has ended, once its last lines are told and its own are dead."""
+        for watched in self:
+            if watched.child is not None and watched.child.pid == pid:
+                kill_rest(pid)
+                self._drain(watched, watched.child)
+                watched.child = None
+                return watched
+        return None
+
+    def kill(self) -> None:
+        """Kill them all, and start none anew."""
+        for watched in self:
+            watched.restart_at = watched.left_at = None
+            if watched.child is not None:
+                kill(watched.child.pid)
+
+    def _hear(self, watched: Watched, child: Child) -> bool:
+        """Tell the lines that have come; whether more may be there."""
+        data = self._around.pipes.read(child.output)
+        if data is None:
+            child.output = NOWHERE
+        for line in watched.lines.feed(data or b""):
+            self._printed(watched.process.name, line)
+        return bool(data)
+
+    def _drain(self, watched: Watched, child: Child) -> None:
+        """Tell what is left of its lines."""
+        while child.output != NOWHERE and self._hear(watched, child):
+            pass
+        self._around.pipes.forget(child.output)
+        rest = watched.lines.end()
+        if rest:
+            self._printed(watched.process.name, rest)

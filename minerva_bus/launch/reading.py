@@ -1,0 +1,98 @@
+"""Reading world files: each table by its own module, and what only all of them together tell."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.launch.border import read_border
+from minerva_bus.launch.description import read_description
+from minerva_bus.launch.keeping import read_recording
+from minerva_bus.launch.norms import read_norms
+from minerva_bus.launch.options import filled, read_options
+from minerva_bus.launch.overrides import AS_WRITTEN, Overrides
+from minerva_bus.launch.patience import read_patience
+from minerva_bus.launch.processes import check_members, read_processes
+from minerva_bus.launch.table import Table
+from minerva_bus.launch.watching import read_watching
+from minerva_bus.launch.worldfile import BusSettings, WorldFile
+
+MAX_BYTES = 16 * 1024 * 1024
+
+
+def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
+    """Read, complete and check a world file. Raises WorldFileError and SceneError."""
+    text = _read_text(path)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise WorldFileError(f"{path}: {error}") from None
+    overrides.check()
+    return _read(Table(data, "", text, str(path)), text, path, overrides)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise WorldFileError(f"{path}: over {MAX_BYTES} bytes, which is no world file")
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise WorldFileError(f"{path}: this is no text in UTF-8") from None
+    except OSError as error:
+        raise WorldFileError(f"{path}: {error.strerror}") from None
+
+
+def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
+    """Read the tables, in an order in which each finds what it needs."""
+    completed_by = top.table("world").text("defaults")
+    options = read_options(top.table("options"), path, given.options, completed_by)
+    for part in ("world", "process", "bus", "norm"):
+        if part in top:
+            top.data[part] = filled(top.data[part], options, path)
+    processes = read_processes(top, path, given)
+    names = [process.name for process in processes]
+    bus = _bus(top, path, given)
+    about = top.table("world")
+    record = read_recording(about, replace(given.recording, path=given.record))
+    world, rate = read_description(about, top.table("placement"), path, given, options, names)
+    norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
+    world = replace(world, norms=norms)
+    watch = read_watching(top, given.metrics, given.log_format)
+    top.done()
+    members = check_members(processes, world.vocabulary, path)
+    file = WorldFile(
+        path, world, rate, processes, bus, options, record=record, text=text, watch=watch
+    )
+    interactive = any(one.service is not None and one.service.interactive for one in members)
+    return _interactive(file, given) if interactive else file
+
+
+def _bus(top: Table, path: Path, given: Overrides) -> BusSettings:
+    table, plain = top.table("bus"), BusSettings()
+    own_listen, limits = table.text("listen", plain.listen), top.table("limits")
+    listen = given.listen or own_listen
+    bus = BusSettings(
+        listen,
+        read_patience(table, plain.patience),
+        table.truth("shared_memory", False) if "shared_memory" in table else None,
+        read_border(table, limits, listen, path.parent, given.border),
+        table.text("journal", plain.journal),
+    )
+    if given.journal:
+        bus = replace(bus, journal=given.journal)
+    table.done()
+    return bus
+
+
+def _interactive(file: WorldFile, given: Overrides) -> WorldFile:
+    """People sit before it: in real time and without end, unless somebody says otherwise."""
+    world, rate, notes = file.world, file.rate, list[str]()
+    if given.rate is None and not rate:
+        rate = 1.0 / world.dt
+        notes.append(f"{rate:g} frames a second, real time (--rate changes it)")
+    if given.until is None and world.until:
+        notes.append(f"no end at {world.until} (--until {world.until} sets it)")
+        world = replace(world, until="")
+    return replace(file, world=world, rate=rate, notes=tuple(notes))

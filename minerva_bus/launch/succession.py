@@ -1,0 +1,111 @@
+"""The coordinator's process; where it is killed in the midst of a run, another one follows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.launch.children import coordinate
+from minerva_bus.launch.pipes import NOWHERE
+from minerva_bus.launch.reports import Lines, Reports, parsed
+from minerva_bus.launch.starters import Child, fork
+from minerva_bus.launch.surroundings import Surroundings
+from minerva_bus.protocol.keys import COORDINATOR
+
+MOST_SUCCESSIONS = 100
+
+
+class Succession:
+    """One coordinator after another: `count` of them have followed the first.
+
+    `told` gets each report of theirs, `printed` each line that they print. `listens_at` is where
+    the first one could be reached, and so must the others.
+    """
+
+    def __init__(
+        self,
+        around: Surroundings,
+        make: Callable[..., BusCoordinator],
+        told: Callable[[dict[str, Any]], None],
+        printed: Callable[[str], None],
+    ) -> None:
+        self._around = around
+        self._make = make
+        self._told = told
+        self._printed = printed
+        self._commands = self._reports = self._output = NOWHERE
+        self._report_lines, self._output_lines = Lines(), Lines()
+        self.child: Child | None = None
+        self.count = 0
+        self.listens_at = ""
+
+    def start(self) -> None:
+        """Start the first one, or one that goes on from the journal of the last."""
+        down_read, down_write = os.pipe()
+        up_read, up_write = os.pipe()
+        around, again = self._around, self.count > 0
+        file = around.file
+        if again:
+            file = replace(file, bus=replace(file.bus, listen=self.listens_at))
+        profile, shared, make = around.profiling.frames, around.shared, self._make
+        self.child = fork(
+            COORDINATOR,
+            lambda: coordinate(file, Reports(up_write), down_read, profile, shared, make, again),
+            (down_read, up_write),
+            around.lifeline[0],
+        )
+        os.close(down_read)
+        os.close(up_write)
+        os.set_blocking(up_read, False)
+        os.set_blocking(down_write, False)
+        self._commands, self._reports, self._output = down_write, up_read, self.child.output
+        self._report_lines, self._output_lines = Lines(), Lines()
+        around.pipes.listen(self._reports, self._hear_reports)
+        around.pipes.listen(self._output, self._hear_output)
+
+    def command(self, line: str) -> None:
+        """Tell the coordinator something; one that does not listen must not stop us, too."""
+        try:
+            os.write(self._commands, line.encode() + b"\n")
+        except OSError:
+            return  # It has just died, which its exit says, or is stuck, which will be seen.
+
+    def ended(self) -> None:
+        """The coordinator's process has ended; hear what it said last."""
+        self.child = None
+        os.close(self._commands)
+        self._commands = NOWHERE
+        if self._reports != NOWHERE:
+            self._hear_reports()
+        if self._output != NOWHERE:
+            self._hear_output()
+
+    def may_go_on(self, code: int) -> bool:
+        """Whether a coordinator with this exit code was killed in a world that runs, once more."""
+        return code < 0 and bool(self._around.endpoint) and self.count < MOST_SUCCESSIONS
+
+    def go_on(self) -> None:
+        """Let another one follow."""
+        self.count += 1
+        self._around.pipes.forget(self._reports)
+        self._around.pipes.forget(self._output)
+        self.start()
+
+    def _hear_reports(self) -> None:
+        data = self._around.pipes.read(self._reports)
+        if data is None:
+            self._reports = NOWHERE
+        for line in self._report_lines.feed(data or b""):
+            report = parsed(line)
+            if report is not None:
+                self._told(report)
+
+    def _hear_output(self) -> None:
+        data = self._around.pipes.read(self._output)
+        if data is None:
+            self._output = NOWHERE
+        for line in self._output_lines.feed(data or b""):
+            self._printed(line)

@@ -1,0 +1,112 @@
+"""A bad line for tests: TCP connections on which everything is late, and which may be cut."""
+
+from __future__ import annotations
+
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from random import Random
+from typing import Final, Self
+
+CHUNK: Final = 65536
+
+
+def slow_line(random: Random, latency: float, lost: float = 0.0) -> Callable[[], float]:
+    """How many seconds what is sent takes: `latency`, and more where it was lost on its way.
+
+    `lost` is the share that TCP has to send again, which takes it a fifth of a second and what
+    comes behind has to wait for. One `Random` makes one series of delays.
+    """
+    return lambda: latency + (0.2 + 2 * latency if random.random() < lost else 0.0)
+
+
+class Proxy:
+    """A way to a TCP port; also the context in which it is open.
+
+        with Proxy(port, slow_line(Random(1), 0.05, 0.01)) as proxy:
+            open_client("a", f"tcp/127.0.0.1:{proxy.port}")
+
+    What is passed on keeps its order; `delay` gives the seconds of each chunk. Latency does not
+    take bandwidth: chunks follow each other as they were sent.
+    """
+
+    def __init__(
+        self, port: int, delay: Callable[[], float], host: str = "127.0.0.1", at: int = 0
+    ) -> None:
+        """`at` is the port that it takes; 0: any that is free."""
+        self._to = (host, port)
+        self._delay = delay
+        self._links: set[socket.socket] = set()
+        self._lock = threading.Lock()
+        self._server = socket.create_server(("127.0.0.1", at))
+        self.port: int = self._server.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def cut(self) -> int:
+        """Break all connections; how many there were. New ones are taken as before."""
+        with self._lock:
+            links, self._links = self._links, set()
+        for one in links:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+        return len(links) // 2
+
+    def close(self) -> None:
+        """Take no more connections, and break those that there are."""
+        with suppress(OSError):
+            self._server.shutdown(socket.SHUT_RDWR)
+        self._server.close()
+        self.cut()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                try:
+                    far = socket.create_connection(self._to)
+                except OSError:
+                    near.close()
+                    continue
+                with self._lock:
+                    self._links |= {near, far}
+                for one, other in ((near, far), (far, near)):
+                    one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    self._carry(one, other)
+
+    def _carry(self, one: socket.socket, other: socket.socket) -> None:
+        late: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+        for what, link in ((self._take, one), (self._give, other)):
+            threading.Thread(target=what, args=(link, late), daemon=True).start()
+
+    def _take(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:
+        """Read until the end, which is an empty chunk."""
+        data = b" "
+        while data:
+            try:
+                data = link.recv(CHUNK)
+            except OSError:
+                data = b""
+            late.put((time.monotonic() + self._delay(), data))
+
+    def _give(self, link: socket.socket, late: queue.SimpleQueue[tuple[float, bytes]]) -> None:
+        """Write each chunk when it is due, and end as the other side has."""
+        with suppress(OSError):
+            while True:
+                due, data = late.get()
+                time.sleep(max(0.0, due - time.monotonic()))
+                if not data:
+                    break
+                link.sendall(data)
+        with suppress(OSError):
+            link.shutdown(socket.SHUT_RDWR)
+        with self._lock:
+            self._links.discard(link)

@@ -1,0 +1,57 @@
+"""What members print is a line of the log, also where they have no process of their own."""
+
+import json
+import sys
+import threading
+
+import pytest
+
+from minerva_bus.launch.printed import printed
+from tests.bus.running import MEMBERS, here, write_world
+
+SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return write_world(tmp_path_factory.mktemp("printing"), SCREEN, frames=5)
+
+
+@pytest.mark.parametrize("words", [("--json",), (), ("--quiet",)])
+def test_the_summary_has_standard_output_to_itself(path, words):
+    done = here(path.parent, "run", path, "--in-process", *words)
+    assert done.returncode == 0, done.stderr
+    assert "in-process │ frame 4: 4 figures\n" in done.stderr
+    assert "figures" not in done.stdout
+    if "--json" in words:
+        assert json.loads(done.stdout)["frames"] == 5
+
+
+def test_where_lines_are_json_these_are_too(path):
+    done = here(path.parent, "run", path, "--in-process", "--log-format", "json")
+    assert json.loads(done.stdout)["frames"] == 5
+    lines = [json.loads(line) for line in done.stderr.splitlines()]
+    said = [one for one in lines if "figures" in one["message"]]
+    assert len(said) > 3
+    assert {(one["member"], one["level"]) for one in said} == {("in-process", "info")}
+
+
+def test_lines_come_whole_and_the_last_one_needs_no_end():
+    told = []
+    with printed(told.append):
+        print("one")
+        print("two", "three", end="")
+        print(" four\nfive\n\nsix", end="")
+        writers = [
+            threading.Thread(target=sys.stdout.write, args=("x" * 50 + "\n",)) for _ in range(8)
+        ]
+        print()
+        for one in writers:
+            one.start()
+        for one in writers:
+            one.join()
+        print("seven", end="", flush=True)
+    assert [one for one in told if "x" not in one or "six" in one] == [
+        "one", "two three four", "five", "", "six", "seven",
+    ]  # fmt: skip
+    assert "".join(told).count("x" * 50) == 8

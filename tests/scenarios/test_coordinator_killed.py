@@ -1,0 +1,50 @@
+"""The coordinator is killed at every step of a run: another one goes on, and the strings are the same."""
+
+import pytest
+from test_any_schedule import FRAMES, SETTINGS, both
+
+from minerva_bus.frame.stimuli import GaveUp
+from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+
+
+def run(setting, kills):
+    """Run a world in a fixed order; the coordinator is killed after so many steps."""
+    bus = MemoryBus(setting.world, setting.members)
+    bus.start()
+    steps = 0
+    while bus.ended is None:
+        links = bus.ready()
+        assert links, (bus.stuck, bus.algorithm.waiting_for(), bus.trace[-12:])
+        bus.step(next((one for one in links if one != BEGIN), BEGIN))
+        steps += 1
+        if steps in kills:
+            bus.kill_coordinator()
+            for name in sorted(setting.members.keys() - bus.alive.keys()):
+                if len(bus.records) == FRAMES:  # It was told of the end, and has gone.
+                    bus.tell(GaveUp(name))
+    return bus, steps
+
+
+@both
+def test_killed_at_any_step_another_goes_on_to_the_same_strings(setting):
+    undisturbed, end = setting.undisturbed
+    bus, steps = run(setting, ())
+    assert bus.digests == undisturbed
+    for kill in range(1, steps):
+        bus, _ = run(setting, {kill})
+        assert bus.digests == undisturbed, f"killed after step {kill}"
+        assert bus.ended.reason == end.reason
+
+
+@pytest.mark.parametrize("every", [7, 23, 60])
+@both
+def test_killed_again_and_again(setting, every):
+    undisturbed, _ = setting.undisturbed
+    bus, _ = run(setting, set(range(every, 5000, every + 40)))
+    assert bus.digests == undisturbed
+    assert len(bus.digests) == FRAMES
+
+
+def test_a_killed_coordinator_is_told_in_a_trace():
+    bus, _ = run(SETTINGS["pond"], {30})
+    assert "the coordinator was killed" in bus.trace

@@ -1,0 +1,162 @@
+"""Journals: what they have is what there was, whatever was cut off; and one coordinator writes one."""
+
+from dataclasses import replace
+
+import pytest
+from test_any_schedule import SETTINGS
+
+from minerva_bus.errors import Followed
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.stimuli import FrameDone, Order
+from minerva_bus.record import journal as j
+from minerva_bus.record.checkpoints import Kept, encode_checkpoint
+from minerva_bus.record.errors import RecordError
+from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
+
+
+def kept(algorithm):
+    """The checkpoint as bytes: events in columns are compared by what is in them."""
+    return encode_checkpoint(Kept.of(algorithm.checkpoint), None)
+
+
+both = pytest.mark.parametrize("name", SETTINGS)
+
+
+class Written:
+    """A world that runs in memory, with its journal."""
+
+    def __init__(self, path, name, epoch=7):
+        setting = SETTINGS[name]
+        self.path, self.world = path, setting.world
+        self.bus = MemoryBus(setting.world, setting.members)
+        self.journal = j.Journal(path, epoch, self.bus.algorithm)
+        carry_out = self.bus._carry_out
+
+        def watch(instruction):
+            carry_out(instruction)
+            if isinstance(instruction, FrameDone):
+                self.journal.members(one.name for one in self.bus.algorithm.roster.here())
+                self.journal.frame(instruction.course)
+
+        self.bus._carry_out = watch
+        self.bus.start()
+        self.bus.settle()
+
+    def read(self):
+        past = j.read_journal(self.path, self.world)
+        algorithm, seen = FrameAlgorithm(past.world), []
+        j.go_on(algorithm, past, lambda done: seen.append(done.record.digest.hex()))
+        return past, algorithm, seen
+
+
+@both
+def test_what_a_journal_has_is_what_there_was(tmp_path, name):
+    written = Written(tmp_path / "w.journal", name)
+    for frame in range(6):
+        written.bus.frame()
+        past, algorithm, seen = written.read()
+        assert (past.epoch, algorithm.frame) == (7, frame + 1)
+        assert seen == written.bus.digests
+        assert kept(algorithm) == kept(written.bus.algorithm)
+        assert algorithm.shown == written.bus.algorithm.shown
+        assert past.members == set(SETTINGS[name].members)
+
+
+@both
+def test_written_anew_it_goes_on_from_there(tmp_path, name, monkeypatch):
+    monkeypatch.setattr(j, "LEAST", 1)
+    monkeypatch.setattr(j, "ANEW_AFTER", 0)
+    written = Written(tmp_path / "w.journal", name)
+    for frame in range(6):
+        written.bus.frame()
+        past, algorithm, _ = written.read()
+        assert past.courses == []
+        assert past.world.past.frame == frame + 1
+        assert algorithm.scene.digest.hex() == written.bus.digests[-1]
+        assert algorithm.shown == written.bus.algorithm.shown
+        assert kept(algorithm) == kept(written.bus.algorithm)
+
+
+@both
+def test_whoever_goes_on_from_a_journal_written_anew_goes_on_to_the_same_strings(tmp_path, name):
+    """Views too: what hosts say of them next is a patch of what they have shown."""
+    for frames in range(1, 7):
+        written = Written(tmp_path / f"{frames}.journal", name)
+        for _ in range(frames):
+            written.bus.frame()
+            if written.bus.algorithm.frame == max(1, frames - 2):
+                written.journal._begin()
+        _, successor, _ = written.read()
+        written.bus.kill_coordinator(successor)
+        written.journal._algorithm = successor
+        written.bus.run()
+        assert written.bus.digests == SETTINGS[name].undisturbed[0]
+
+
+@both
+def test_cut_off_anywhere_it_has_all_whole_frames(tmp_path, name):
+    written = Written(tmp_path / "w.journal", name)
+    ends = [written.path.stat().st_size]
+    for _ in range(6):
+        written.bus.frame()
+        ends.append(written.path.stat().st_size)
+    data = written.path.read_bytes()
+    for cut in sorted({*range(0, len(data), 997), *ends, ends[3] - 1}):
+        written.path.write_bytes(data[:cut])
+        past = j.read_journal(written.path, written.world)
+        whole = sum(end <= cut for end in ends)
+        if not whole:
+            assert past is None or past.courses == []
+            continue
+        _, algorithm, seen = written.read()
+        assert algorithm.frame == whole - 1
+        assert seen == written.bus.digests[: whole - 1]
+
+
+def test_a_bit_that_is_wrong_ends_it_there(tmp_path):
+    written = Written(tmp_path / "w.journal", "pond")
+    written.bus.frame()
+    end = written.path.stat().st_size
+    written.bus.frame()
+    data = bytearray(written.path.read_bytes())
+    data[end + 40] ^= 1
+    written.path.write_bytes(data)
+    assert written.read()[1].frame == 1
+
+
+def test_whoever_is_followed_writes_no_more(tmp_path):
+    first = Written(tmp_path / "w.journal", "pond")
+    first.bus.frame()
+    second = Written(tmp_path / "w.journal", "pond", epoch=8)
+    with pytest.raises(Followed, match="another coordinator runs the world"):
+        first.bus.frame()
+    second.bus.frame()
+    assert second.read()[0].epoch == 8
+    first.journal.close(over=True)
+    assert second.path.exists()
+    second.journal.close(over=True)
+    assert not second.path.exists()
+
+
+def test_the_journal_of_another_world_is_refused(tmp_path):
+    written = Written(tmp_path / "w.journal", "pond")
+    with pytest.raises(RecordError, match="of another world"):
+        j.read_journal(written.path, replace(written.world, seed=99))
+    written.path.write_bytes(b"no journal at all, but long enough to be one")
+    assert j.read_journal(written.path, written.world) is None
+    assert j.read_journal(tmp_path / "none", written.world) is None
+
+
+def test_people_s_events_between_two_frames_are_not_lost(tmp_path):
+    written = Written(tmp_path / "w.journal", "pond")
+    written.bus.frame()
+    algorithm = written.bus.algorithm
+    event = written.world.vocabulary.events["eAdd"](n=3)
+    written.bus.tell(Order(event))
+    written.journal.waiting(algorithm.ordered)
+    _, again, _ = written.read()
+    assert kept(again) == kept(algorithm)
+    assert algorithm.checkpoint.inbox
+    written.bus.step(BEGIN)
+    written.bus.settle()
+    assert written.read()[1].checkpoint.inbox == {}

@@ -1,0 +1,197 @@
+"""Rules about where agents live: they are kept, said, and reach no string where all find a place."""
+
+from dataclasses import replace
+
+import pytest
+from pond import VOCABULARY, Add, Counter, Minnow, Steps, host, service, world
+
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.constraints import Placement, Rule
+from minerva_bus.frame.distribution import Distribution
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.testing.memory_bus import MemoryBus
+
+FOUR = " · ".join(f"ACounter#{one}" for one in "abcd")
+
+
+def pond(hosts, placement, text=FOUR, **rest):
+    """Counters on hosts whose machines are given; the generator runs on the machine `lab`."""
+    members = {"add": on("lab", "add", service("add", Add))}
+    members |= {name: on(where, name, host(name, Counter)) for name, where in hosts.items()}
+    bus = MemoryBus(world(text, ["add"], placement=placement, **rest), members)
+    bus.start()
+    return bus
+
+
+def on(machine, name, make):
+    """A maker of a member that runs on this machine."""
+
+    def made():
+        participant = make()
+        plain = participant.hello
+        participant.hello = lambda: replace(plain(), host=machine)
+        return participant
+
+    return made
+
+
+def homes(bus):
+    distribution = bus.algorithm._distribution
+    return {one: distribution.host_of(one) for one in bus.algorithm.composition.fragments}
+
+
+def counts(bus):
+    return {node.id: node.values[0] for node in bus.algorithm.scene.nodes}
+
+
+def test_a_kind_lives_only_where_it_may():
+    bus = pond({"east": "1", "west": "2"}, Placement({"ACounter": Rule(only=("we*",))}))
+    bus.run(3)
+    assert set(homes(bus).values()) == {"west"}
+    plain = pond({"east": "1", "west": "2"}, Placement())
+    plain.run(3)
+    assert set(homes(plain).values()) == {"east", "west"}
+    assert bus.digests == plain.digests
+
+
+def test_agents_follow_the_member_that_they_have_to_be_near():
+    near = Placement({"ACounter": Rule(near="add")})
+    bus = pond({"east": "field", "west": "lab"}, near)
+    bus.run(2)
+    assert set(homes(bus).values()) == {"west"}
+    bus.vanish("add")
+    bus.settle()
+    bus.makers["add"] = on("field", "add", service("add", Add))
+    bus.appear("add")
+    bus.run(2)
+    assert set(homes(bus).values()) == {"east"}
+    assert counts(bus) == dict.fromkeys("abcd", 4)
+
+
+def test_a_host_takes_no_more_than_it_may_and_who_is_left_stands_still():
+    bus = pond({"east": "1"}, Placement(agents_per_host=3))
+    bus.run(2)
+    assert sorted(counts(bus).values()) == [0, 2, 2, 2]
+    assert [one for one in bus.said if "1 agents have no host and stand still" in one]
+    bus.makers["west"] = host("west", Counter)
+    bus.appear("west")
+    bus.run(1)
+    assert sorted(counts(bus).values()) == [1, 3, 3, 3]
+    assert "every agent has a host again" in bus.said[-1]
+    assert sorted(homes(bus).values()) in (["east"] * n + ["west"] * (4 - n) for n in (1, 2, 3))
+
+
+def test_it_is_said_once_for_as_long_as_nothing_changes():
+    bus = pond({"east": "1"}, Placement(agents_per_host=3))
+    bus.run(40)
+    assert len([one for one in bus.said if "stand still" in one]) == 1
+
+
+def shoal(hosts, placement, text, **rest):
+    members = {"steps": service("steps", Steps)} | {one: host(one, Minnow) for one in hosts}
+    bus = MemoryBus(world(text, members, placement=placement, seed=5, **rest), members)
+    bus.start()
+    return bus
+
+
+MANY = " · ".join(f"AMinnow#m{n}<x={n}>" for n in range(150))
+
+
+@pytest.mark.parametrize("most", [0, 100, 400])
+def test_a_population_is_cut_so_that_its_parts_have_room(most):
+    alone = shoal(["one"], Placement(), MANY)
+    alone.run(12)
+    bus = shoal(["one", "two", "six"], Placement(agents_per_host=most), MANY)
+    bus.run(12)
+    assert bus.digests == alone.digests
+    if most == 100:
+        parts = bus.algorithm.composition.parts
+        assert len(parts) >= 2
+        assert all(part.count <= 2 * most for part in parts.values())  # as they grow, till recut
+
+
+def test_what_is_too_much_of_a_population_stands_still():
+    bus = shoal(["one"], Placement(agents_per_host=100), MANY)
+    bus.run(1)
+    parts = list(bus.algorithm.composition.parts.items())
+    assert len(parts) == 2
+    still = [name for name, _ in parts if homes(bus)[name] is None]
+    assert len(still) == 1
+    assert any("50 agents have no host" in one for one in bus.said)
+
+
+def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():
+    """Whoever is left takes all of its agents for the rest of the frame, and then what it may."""
+    members = {"one": "1", "two": "1", "six": "1"}
+    text = " · ".join(f"ACounter#n{n}" for n in range(9))
+    plain = pond(members, Placement(), text)
+    plain.run(3)
+    bus = pond(members, Placement(agents_per_host=3), text)
+    bus.run(2)
+    bus.hold(("up", "two"))
+    bus.frame()
+    assert bus.algorithm.waiting_for() == ["two"]
+    bus.release()
+    bus.drop(("up", "two"))
+    bus.vanish("two")
+    bus.settle()
+    assert bus.digests == plain.digests
+    bus.run(2)
+    assert sorted(counts(bus).values()) == [3, 3, 3, 5, 5, 5, 5, 5, 5]
+
+
+def test_agents_wait_for_the_member_near_which_they_live_to_be_attached():
+    bus = pond({"east": "field"}, Placement({"ACounter": Rule(near="second")}))
+    bus.run(2)
+    assert set(counts(bus).values()) == {0}
+    bus.makers["second"] = on("field", "second", service("second", Steps))
+    bus.appear("second")
+    bus.run(2)
+    assert set(counts(bus).values()) == {2}
+
+
+def distributed(rows, most, **hosts):
+    composition = Composition(VOCABULARY.read(MANY))
+    assert [part.count for part in composition.parts.values()] == [150]
+    composition.replace({name: Scene((part.take(slice(rows)),)) for name, part in
+                         composition.parts.items()})  # fmt: skip
+    distribution = Distribution(VOCABULARY, composition, most)
+    offers = dict.fromkeys(hosts or {"one": 0}, frozenset({"AMinnow"}))
+    distribution.arrange(offers)
+    return composition, distribution, offers
+
+
+def sizes(composition):
+    return [part.count for part in composition.parts.values()]
+
+
+def test_where_agents_have_died_those_who_stood_still_go_on():
+    composition, distribution, offers = distributed(150, 100)
+    assert (sizes(composition), distribution.homeless) == ([100, 50], 50)
+    first, part = next(iter(composition.parts.items()))
+    composition.replace({first: Scene((part.take(slice(60)),))})
+    assert distribution.lopsided
+    distribution.arrange(offers)
+    assert (sizes(composition), distribution.homeless) == ([100, 10], 10)
+
+
+def test_where_agents_were_born_beyond_what_a_host_takes_others_help():
+    composition, distribution, offers = distributed(140, 80, one=0, two=0)
+    assert (sizes(composition), distribution.homeless) == ([70, 70], 0)
+    first, part = next(iter(composition.parts.items()))
+    rest = next(iter(Composition(VOCABULARY.read(MANY)).parts.values())).take(slice(140, 150))
+    composition.replace({first: Scene((Columns.concatenated([part, rest]),))})
+    distribution.arrange(offers)
+    assert sizes(composition) == [80, 70]
+    assert not distribution.lopsided
+    more = Columns.concatenated([composition.parts[first], _others(20)])
+    composition.replace({first: Scene((more,))})
+    assert distribution.lopsided
+    distribution.arrange(offers)
+    assert (max(sizes(composition)[:2]), distribution.homeless) == (80, 10)
+
+
+def _others(rows):
+    text = " · ".join(f"AMinnow#o{n}<x={n}>" for n in range(64))
+    return next(iter(Composition(VOCABULARY.read(text)).parts.values())).take(slice(rows))

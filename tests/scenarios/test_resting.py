@@ -1,0 +1,117 @@
+"""A world in which nothing happens rests, until something does."""
+
+import signal
+from contextlib import suppress
+
+import pytest
+from pond import Add, Screen, counters, eAdd, expect, service
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.pacing import Glances
+from minerva_bus.record.errors import RecordError
+from minerva_bus.record.reader import Record
+from tests.bus.running import World, eventually, write_world
+
+
+class Bell(Add, lockstep=False):
+    """Adds when somebody rings."""
+
+
+def resting(text="ACounter#a<n=6>", *, frames=0, **more):
+    bus = counters(text, members={"add": service("add", Bell), **more}, frames=frames)
+    bus.start()
+    bus.run(2)
+    bus.trace.clear()
+    return bus
+
+
+def test_it_rests_until_an_event_waits_and_while_agents_answer_one_another():
+    bus = resting()
+    assert bus.algorithm.at_rest
+    bus.tell(m.Emitted("add", (eAdd(1),)))
+    assert not bus.algorithm.at_rest
+    bus.run(1)
+    assert not bus.algorithm.at_rest  # At 7 a counter sends eDone, which the next frame has.
+    bus.run(1)
+    assert bus.algorithm.at_rest
+    expect(
+        bus,
+        """
+        > add: emitted eAdd<n=1>
+        > begin
+            host ← fragments #a
+            ~hosts ← evolve 2 on host: eAdd<n=1>
+        > host: evolved 2: #a, emitting eDone from #a
+            frame 2 done: eAdd<n=1>; #a: ACounter#a<n=7>()
+            ready for frame 3
+        > begin
+            frame 3 done: eDone from #a; no change
+            ready for frame 4
+    """,
+    )
+
+
+def test_an_order_ends_the_rest():
+    bus = resting()
+    bus.tell(s.Order(eAdd(3)))
+    assert not bus.algorithm.at_rest
+    bus.run(2)
+    assert bus.algorithm.at_rest
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_it_rests_when_every_device_has_seen_what_has_changed(every):
+    screen = Screen(every)
+    bus = resting(screen=service("screen", lambda: screen))
+    bus.tell(s.Order(eAdd(1)))
+    while not bus.algorithm.at_rest:
+        bus.run(1)
+        assert len(bus.records) < 20
+    assert screen.shown[-1].endswith("PDot<x=7>")
+
+
+def test_a_world_with_a_rhythm_of_its_own_never_rests():
+    bus = counters()
+    bus.start()
+    bus.run(2)
+    assert not bus.algorithm.at_rest
+
+
+def test_nor_does_one_of_a_number_of_frames():
+    assert not resting(frames=9).algorithm.at_rest
+
+
+def test_when_the_first_view_by_the_clock_is_due():
+    glances, rates = Glances(), {"eShow": 19.0, "eSlow": 1.0}
+    assert glances.next({}) == float("inf")
+    assert glances.due(100.0, rates) == ("eShow", "eSlow")
+    assert glances.next(rates) == pytest.approx(100.05)
+    assert glances.due(glances.next(rates), rates) == ("eShow",)
+
+
+def test_on_the_bus_a_world_at_rest_makes_few_frames(tmp_path):
+    members = '[process.walkers]\nagents = "yard:Walker"\n'
+    with World(write_world(tmp_path, members, frames=0)) as world, world.client() as asked:
+        world.runs("walkers")
+        # As fast as it goes it would be thousands a second.
+        eventually(lambda: 0 < asked.operator.status().hz < 100, "it rests")
+        rested = asked.operator.status().frame
+        eventually(lambda: asked.operator.status().frame > rested + 3, "and goes on all the same")
+
+
+def test_in_one_process_too(tmp_path):
+    members = '[process.noise]\nservice = "yard:Noise"\n[process.walkers]\nagents = "yard:Walker"\n'
+    path = write_world(tmp_path, members, frames=0)
+    with World(path, "--in-process", "--record", "rest.mcap", "--flush", "0.1") as world:
+        found: list[bool] = []
+
+        def seen():
+            with suppress(RecordError), Record(tmp_path / "rest.mcap") as record:
+                found[:] = [bool(frame.events) for frame in record.frames()]
+            return sum(found) > 20
+
+        eventually(seen, "noise, fifty times a second")
+        world.kill(signal.SIGINT)
+        assert world.ends() == 130
+    assert len(found) < 10 * sum(found)
