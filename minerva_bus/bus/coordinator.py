@@ -105,6 +105,7 @@ class BusCoordinator:
         self._status_at = 0.0
         self._status_frame: int = 0
         self._recorded = False
+        self._has_time = False
         self._reports_within = REPORTS_WITHIN
         self.last_frame_at = 0.0
         self.most_members = 0
@@ -195,6 +196,7 @@ class BusCoordinator:
     def _step(self) -> None:
         due = self._begin_at
         if due is None:
+            self._use_time()
             self._take(self.inbox.wait())
             return
         if self.algorithm.at_rest and time.monotonic() < (until := self._rest_until()):
@@ -215,6 +217,7 @@ class BusCoordinator:
         if self.algorithm.roster.attending.rates:
             self._take_all_until(until)
         else:
+            self._use_time()
             self._take(self.inbox.wait())
 
     def _begin(self) -> s.Begin:
@@ -229,7 +232,14 @@ class BusCoordinator:
             self._take(item)
         wait = due - time.monotonic()
         if wait > 0:
+            self._use_time()
             time.sleep(min(wait, NAP))
+
+    def _use_time(self) -> None:
+        """Others are waited for now: what nobody waits for may be done."""
+        if self._has_time:
+            self._has_time = False
+            self._watch.idle()
 
     def _take(self, item: Any) -> None:
         if isinstance(item, tuple):
@@ -349,6 +359,7 @@ class BusCoordinator:
             self._send(instruction)
         elif isinstance(instruction, s.FrameDone):
             self.last_frame_at = time.monotonic()
+            self._has_time = True
             if self.watched:
                 self.diary.frame(instruction.frame, instruction.events)
             self._watch.frame_done(instruction)
@@ -380,6 +391,7 @@ class BusCoordinator:
         elif instruction.to == s.HOSTS:
             self._evolving_since = time.monotonic()
         self._put(self._key_to(instruction.to), self._stamp + data)
+        self._has_time = True
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
         return encode(message)

@@ -51,6 +51,8 @@ class Watchers:
     listening: Callable[[str], None]
     stalled: Callable[[str, float], None]
     frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
+    idle: Callable[[], None] = field(default=lambda: None)
+    """The coordinator goes to wait for others: it has time for what need not be done at once."""
     operated: Callable[[], None] = field(default=lambda: None)
     stopping: Callable[[], None] = field(default=lambda: None)
     restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")

@@ -24,6 +24,7 @@ so that a chunk in which nothing has changed need not be gone over again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from hashlib import blake2b
 from math import copysign
 from typing import Any, Final, cast
@@ -190,9 +191,14 @@ def _hash(data: bytes) -> bytes:
 def _head(node: Node) -> bytes:
     name = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
     if node.names:
-        pairs = zip(node.names, node.values, strict=True)
-        name = f"{name}<{', '.join([f'{n}={_value(v)}' for n, v in pairs])}>"
+        name = f"{name}<{_places(node.names) % (*map(_value, node.values),)}>"
     return name.encode()
+
+
+@lru_cache(1024)
+def _places(names: tuple[str, ...]) -> str:
+    """Where the values stand between their names."""
+    return ", ".join([f"{name}=%s" for name in names])
 
 
 def _value(value: Value) -> str:

@@ -62,7 +62,7 @@ def value_text(value: Value) -> str:
 def number_text(number: float) -> str:
     """The shortest text that reads back as the same number; whole ones without a point."""
     shown = repr(float(number))
-    return shown[:-2] if shown.endswith(".0") and shown != "-0.0" else shown
+    return shown if shown[-2:] != ".0" or shown == "-0.0" else shown[:-2]
 
 
 def _matrix_text(matrix: Array) -> str:

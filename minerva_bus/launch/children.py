@@ -111,6 +111,7 @@ class _Told:
             ),
             stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
             frame_done=self._frame_done,
+            idle=lambda: self.record.help(),
             operated=lambda: self.journal.operated(),
             stopping=lambda: tell("stopping"),
             restart=self._restart,

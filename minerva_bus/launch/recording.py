@@ -29,6 +29,10 @@ class Recording(Protocol):
         """A frame is over."""
         ...
 
+    def help(self) -> None:
+        """Nobody waits for the caller of `frame` just now: what is left to do may be done."""
+        ...
+
     def said(self, member: str, text: str) -> None:
         """Something was said of a member, or printed by it."""
         ...
@@ -53,6 +57,9 @@ class Nothing:
 
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over."""
+
+    def help(self) -> None:
+        """There is time."""
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member."""
@@ -124,6 +131,10 @@ class InFile:
         algorithm = self._algorithm
         checkpoint = algorithm.checkpoint
         self._recorder.frame(done, algorithm.scene, self._seconds(), checkpoint=checkpoint)
+
+    def help(self) -> None:
+        """Nobody waits for the caller of `frame` just now."""
+        self._recorder.help()
 
     def said(self, member: str, text: str) -> None:
         """Something was said of a member, or printed by it."""

@@ -62,6 +62,11 @@ class Backlog:
                 self._waiting.append(one)
                 self._bytes += one.size
 
+    @property
+    def waiting(self) -> bool:
+        """Whether something waits."""
+        return bool(self._waiting)
+
     def take(self) -> tuple[Heard, Readings] | None:
         """The next one, as readings; None where nothing waits."""
         while True:

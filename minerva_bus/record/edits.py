@@ -159,6 +159,8 @@ def _keys(pieces: Sequence[Piece], begin: int, kept: Container[int]) -> Iterator
 
 def _changed(old: Piece, new: Piece, depth: int) -> Any:
     """The step that makes the new piece of the old one; None where it has to come anew."""
+    if type(old) is AgentNode and type(new) is AgentNode and old.values is not new.values:
+        return None  # As most changes are.
     if isinstance(old, Columns):
         patch = difference(old, new) if isinstance(new, Columns) else None
         return None if patch is None else plain_patch(patch)

@@ -114,9 +114,26 @@ def _of_nodes(
     pieces: Sequence[Piece], vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
 ) -> Iterator[Places]:
     """Those of some pieces, moved by the transformations in whose scopes they are."""
-    poses = [_ORIGIN]
     found: dict[str, list[tuple[AgentNode, Pose]]] = {}
-    for opens, node in walk(Scene(tuple(pieces))):
+    for piece in pieces:
+        if isinstance(piece, AgentNode) and not piece.scope.pieces:  # As most are.
+            if piece.symbol in placed:
+                found.setdefault(piece.symbol, []).append((piece, _ORIGIN))
+        else:
+            _find(piece, vocabulary, placed, found)
+    for kind, some in found.items():
+        yield _of_agents(kind, some, placed[kind])
+
+
+def _find(
+    piece: Piece,
+    vocabulary: Vocabulary,
+    placed: Container[str],
+    found: dict[str, list[tuple[AgentNode, Pose]]],
+) -> None:
+    """Those that are within a piece, or are it."""
+    poses = [_ORIGIN]
+    for opens, node in walk(Scene((piece,))):
         if isinstance(node, FigureNode):
             continue
         if isinstance(node, TransformationNode):
@@ -126,8 +143,6 @@ def _of_nodes(
                 poses.pop()
         elif opens and node.symbol in placed:
             found.setdefault(node.symbol, []).append((node, poses[-1]))
-    for kind, some in found.items():
-        yield _of_agents(kind, some, placed[kind])
 
 
 def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose:
@@ -149,7 +164,12 @@ def _of_agents(kind: str, some: Sequence[tuple[AgentNode, Pose]], names: frozens
     def get(name: str, default: float) -> Numbers:
         if name not in names:
             return np.full(len(nodes), default)
-        return np.array([node.values[node.names.index(name)] for node in nodes], np.float64)
+        usual = nodes[0].names
+        at = usual.index(name)
+        values = [
+            node.values[at if node.names is usual else node.names.index(name)] for node in nodes
+        ]
+        return np.array(values, np.float64)
 
     x, y, angle = _place(names, get)
     ids = [node.id for node in nodes]

@@ -1,20 +1,24 @@
 """Recording a world while it runs.
 
-A thread of its own writes, so a frame is not held up by the disk. Up to `WAITING` frames wait for
-it. When they are as many, the world waits for the disk, since a record with holes cannot be
-replayed; when the disk does nothing at all for `PATIENCE` seconds, frames are left out until it
-goes on, and how many is said. The strings of the frames behind a hole are right all the same: what
-is written of a frame is what differs from the last frame that was written.
+Only a thread of its own goes to the disk, so a frame is not held up by it. What a frame leaves to
+write is put together in memory, and that, where it is `LIGHT`, by whoever runs the frames while it
+has to wait for others anyway: two threads that want the interpreter at the same time cost more
+than the work itself. All else the thread does.
+
+Up to `WAITING` frames wait. When they are as many, the world waits too, since a record with holes
+cannot be replayed; when the disk does nothing at all for `PATIENCE` seconds, frames are left out
+until it goes on, and how many is said. The strings of the frames behind a hole are right all the
+same: what is written of a frame is what differs from the last frame that was written.
 
 Where the disk is full, the world goes on without a record, and what was flushed stays readable.
 """
 
 from __future__ import annotations
 
-import queue
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -34,12 +38,17 @@ from minerva_bus.record.reader import Record
 from minerva_bus.record.writer import RecordWriter, open_for_record, part_of, take_name
 
 WAITING: Final = 16
+HELPED_WITHIN: Final = 4
+"""Frames that may wait for a helper before the thread is called."""
+
 PATIENCE: Final = 1.0
 CLOSING_WITHIN: Final = 30.0
 TURN: Final = 0.001
 """Seconds that the writing thread keeps the interpreter's lock while a frame's wants it: Python's
 own five milliseconds are several frames, and giving way unasked costs more than it brings."""
 
+LIGHT: Final = 0.0005
+"""Seconds of work on a frame that may be done while others are waited for."""
 
 _NONE: Mapping[str, float] = {}
 
@@ -105,7 +114,12 @@ class Recorder:
             raise
         if past is not None:
             take_name(path)
-        self._items: queue.SimpleQueue[_Item | None] = queue.SimpleQueue()
+        self._items: deque[_Item] = deque()
+        self._writing = threading.Lock()
+        self._called = threading.Event()
+        self._over = False
+        self._helped = False
+        self._light = True
         self._stuck = False
         self._closed = False
         self._heard = Backlog()
@@ -144,6 +158,23 @@ class Recorder:
             self._put(_FrameItem(record, scene, seconds, timings, kept))
         self._tell_failure()
 
+    def help(self) -> None:
+        """Write what waits, if that is little and nobody else writes; else the thread will.
+
+        For the caller of `frame`, when it has nothing to do. Who calls it once has to go on: the
+        thread then relies on it.
+        """
+        self._helped = True
+        if self._thread is None or not (self._items or self._heard.waiting):
+            return
+        if self._heard.waiting or not (self._light and self._writer.has_room):
+            self._called.set()
+        elif self._writing.acquire(blocking=False):
+            try:
+                self._write_next()
+            finally:
+                self._writing.release()
+
     def log(self, member: str, text: str, seconds: float, *, warning: bool = False) -> None:
         """Record a line about a member."""
         self._put(_LogItem(self._frame, seconds, member, text, warning))
@@ -179,7 +210,8 @@ class Recorder:
             )
 
     def _end(self, thread: threading.Thread) -> None:
-        self._items.put(None)
+        self._over = True
+        self._called.set()
         thread.join(CLOSING_WITHIN)
         if thread.is_alive():
             self._failure = self._failure or "the disk does not answer"
@@ -190,16 +222,19 @@ class Recorder:
         if self._thread is None:
             self._carefully(partial(self._write_durably, item))
             return
-        if self._has_room():
-            self._items.put(item)
-            self._stuck = False
-        else:
+        if not self._has_room():
             self._leave_out(item)
+            return
+        self._items.append(item)
+        self._stuck = False
+        if not self._helped or len(self._items) > HELPED_WITHIN:
+            self._called.set()
 
     def _has_room(self) -> bool:
         """Whether one more can wait, now or before patience ends; a queue that waits costs more."""
         until = 0.0 if self._stuck else time.monotonic() + PATIENCE
-        while self._items.qsize() >= WAITING:
+        while len(self._items) >= WAITING:
+            self._called.set()
             if time.monotonic() >= until:
                 return False
             time.sleep(0.001)
@@ -224,22 +259,33 @@ class Recorder:
 
     def _run(self) -> None:
         self._flush_at = time.monotonic() + self._flush_seconds
-        while self._take():
-            self._carefully(self._write_heard)
+        while not self._over:
+            self._called.wait(max(0.0, self._flush_at - time.monotonic()))
+            self._called.clear()
+            self._write_all()
             if time.monotonic() >= self._flush_at:
-                self._carefully(self._writer.flush)
+                with self._writing:
+                    self._carefully(self._writer.flush)
                 self._flush_at = time.monotonic() + self._flush_seconds
+        self._write_all()
         self._finish()
 
-    def _take(self) -> bool:
-        """Write the next item, if one comes before it is time to flush; whether more may come."""
-        try:
-            item = self._items.get(timeout=max(0.0, self._flush_at - time.monotonic()))
-        except queue.Empty:
-            return True
-        if item is not None:
+    def _write_all(self) -> None:
+        """Write all that waits; whoever else may want to write gets in between."""
+        while self._items:
+            with self._writing:
+                self._write_next()
+        with self._writing:
+            self._carefully(self._write_heard)
+
+    def _write_next(self) -> None:
+        """Write what has waited longest, if another has not; `_writing` is held."""
+        if self._items:
+            began = time.thread_time()
+            item = self._items.popleft()
             self._carefully(partial(self._write, item))
-        return item is not None
+            if isinstance(item, _FrameItem):
+                self._light = time.thread_time() - began <= LIGHT
 
     def _write(self, item: _Item) -> None:
         if isinstance(item, _FrameItem):

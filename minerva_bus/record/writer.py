@@ -37,6 +37,12 @@ if TYPE_CHECKING:
 CHUNK: Final = 4 << 20
 """Bytes before compression: what a robot remembers of its floor hardly differs between frames."""
 
+SMALL: Final = CHUNK // 8
+"""Bytes that a frame has at most that is not worth a thread."""
+
+HEAD: Final = 31
+"""Bytes of a message beside its data (MCAP specification, Message)."""
+
 KEY_AFTER: Final = 8
 """A whole string is written when the frames since the last one are so many times as long."""
 
@@ -66,6 +72,7 @@ class RecordWriter:
         self._last_shown = -1.0
         self._kept: Kept | None = None
         self._dirty = False
+        self._in_chunk = 0
         self.frames: int = 0
         self.kept: int = 0
         self._writer = _mcap_writer(stream)
@@ -189,7 +196,12 @@ class RecordWriter:
         if self._dirty:
             self._writer.flush()
             _sync(self._stream)
-            self._dirty, self.kept = False, self.frames
+            self._dirty, self._in_chunk, self.kept = False, 0, self.frames
+
+    @property
+    def has_room(self) -> bool:
+        """Whether a small frame's messages are sure to stay in memory."""
+        return self._in_chunk < CHUNK - SMALL
 
     def finish(self) -> None:
         """Write what is left, and the index, by which others find their way faster."""
@@ -226,6 +238,9 @@ class RecordWriter:
             data=data,
             sequence=sequence & 0xFFFFFFFF,
         )
+        self._in_chunk += len(data) + HEAD
+        if self._in_chunk > CHUNK:
+            self._in_chunk = 0
         self._dirty = True
 
 

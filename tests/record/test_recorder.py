@@ -13,6 +13,7 @@ from minerva_bus.record import recorder as module
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
 from minerva_bus.record.recorder import Recorder
+from minerva_bus.record.writer import RecordWriter
 from tests.record.recorded_runs import description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
@@ -221,3 +222,93 @@ def test_without_the_library_nothing_is_touched(tmp_path, monkeypatch):
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[record\]'"):
         Record(path)
     assert path.read_text() == "an earlier one"
+
+
+def writers_of(monkeypatch):
+    """The threads that write frames, in order."""
+    found, frame = [], RecordWriter.frame
+
+    def written(self, *what):
+        found.append(threading.current_thread().name)
+        frame(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "frame", written)
+    return found
+
+
+def test_what_is_little_is_written_by_who_has_time(monkeypatch):
+    writers = writers_of(monkeypatch)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+        recorder.help()
+    assert writers == ["MainThread"] * 60
+    recorder.close()
+    assert not said
+    assert recorder.frames == 60
+
+
+@pytest.mark.parametrize("why", ["much to do", "much in memory"])
+def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
+    writers = writers_of(monkeypatch)
+    if why == "much to do":
+        monkeypatch.setattr(module, "LIGHT", -1.0)
+    else:
+        monkeypatch.setattr(RecordWriter, "has_room", property(lambda self: False))
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    frames = happened("meadow")[1]
+    for record, string in frames[:2]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+        while len(writers) <= record.frame:
+            threading.Event().wait(0.001)
+    recorder.close()
+    assert writers[1] == "recorder"
+
+
+def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
+    writers = writers_of(monkeypatch)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()  # And never again.
+    for record, string in happened("meadow")[1][: module.HELPED_WITHIN + 1]:
+        recorder.frame(record, string, 0.0)
+    while len(writers) <= module.HELPED_WITHIN:
+        threading.Event().wait(0.001)
+    recorder.close()
+    assert set(writers) == {"recorder"}
+
+
+def test_who_helps_never_waits_for_the_disk(monkeypatch):
+    disk = Disk()
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.0)
+    disk.free.clear()
+    disk.asked.clear()
+    frames = happened("meadow")[1]
+    recorder.frame(*frames[0], 0.0)
+    disk.asked.wait()  # The thread is with the disk now.
+    for record, string in frames[1 : module.WAITING]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+    disk.free.set()
+    recorder.close()
+    assert recorder.frames == module.WAITING
+    assert not recorder.lost
+
+
+def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    writers = writers_of(monkeypatch)
+    disk = Disk()
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.0)
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        if record.frame % 3:
+            recorder.help()
+    recorder.close()
+    assert len(writers) == 60
+    with record_of(disk.kept, tmp_path) as record:
+        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]
