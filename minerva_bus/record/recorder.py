@@ -167,7 +167,8 @@ class Recorder:
         self._helped = True
         if self._thread is None or not (self._items or self._heard.waiting):
             return
-        if self._heard.waiting or not (self._light and self._writer.has_room):
+        light = self._light and self._flush_seconds and self._writer.has_room
+        if self._heard.waiting or not light:
             self._called.set()
         elif self._writing.acquire(blocking=False):
             try:
@@ -260,7 +261,7 @@ class Recorder:
     def _run(self) -> None:
         self._flush_at = time.monotonic() + self._flush_seconds
         while not self._over:
-            self._called.wait(max(0.0, self._flush_at - time.monotonic()))
+            self._called.wait(self._until_flush())
             self._called.clear()
             self._write_all()
             if time.monotonic() >= self._flush_at:
@@ -269,6 +270,10 @@ class Recorder:
                 self._flush_at = time.monotonic() + self._flush_seconds
         self._write_all()
         self._finish()
+
+    def _until_flush(self) -> float | None:
+        """Seconds; None where each frame is flushed as it comes."""
+        return max(0.0, self._flush_at - time.monotonic()) if self._flush_seconds else None
 
     def _write_all(self) -> None:
         """Write all that waits; whoever else may want to write gets in between."""
