@@ -95,6 +95,10 @@ class FrameAlgorithm(Attendance):
         ahead = member in self._asked_ahead and member not in self._early
         return ahead or member in self.waiting_for()
 
+    def awaits_tick(self, member: str) -> bool:
+        """Whether this frame's steps 1 to 4 wait for a member: each of their answers counts once."""
+        return self.phase is Phase.TICK and member in self._pending
+
     @property
     def in_frame(self) -> bool:
         """Whether a frame is under way."""
@@ -189,8 +193,7 @@ class FrameAlgorithm(Attendance):
 
     def _on_tick_reply(self, reply: m.TickReply) -> None:
         member = self.roster.get(reply.member)
-        awaited = self.phase is Phase.TICK and reply.member in self._pending
-        in_time = awaited and reply.frame == self.frame
+        in_time = self.awaits_tick(reply.member) and reply.frame == self.frame
         ahead = reply.frame == self._asked_ahead.get(reply.member, -1)
         early = ahead and not (self.in_frame and reply.frame == self.frame)
         if not member.here or not (in_time or early) or reply.member in self._early:
@@ -228,9 +231,13 @@ class FrameAlgorithm(Attendance):
             return
         member.last_reply = self.frame
         count = sum(map(_count, told.events))
-        if self._held.get(told.member, 0) < MOST_WAITING:
-            self._held[told.member] = self._held.get(told.member, 0) + count
-            self._inbox.setdefault(told.member, []).extend(told.events)
+        waiting = self._inbox.setdefault(told.member, [])
+        held = self._held.get(told.member)
+        if held is None:  # The first since the last frame, or since the world went on.
+            held = sum(map(_count, waiting))
+        if held < MOST_WAITING:
+            self._held[told.member] = held + count
+            waiting.extend(told.events)
             return
         if not member.dropped:
             self._say(

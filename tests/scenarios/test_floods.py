@@ -4,6 +4,7 @@ from minerva_bus.frame import algorithm as a
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.symbols import EventType, Primitive
@@ -24,5 +25,18 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
         said += [one.text for one in out if isinstance(one, s.Say)]
     assert said == ["has 10 events waiting for a frame; more are dropped"]
     assert world.roster.get("rain").dropped == 15
+    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    assert [event.number for event in done[0].record.events] == list(range(10))
+
+
+def test_what_waited_when_the_world_went_on_counts(monkeypatch):
+    monkeypatch.setattr(a, "MOST_WAITING", 10)
+    past = Checkpoint(3, inbox={"rain": tuple(eDrop(number) for number in range(8))})
+    world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop), past=past))
+    world.receive(s.Appeared("rain"))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    for number in range(8, 20):
+        world.receive(m.Emitted("rain", (eDrop(number),)))
+    assert world.roster.get("rain").dropped == 10
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))
