@@ -285,6 +285,9 @@ class BusCoordinator:
         self._watch.said(member, text)
 
     def _heard(self, member: str, data: bytes) -> None:
+        if data == self._nothing and self.algorithm.awaits_tick(member):
+            self.tell(m.TickReply(member, self._asked))  # As most say: no need to look at each.
+            return
         if self.guard.keeps_out(member):
             return
         if not self.guard.gate.has_room(self._name_of(member), len(data)):
@@ -292,9 +295,7 @@ class BusCoordinator:
             if not awaited:
                 self._pass_over(member)
                 return
-        if data == self._nothing:  # Most answers to a tick: no need to read each.
-            self.tell(m.TickReply(member, self._asked))
-        elif data:
+        if data:
             self._heard_in_full(member, data)
 
     def _heard_in_full(self, member: str, data: bytes) -> None:

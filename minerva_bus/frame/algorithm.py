@@ -96,7 +96,7 @@ class FrameAlgorithm(Attendance):
         return ahead or member in self.waiting_for()
 
     def awaits_tick(self, member: str) -> bool:
-        """Whether this frame's steps 1 to 4 wait for a member: each of their answers counts once."""
+        """Whether steps 1 to 4 of this frame wait for a member, whose answer counts once."""
         return self.phase is Phase.TICK and member in self._pending
 
     @property
