@@ -264,10 +264,7 @@ class Recorder:
             self._called.wait(self._until_flush())
             self._called.clear()
             self._write_all()
-            if time.monotonic() >= self._flush_at:
-                with self._writing:
-                    self._carefully(self._writer.flush)
-                self._flush_at = time.monotonic() + self._flush_seconds
+            self._flush_in_time()
         self._write_all()
         self._finish()
 
@@ -280,8 +277,15 @@ class Recorder:
         while self._items:
             with self._writing:
                 self._write_next()
+            self._flush_in_time()
         with self._writing:
             self._carefully(self._write_heard)
+
+    def _flush_in_time(self) -> None:
+        if time.monotonic() >= self._flush_at:
+            with self._writing:
+                self._carefully(self._writer.flush)
+            self._flush_at = time.monotonic() + self._flush_seconds
 
     def _write_next(self) -> None:
         """Write what has waited longest, if another has not; `_writing` is held."""
