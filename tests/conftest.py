@@ -1,11 +1,22 @@
 """What holds for all tests."""
 
+import signal
+
 import pytest
 from hypothesis import settings
 
 # How long an example takes says more about the machine than about the code.
 settings.register_profile("minerva", deadline=None)
 settings.load_profile("minerva")
+
+
+def pytest_configure():
+    """Ctrl-C reaches the worlds of tests, also where a shell has begun pytest in its background.
+
+    Such a shell has the signal ignored, and so do all processes that come of it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config, items):
