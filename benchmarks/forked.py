@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
+import sys
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
 from minerva_bus.bus.member import BusMember
 from minerva_bus.frame.participant import Participant
+
+ENDED_WITHIN = 10.0
 
 
 def forked(body: Callable[[], int | None]) -> int:
@@ -54,8 +59,15 @@ class Members:
         return [name for name, (pid, status) in ended.items() if pid and status]
 
     def wait(self) -> None:
-        """Wait until they have ended."""
-        for pid in self.pids.values():
+        """Wait until they have ended; who takes too long is named, and killed."""
+        until = time.monotonic() + ENDED_WITHIN
+        self.failed()
+        while self.pids and time.monotonic() < until:
+            time.sleep(0.01)
+            self.failed()
+        for name, pid in self.pids.items():
+            print(f"{name}: did not end within {ENDED_WITHIN:g} s; killed", file=sys.stderr)
+            os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
 
 
