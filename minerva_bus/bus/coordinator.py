@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any, cast
 
 import zenoh
-from zenoh.handlers import Callback as Direct
 
 from minerva_bus.bus.audit import Denials
 from minerva_bus.bus.control import answer
@@ -21,6 +20,7 @@ from minerva_bus.bus.greetings import Greetings
 from minerva_bus.bus.guard import Guard, Place, Security
 from minerva_bus.bus.inbox import HubInbox, Tick
 from minerva_bus.bus.links import Linked
+from minerva_bus.bus.outbox import Outbox
 from minerva_bus.bus.presence import Successor, presence, successor
 from minerva_bus.bus.session import LOOPBACK
 from minerva_bus.bus.shortcut import nothing_to
@@ -37,7 +37,7 @@ from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import State
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.protocol.codec import Decoder, encode
-from minerva_bus.protocol.epochs import stamp, stamped
+from minerva_bus.protocol.epochs import stamped
 from minerva_bus.protocol.keys import COORDINATOR, Keys, who_asks
 from minerva_bus.protocol.limits import DEFAULT, Limits
 from minerva_bus.protocol.plain import mapped, pack, unpack
@@ -48,7 +48,6 @@ WATCHED_FOR = 5.0
 ANSWERED_WITHIN = 2.0
 SMOOTHING = 0.3
 BACK_WITHIN = 6.0
-FEW = 3
 REPORTS_WITHIN = 3.0
 HURRIED_REPORTS_WITHIN = 0.5
 _BEGIN = s.Begin()
@@ -74,10 +73,11 @@ class BusCoordinator:
     ) -> None:
         self.algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         self.epoch = epoch
-        self._stamp = stamp(epoch)
         self._guests: frozenset[str] = self.algorithm.roster.expected() - world.expected
         self.keys = Keys(world.name)
         self.inbox = HubInbox(STATUS_EVERY)
+        self._outbox = Outbox(self.keys, epoch)
+        self._stamp = self._outbox.stamp
         self._watch = watchers
         self.pace = Pace(rate)
         self.diary = Diary()
@@ -91,20 +91,13 @@ class BusCoordinator:
         self.limits = limits
         self._waits = Waits(deadlines or Deadlines())
         self._decoder: Decoder = Decoder(world.vocabulary, limits)
-        self._keys_to = {
-            s.EVERYONE: self.keys.all,
-            s.TICKED: self.keys.tick,
-            s.HOSTS: self.keys.evolve,
-        }
         self._asked: int = -1
         self._nothing = b""
-        self._publishers: dict[str, zenoh.Publisher] = {}
         self._begin_at: float | None = None
         self._evolving_since = 0.0
         self._greetings = Greetings()
         self._status_at = 0.0
         self._status_frame: int = 0
-        self._recorded = False
         self._has_time = False
         self._reports_within = REPORTS_WITHIN
         self.last_frame_at = 0.0
@@ -114,7 +107,6 @@ class BusCoordinator:
     def run(self) -> s.Ended:
         """Run the world to its end. Raises BusError where the bus cannot be set up."""
         with self.guard.session(self._place, self.inbox.put) as (session, endpoint):
-            self._session = session
             declared = self._declare(session)
             self._watch.listening(endpoint)
             self._status_at = time.monotonic()
@@ -172,12 +164,8 @@ class BusCoordinator:
     def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys = self.inbox.handler, self.keys
         liveliness = session.liveliness()
-        record = session.declare_publisher(
-            keys.record, congestion_control=zenoh.CongestionControl.DROP
-        )
-        self._publishers[keys.record] = record
         return [
-            record.declare_matching_listener(Direct(self._on_watchers, indirect=False)),
+            *self._outbox.open(session),
             *self._watch.opened(session),
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
             session.declare_queryable(f"{keys.control}/**", handler()),
@@ -187,9 +175,6 @@ class BusCoordinator:
             liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
             liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
         ]
-
-    def _on_watchers(self, status: zenoh.MatchingStatus) -> None:
-        self._recorded = status.matching
 
     # --- one turn of the loop ---
 
@@ -364,16 +349,15 @@ class BusCoordinator:
             if self.watched:
                 self.diary.frame(instruction.frame, instruction.events)
             self._watch.frame_done(instruction)
-            if self._recorded:
-                self._put(self.keys.record, self._encode(instruction.record), drop=True)
+            if self._outbox.observed:
+                self._outbox.record(self._encode(instruction.record))
         elif isinstance(instruction, s.Ready):
             self._ready = True
             self._begin_at = self.pace.due(time.monotonic())
             if instruction.frame == 0:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
-            key = self.keys.view(instruction.event_type)
-            self._put(key, self._stamp + self._encode(instruction.message), drop=True)
+            self._outbox.show(instruction.event_type, self._encode(instruction.message))
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
@@ -391,27 +375,11 @@ class BusCoordinator:
             self._asked, self._nothing = self.algorithm.frame, self._stamp + nothing_to(data)
         elif instruction.to == s.HOSTS:
             self._evolving_since = time.monotonic()
-        self._put(self._key_to(instruction.to), self._stamp + data)
+        self._outbox.send(instruction.to, data)
         self._has_time = True
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
         return encode(message)
-
-    def _key_to(self, to: str) -> str:
-        key = self._keys_to.get(to)
-        if key is None:
-            key = self._keys_to[to] = self.keys.to(to)
-        return key
-
-    def _put(self, key: str, data: bytes, *, drop: bool = False) -> None:
-        publisher = self._publishers.get(key)
-        if publisher is None:
-            control = zenoh.CongestionControl
-            publisher = self._session.declare_publisher(
-                key, congestion_control=control.DROP if drop else control.BLOCK
-            )
-            self._publishers[key] = publisher
-        publisher.put(data)
 
     # --- the clock ---
 
@@ -452,19 +420,6 @@ class BusCoordinator:
             frame, rate, here, self.algorithm.phase.value, self.pace.paused, waiting, waited
         )
 
-    def _say_for_whom(self, unsaid: list[str], now: float) -> None:
-        frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
-        waited = {name: self._waits.since(name, now) for name in unsaid}
-        if len(unsaid) <= FEW:
-            for name in unsaid:
-                outlook = self._waits.outlook(name, waited[name])
-                self._say(name, f"{frame} for it for {waited[name]:.1f} s{outlook}")
-        else:
-            names = f"{', '.join(unsaid[:FEW])} and {len(unsaid) - FEW} more"
-            longest = max(unsaid, key=lambda name: waited[name])
-            outlook = self._waits.outlook(longest, waited[longest])
-            self._say(COORDINATOR, f"{frame} for {names} for {waited[longest]:.1f} s{outlook}")
-
     def _wait_aloud(self, waiting: list[str], now: float) -> None:
         """Say for whom the world waits, ever more seldom; then do what is to be done."""
         if self.algorithm.phase is Phase.STOPPING:
@@ -475,7 +430,9 @@ class BusCoordinator:
         unsaid = self._waits.unsaid(now)
         if unsaid:
             self.tell(s.Silent())
-            self._say_for_whom(unsaid, now)
+            frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
+            for name, text in self._waits.told(unsaid, now):
+                self._say(name or COORDINATOR, f"{frame} for {text}")
         if self.waited >= BACK_WITHIN and self._guests:
             self._let_go(waiting)
         for name, then in self._waits.overdue(now):

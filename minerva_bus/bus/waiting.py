@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -17,6 +17,9 @@ THEN: Final = {
 
 START: Final = 10.0
 """Seconds that a member has at least to start and join."""
+
+FEW: Final = 3
+"""Members that are waited for and named one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,18 @@ class Waits:
                 wait.told = waited
                 found.append(name)
         return found
+
+    def told(self, unsaid: Sequence[str], now: float) -> Iterator[tuple[str, str]]:
+        """Whom to say it of, and how long they have been waited for; nobody, of them together."""
+        waited = {name: self.since(name, now) for name in unsaid}
+        if len(unsaid) <= FEW:
+            for name in unsaid:
+                yield name, f"it for {waited[name]:.1f} s{self.outlook(name, waited[name])}"
+            return
+        names = f"{', '.join(unsaid[:FEW])} and {len(unsaid) - FEW} more"
+        longest = max(unsaid, key=lambda name: waited[name])
+        outlook = self.outlook(longest, waited[longest])
+        yield "", f"{names} for {waited[longest]:.1f} s{outlook}"
 
     def overdue(self, now: float) -> list[tuple[str, str]]:
         """Those who were waited for too long, and what is to be done, each once in a step."""
