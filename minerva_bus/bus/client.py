@@ -37,7 +37,11 @@ class Client:
         self._session = open_client("client" if own is None else own.name, endpoint, own=own)
         self.operator = AskingOperator(self.ask)
         self._control = question_key(world, own)
-        self.world = world or self.operator.status().world
+        try:
+            self.world = world or self.operator.status().world
+        except BaseException:  # Nobody else closes it, and the process would not end before.
+            self._session.close()
+            raise
 
     def __enter__(self) -> Self:
         return self

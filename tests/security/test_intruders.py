@@ -16,7 +16,7 @@ import zenoh
 
 sys.path.append(str(Path(__file__).parents[1] / "bus"))
 import yard
-from running import below, here, put, summary
+from running import below, here, minerva, put, summary
 from secured import (
     Client,
     Joined,
@@ -163,6 +163,13 @@ def test_who_was_issued_a_certificate_since_waits_for_the_next_start(world, door
     ):
         asked.operator.status()
     world.says("newcomer │ has come from tls/", "issued after the world began")
+
+
+def test_a_command_by_a_certificate_that_is_not_let_in_says_so_and_ends(world, door, keys):
+    keys.issue("later", Wanted(("operator",)))
+    asked = minerva(world.folder, "list", "--connect", door, "--keys", keys.folder / "later.pem")
+    assert asked.returncode == 2
+    assert "it does not let later in, whose certificate" in asked.stderr
 
 
 # --- who has, but for something else ---
