@@ -72,6 +72,7 @@ class Guard:
         self._say = say
         self._told: set[tuple[str, str]] = set()
         self._links: Links | None = None
+        self._leaving: Sequence[str] = ()
         self.listens_at = ""
         self._looked_at = 0.0
         self._rights: Mapping[str, Rights] = {} if security is None else security.rights()
@@ -204,7 +205,8 @@ class Guard:
     def look(self, now: float) -> list[str]:
         """See whether certificates were issued or revoked since; the common names of the latter.
 
-        Their links are cut.
+        Their links are cut the next time: a link that is cut at once takes along what would have
+        told its member why, and Zenoh makes it anew again and again.
 
         One whose certificate is not in the folder any more counts as revoked.
         `now` is the monotonic time in seconds; it looks no more often than every LOOK_EVERY.
@@ -212,13 +214,13 @@ class Guard:
         if self._security is None or now < self._looked_at + LOOK_EVERY:
             return []
         self._looked_at = now
+        for name in self._leaving:
+            for linked in self._linked(name):
+                self._cut(linked)
         before = {name for name, one in self._rights.items() if one.revoked}
         self._read_again(self._security)
-        revoked = sorted({name for name, one in self._rights.items() if one.revoked} - before)
-        for name in revoked:
-            for linked in self._links.of(name) if self._links is not None else ():
-                self._cut(linked)
-        return revoked
+        self._leaving = sorted({name for name, one in self._rights.items() if one.revoked} - before)
+        return list(self._leaving)
 
     def _read_again(self, security: Security) -> None:
         try:
@@ -231,10 +233,15 @@ class Guard:
 
     def _cut(self, linked: Linked) -> None:
         self.gate.count(linked.name)
+        if linked not in self._linked(linked.name):
+            return  # It has gone by itself meanwhile.
         done = "is cut" if cut(linked) else "cannot be cut, but what it says is not heard"
         self._say_once(
             linked.name, f"its certificate was revoked; its link from {linked.address} {done}"
         )
+
+    def _linked(self, name: str) -> Sequence[Linked]:
+        return self._links.of(name) if self._links is not None else ()
 
     def _say_once(self, who: str, text: str, same: str = "") -> None:
         """Say it unless the `same` was said of the same one: the text, but for its address.

@@ -144,15 +144,18 @@ def test_who_was_revoked_is_cut_off_and_hears_nothing(world, door, keys):
 
 def test_who_is_revoked_while_it_takes_part_takes_part_no_more(world, door, keys):
     own = keys.credentials("fallen")
-    with Joined(world, door, own, yard.Noise()) as joined:
+    with (
+        Joined(world, door, own, yard.Noise()) as joined,
+        open_client("fallen", door, own=own),
+    ):
         present(world, "fallen")
         keys.revoke("fallen")
+        world.says("fallen │ broke the protocol: its certificate was revoked")
+        assert joined.ends() == "the world does not take fallen: its certificate was revoked"
         world.says("fallen │ its certificate was revoked; its link", "is cut")
-        eventually(lambda: world.members()["fallen"]["state"] == "left", "it is out")
-        goes_on(world)
         assert world.members()["fallen"]["state"] == "left"
+        goes_on(world)
         assert refused(world, "fallen") > 0
-        joined.member.leave()
 
 
 def test_who_was_issued_a_certificate_since_waits_for_the_next_start(world, door, keys):
