@@ -39,7 +39,7 @@ from minerva_bus.launch.keys_certificates import (
     read_key,
     read_revoked,
 )
-from minerva_bus.protocol.keys import COORDINATOR, checked_name
+from minerva_bus.protocol.keys import COORDINATOR, checked_name, is_name
 
 AUTHORITY_DAYS: Final = 3650
 _AUTHORITY, _REVOKED = "ca", "crl"
@@ -60,15 +60,16 @@ class Keys:
             raise KeysError(f"{self.folder} has an authority already (minerva keys list)")
         if days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {days}")
+        made, wanted = Authority.new(self.now, days), Wanted((HUB,), tuple(hosts))
+        made.issue(COORDINATOR, wanted, self.now)  # What it cannot say leaves no half a folder.
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise KeysError(f"{self.folder}: {error.strerror}") from None
-        made = Authority.new(self.now, days)
         _put(self._path(_AUTHORITY, "key"), key_pem(made.key), 0o600)
         _put(self._path(_REVOKED, "pem"), made.revocations((), self.now), 0o644)
         _put(self._path(_AUTHORITY, "pem"), certificate_pem(made.certificate), 0o644)
-        return self.issue(COORDINATOR, Wanted((HUB,), tuple(hosts)))
+        return self.issue(COORDINATOR, wanted)
 
     def issue(self, name: str, wanted: Wanted, *, renew: bool = False) -> Issued:
         """Make a certificate and its key; `renew`: in place of one that there is.
@@ -224,6 +225,8 @@ class Keys:
             raise KeysError(f"{name} cannot be {', '.join(wanted.roles)}: choose another name")
         if wanted.family and not SERVERS.isdisjoint(wanted.roles):
             raise KeysError(f"{', '.join(wanted.roles)}: there is one of each name, not a family")
+        if wanted.family and not is_name(f"{name}-a"):
+            raise KeysError(f"{name} is too long for a family: its members' names begin with it")
         if wanted.days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {wanted.days}")
 

@@ -107,6 +107,7 @@ def folder(tmp_path_factory):
         (("hosts", "--role", "agent"), "--renew makes another"),
         (("hosts", "--role", "agent", "--renew"), "hosts-* is renewed with --family"),
         (("lone-a", "--role", "view", "--renew", "--family"), "lone-a is renewed without --family"),
+        (("a" * 63, "--role", "agent", "--family"), "too long for a family"),
         (("mid", "--role", "router", "--family"), "there is one of each name, not a family"),
         (("coordinator", "--role", "coordinator", "--family", "--renew"), "not a family"),
     ],

@@ -161,6 +161,13 @@ def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
         keys.credentials()
 
 
+def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
+    for host in ("two words", "tls/a:1"):
+        done = here(tmp_path, "keys", "init", "--host", host)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert not (tmp_path / "keys").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
