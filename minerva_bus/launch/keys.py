@@ -172,7 +172,13 @@ class Keys:
 
     def _authority(self) -> Authority:
         certificate = read_certificate(self._path(_AUTHORITY, "pem"))
-        return Authority(certificate, read_key(self._path(_AUTHORITY, "key")))
+        authority = Authority(certificate, read_key(self._path(_AUTHORITY, "key")))
+        if self.now > authority.ends:
+            raise KeysError(
+                f"the authority of {self.folder} has expired on {authority.ends:%Y-%m-%d}, and all"
+                " certificates with it; minerva keys init --dir NEW makes another"
+            )
+        return authority
 
     def _check_counts(self, bearer: str, found: Issued) -> None:
         state = found.state(self.now)

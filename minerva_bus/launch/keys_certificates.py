@@ -82,6 +82,11 @@ class Authority:
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
 
+    @property
+    def ends(self) -> datetime:
+        """Until when anything that it has signed is taken."""
+        return self.certificate.not_valid_after_utc
+
     @staticmethod
     def new(now: datetime, days: int) -> Authority:
         """An authority that makes certificates of members and no other authorities."""
@@ -100,7 +105,10 @@ class Authority:
     def issue(
         self, name: str, wanted: Wanted, now: datetime
     ) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
-        """A certificate and its key, for a common name. Raises KeysError for what it cannot say."""
+        """A certificate and its key, for a common name; it ends no later than the authority.
+
+        Raises KeysError for what it cannot say.
+        """
         key = ec.generate_private_key(ec.SECP256R1())
         subject, issuer = _subject(name, wanted), self.certificate.subject
         purposes = [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -108,7 +116,7 @@ class Authority:
             purposes.append(ExtendedKeyUsageOID.SERVER_AUTH)
         signer = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
         builder = (
-            _builder(subject, issuer, key.public_key(), now, wanted.days)
+            _builder(subject, issuer, key.public_key(), now, wanted.days, self.ends)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(digital_signature=True), critical=True)
             .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
@@ -121,8 +129,7 @@ class Authority:
 
     def revocations(self, serials: Iterable[int], now: datetime) -> bytes:
         """The list of what counts no more, PEM."""
-        until = self.certificate.not_valid_after_utc
-        builder = x509.CertificateRevocationListBuilder(self.certificate.subject, now, until)
+        builder = x509.CertificateRevocationListBuilder(self.certificate.subject, now, self.ends)
         for serial in sorted(serials):
             one = x509.RevokedCertificateBuilder(serial, now)
             builder = builder.add_revoked_certificate(one.build())
@@ -214,14 +221,16 @@ def _builder(
     key: ec.EllipticCurvePublicKey,
     now: datetime,
     days: int,
+    latest: datetime | None = None,
 ) -> x509.CertificateBuilder:
+    ends = now + timedelta(days=min(days, _LONGEST))
     return x509.CertificateBuilder(
         issuer_name=issuer,
         subject_name=subject,
         public_key=key,
         serial_number=x509.random_serial_number(),
         not_valid_before=now - _SKEW,
-        not_valid_after=now + timedelta(days=min(days, _LONGEST)),
+        not_valid_after=ends if latest is None else min(ends, latest),
     )
 
 

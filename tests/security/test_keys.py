@@ -126,6 +126,19 @@ def test_an_expired_certificate_says_so_before_anybody_is_asked(keys):
     assert keys.credentials("old").name == "old"
 
 
+def test_nothing_is_valid_for_longer_than_its_authority(tmp_path):
+    keys = Keys(tmp_path / "keys", now() - timedelta(days=9))
+    keys.init(days=3)
+    ends = keys.issue("sensor", Wanted(("generator",), days=30)).ends
+    assert ends == keys.issued()["coordinator"].ends
+    assert keys.now + timedelta(days=2) < ends < keys.now + timedelta(days=4)
+    late = Keys(tmp_path / "keys")
+    assert late.issued()["sensor"].state(late.now) == "expired"
+    for attempt in (lambda: late.issue("x", Wanted(("view",))), lambda: late.revoke("sensor")):
+        with pytest.raises(KeysError, match=r"the authority of .* has expired on .*"):
+            attempt()
+
+
 def test_what_is_not_of_the_authority_is_not_taken(keys, tmp_path):
     foreign = Keys(tmp_path / "foreign")
     foreign.init()
