@@ -20,7 +20,7 @@ _TLS_HELLO = bytes.fromhex("16030100050100000100")
 _FOREIGN = "your certificate is not of its authority; use keys of the world's own folder"
 _ALERTS = {
     "CERTIFICATE_REQUIRED": "it wants a certificate (--keys FOLDER)",
-    "CERTIFICATE_EXPIRED": "your certificate has expired; minerva keys issue --renew makes another",
+    "CERTIFICATE_EXPIRED": "your certificate has expired (minerva keys issue NAME --renew)",
     "UNKNOWN_CA": _FOREIGN,
     "DECRYPT_ERROR": _FOREIGN,
     "BAD_CERTIFICATE": "it does not take your certificate",
@@ -124,10 +124,10 @@ def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
     if "ostname mismatch" in what or "IP address mismatch" in what:
         return (
             f"its certificate is not for {host!r}; connect to a name that it is for, or issue it"
-            f" anew: minerva keys issue coordinator --role coordinator --host {host} --renew"
+            f" anew, for all of its names: minerva keys issue coordinator --host {host},... --renew"
         )
     if "expired" in what:
-        return "the coordinator's certificate has expired; it is issued anew with --renew"
+        return "the coordinator's certificate has expired: minerva keys issue coordinator --renew"
     return f"its certificate is not of your authority ({what}); are these the world's keys?"
 
 

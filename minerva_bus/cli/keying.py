@@ -50,9 +50,9 @@ def init(
 def issue(
     name: Annotated[str, typer.Argument(help="The member's name, or a person's.")],
     role: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option(help="agent, generator, view, operator, coordinator or router; or several."),
-    ],
+    ] = None,
     dir: Dir = _HERE,
     kinds: Annotated[
         list[str] | None, typer.Option(help="Only these agent kinds: AFox,ARabbit.")
@@ -65,13 +65,22 @@ def issue(
         bool,
         typer.Option("--family", help="For any number of members: NAME-a, NAME-b, NAME-c ..."),
     ] = False,
-    renew: Annotated[bool, typer.Option("--renew", help="In place of the one there is.")] = False,
+    renew: Annotated[
+        bool,
+        typer.Option("--renew", help="In place of the one there is, for the same unless you say."),
+    ] = False,
 ) -> None:
     """Make a certificate and its key: NAME.pem and NAME.key, to be taken there with ca.pem."""
     from minerva_bus.launch.keys_certificates import Wanted
 
     keys = _keys(dir)
-    wanted = Wanted(*map(_split, (role, host, kinds, events, topics)), days=days, family=family)
+    said = (role, host, kinds, events, topics)
+    before = keys.issued().get(name) if renew else None
+    kept = [()] * len(said) if before is None else _purposes(before)
+    fields = [
+        one if words is None else _split(words) for words, one in zip(said, kept, strict=True)
+    ]
+    wanted = Wanted(*fields, days=days, family=family)
     say(_shown(keys.issue(name, wanted, renew=renew), keys.now))
 
 
@@ -162,6 +171,13 @@ def _plain(one: Issued, now: datetime) -> dict[str, Any]:
         "serial": f"{one.serial:x}",
         "key": one.key,
     }
+
+
+def _purposes(one: Issued) -> list[tuple[str, ...]]:
+    """What a certificate is for: roles, hosts, kinds, events and topics."""
+    rights = one.rights
+    named = [tuple(sorted(some)) for some in (rights.kinds, rights.events, rights.topics)]
+    return [tuple(sorted(rights.roles)), one.hosts, *named]
 
 
 def _shown(one: Issued, now: datetime) -> str:

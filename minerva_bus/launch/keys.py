@@ -183,9 +183,10 @@ class Keys:
     def _check_counts(self, bearer: str, found: Issued) -> None:
         state = found.state(self.now)
         if state == "expired":
+            family = " --family" if family_start(found.rights.name) else ""
             raise KeysError(
                 f"the certificate of {bearer} has expired on {found.ends:%Y-%m-%d}; minerva keys"
-                f" issue {bearer} --renew makes another"
+                f" issue {bearer} --renew{family} makes another"
             )
         if state != "valid":
             raise KeysError(f"the certificate of {bearer} is {state}; ask whoever has ca.key")

@@ -174,6 +174,22 @@ def test_a_member_s_folder_has_only_its_own(keys, tmp_path):
         keys.credentials()
 
 
+def test_a_renewed_certificate_is_for_what_it_was_for_but_for_what_is_said(keys):
+    def renewed(name, *words):
+        done = here(keys.folder.parent, "keys", "issue", name, "--renew", *words)
+        assert done.returncode == 0, done.stderr
+        return keys.issued()[name]
+
+    before = keys.issued()
+    assert renewed("sensor").rights == before["sensor"].rights
+    assert keys.issued()["sensor"].serial != before["sensor"].serial
+    assert renewed("coordinator").hosts == before["coordinator"].hosts
+    assert "lab.example" not in renewed("coordinator", "--host", "new.example").hosts
+    changed = renewed("sensor", "--role", "generator,view", "--events", "").rights
+    assert (changed.roles, changed.events) == ({"generator", "view"}, frozenset())
+    assert changed.topics == {"scan"}
+
+
 def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
     for host in ("two words", "tls/a:1"):
         done = here(tmp_path, "keys", "init", "--host", host)
@@ -193,6 +209,7 @@ def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
         (("issue", "x", "--role", "agent", "--kinds", "Füchse"), "plain letters"),
         (("issue", "x", "--role", "router", "--host", "tls/a:1"), "no host's name"),
         (("issue", "sensor", "--role", "view"), "--renew makes another"),
+        (("issue", "x"), "--role is missing"),
         (("revoke", "sensr"), "did you mean 'sensor'?"),
         (("init",), "has an authority already"),
         (("list", "--dir", "nowhere"), "minerva keys init makes one"),
