@@ -54,7 +54,12 @@ class Way:
 def attach_member(
     spec: str, way: Way, name: str, options: dict[str, str], process: str = ""
 ) -> int:
-    """Take part in a running world until it ends, or Ctrl-C, or no more comes; the exit code."""
+    """Take part in a running world until it ends, or Ctrl-C, or no more comes; the exit code.
+
+    Who shows a certificate and says no name has that of the certificate.
+    """
+    shown = identity() if way.connect and not name and not process else None
+    name = name if shown is None else shown.name
     while True:
         if process:
             participant = _of_file(spec, process, name, options)

@@ -104,10 +104,10 @@ def list_(
     if json:
         say(json_.dumps([_plain(one, keys.now) for one in issued]))
         return
-    rows = [_Row.of(one, keys.now) for one in issued]
+    rows = [_TITLES, *[_Row.of(one, keys.now) for one in issued]]
     widths = [max(map(len, column)) for column in zip(*(row.cells for row in rows), strict=True)]
-    for row in [_TITLES, *rows]:
-        cells = [cell.ljust(width) for cell, width in zip(row.cells, widths, strict=False)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row.cells, widths, strict=True)]
         say("  ".join(cells).rstrip())
 
 

@@ -225,6 +225,16 @@ def test_what_cannot_be_is_refused_in_one_line(keys, words, said):
     assert keys.stamp() == before
 
 
+def test_a_list_of_nobody_has_its_titles_and_stands_in_columns(keys):
+    for one in ("sensor.pem", "coordinator.pem"):
+        (keys.folder / one).unlink()
+    titles = "name  roles  state  until  for"
+    assert here(keys.folder.parent, "keys", "list").stdout.splitlines() == [titles]
+    keys.issue("a", Wanted(("view",)))
+    head, row = here(keys.folder.parent, "keys", "list").stdout.splitlines()
+    assert (head.index("roles"), head.index("state")) == (row.index("view"), row.index("valid"))
+
+
 def test_the_commands_do_it_all(tmp_path):
     def ask(*words):
         done = here(tmp_path, "keys", *words)

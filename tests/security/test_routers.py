@@ -115,6 +115,8 @@ def test_the_commands_come_in_through_it_too(chain):
         assert "TAt" in seen.stdout, seen.stderr
         seen = here(world.folder, "echo", "eStep", "--count", "1", *who, "keys/ann.pem")
         assert "eStep" in seen.stdout, seen.stderr
+        unnamed = here(world.folder, "attach", "yard:Noise", *who, "keys/sensor.pem")
+        assert "there is a member 'sensor' in the world already" in unnamed.stderr
         wrong = here(world.folder, "attach", "yard:Noise", *who, "keys/ann.pem", "--name", "x")
         assert "attach with --name ann" in wrong.stderr
         refused = here(world.folder, "stop", world.name, *who[:2], "--keys", "keys/spy.pem")

@@ -172,7 +172,9 @@ def attach(
     connect: Connect = "",
     keys: Keys = "",
     world: World = "",
-    name: Annotated[str, typer.Option(help="The new member's name; default: made up.")] = "",
+    name: Annotated[
+        str, typer.Option(help="The new member's name; default: its certificate's, or made up.")
+    ] = "",
     process: Annotated[
         str, typer.Option(help="SPEC is a world file: be this process of it, under its name.")
     ] = "",
@@ -197,7 +199,9 @@ def bridge(
     connect: Connect = "",
     keys: Keys = "",
     world: World = "",
-    name: Annotated[str, typer.Option(help="The new member's name; default: made up.")] = "",
+    name: Annotated[
+        str, typer.Option(help="The new member's name; default: its certificate's, or made up.")
+    ] = "",
     keep_trying: KeepTrying = None,
 ) -> None:
     """Bring real or recorded sensors into a running world, from here, until Ctrl-C.
