@@ -17,6 +17,7 @@ class Attendance(Steps):
         member = self.roster.get(told.member)
         if member.here:
             self._lose(member)
+        member.blamed = False
         self.roster.change(member, Change.APPEARED)
         if self.phase in (Phase.STOPPING, Phase.ENDED):
             self._send(member.name, m.Stop(self._reason))
@@ -29,7 +30,7 @@ class Attendance(Steps):
             return
         reason = objection(hello, self.world.vocabulary)
         if reason:
-            self._say(member.name, f"may not join: {reason}")
+            self._blame(member, f"may not join: {reason}")
             self._send(member.name, m.Refused(reason))
             if member.expected and self.phase is Phase.WAITING:
                 self._fail(f"{member.name} cannot take part: {reason}")
@@ -151,10 +152,19 @@ class Attendance(Steps):
 
     def _on_violation(self, told: s.Violation) -> None:
         member = self.roster.get(told.member)
-        self._say(member.name, f"broke the protocol: {told.reason}")
+        self._blame(member, f"broke the protocol: {told.reason}")
         self._send(member.name, m.Refused(told.reason))
         if member.here:
             self._lose(member)
+
+    def _blame(self, member: Member, text: str) -> None:
+        """Say what it has done wrong; of one that is out already, once until it comes anew.
+
+        It may go on with that as often as it likes.
+        """
+        if member.here or not member.blamed:
+            self._say(member.name, text)
+        member.blamed = True
 
     def _lose(self, member: Member) -> None:
         self.roster.change(member, Change.VANISHED)

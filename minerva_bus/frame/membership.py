@@ -62,6 +62,7 @@ class Member:
     `dropped`: how many of its events came when too many waited already.
     `figures`: how it does, as it says itself.
     `joins`: how often a process of this name has joined.
+    `blamed`: since it came, it has been said what it did wrong.
     `greeted`: the hello is of the process that is there now, not of one before it.
     """
 
@@ -76,6 +77,7 @@ class Member:
     dropped: int = 0
     figures: Figures = field(default_factory=dict[str, bool | int | float | str])
     joins: int = 0
+    blamed: bool = False
 
     def change(self, change: Change) -> bool:
         """Move by the table; False where the table has no such move."""

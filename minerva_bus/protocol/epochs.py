@@ -29,8 +29,8 @@ def stamped(data: bytes) -> tuple[int, bytes]:
     width = _WIDTHS.get(first)
     if width is None or len(data) <= struct.calcsize(width):
         raise ProtocolError(
-            "a message begins with its coordinator's epoch (protocol 4; is the member of another"
-            " version of Minerva Bus?)"
+            "a message begins with its coordinator's epoch (from protocol 4 on; is the member of"
+            " another version of Minerva Bus?)"
         )
     end = 1 + struct.calcsize(width)
     return struct.unpack(width, data[1:end])[0], data[end:]

@@ -337,6 +337,22 @@ def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
     assert len(bus.records) == 2
 
 
+def test_one_that_goes_on_with_garbage_is_named_once_until_it_comes_anew():
+    bus = started()
+    for round_ in (1, 2):
+        for number in range(20):
+            bus.tell(s.Violation("add", f"garbage {number}"))
+        bus.settle()
+        assert bus.said == ["add: broke the protocol: garbage 0"] * round_
+        bus.appear("add")
+        bus.run(1)
+    bus.tell(s.Appeared("odd"))
+    for _ in range(20):
+        bus.tell(m.Hello("odd", 0))
+    assert [said for said in bus.said if said.startswith("odd: may not join")] == bus.said[2:]
+    assert len(bus.said) == 3
+
+
 def test_garbage_in_the_name_of_a_stranger_changes_nothing():
     bus = started()
     bus.tell(s.Violation("stranger", "this is no msgpack"))
