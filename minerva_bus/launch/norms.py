@@ -12,6 +12,7 @@ docs/norms.md has every key.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection
 from typing import Any, Final, cast
 
@@ -26,6 +27,7 @@ PEOPLE: Final = "people"
 """How a norm names those who send events from a terminal or a window."""
 
 _THEN = tuple(one.value for one in Then)
+_MOST = sys.float_info.max
 _SOURCES = {PEOPLE: "~order"}
 
 
@@ -56,16 +58,19 @@ def _norm(name: str, table: Table, vocabulary: Vocabulary, members: Collection[s
     for one in applies:
         if not on and one not in kinds:
             table.wrong("applies", f"names {one}, which is no agent: only norms `on` events can")
+    when, where = table.text("when"), _where(table)
+    most, per = table.whole("most", 0), table.whole("per", 1, least=1)
+    then = Then(table.choice("then", _THEN))
     return Norm(
         name,
         tuple([_SOURCES.get(one, one) for one in applies]),
         on,
-        table.text("when"),
-        _where(table),
-        table.whole("most", 0),
-        table.whole("per", 1, least=1),
-        Then(table.choice("then", _THEN)),
-        _sanction(name, table, vocabulary),
+        when,
+        where,
+        most,
+        per,
+        then,
+        _sanction(name, table, vocabulary, then),
     )
 
 
@@ -85,22 +90,21 @@ def _where(table: Table) -> str:
     table.asked("where")
     corners = cast("list[Any]", given)
     numbers = [one for one in corners if isinstance(one, int | float) and not isinstance(one, bool)]
-    if len(numbers) != 4 or len(corners) != 4:
+    if len(numbers) != 4 or len(corners) != 4 or any(not abs(one) <= _MOST for one in numbers):
         table.wrong("where", "must be a condition, or the corners [x0, y0, x1, y1]")
     (x0, x1), (y0, y1) = sorted(map(float, numbers[::2])), sorted(map(float, numbers[1::2]))
     return f"x >= {x0} and x <= {x1} and y >= {y0} and y <= {y1}"
 
 
-def _sanction(name: str, table: Table, vocabulary: Vocabulary) -> Event | None:
+def _sanction(name: str, table: Table, vocabulary: Vocabulary, then: Then) -> Event | None:
     event, data = table.text("event"), table.table("data").rest()
-    then = table.text("then", _THEN[0])
     if not event:
-        if then == Then.SANCTION.value:
+        if then is Then.SANCTION:
             table.wrong("then", "is a sanction: event says which one")
         if data:
             table.wrong("data", "belongs to an event")
         return None
-    if then == Then.COUNT.value:
+    if then is Then.COUNT:
         table.wrong("event", "follows where then is refuse or sanction")
     if event not in vocabulary.events:
         table.wrong("event", f"is unknown: {event}{nearest(event, list(vocabulary.events))}")

@@ -119,10 +119,15 @@ def test_a_record_has_them(tmp_path):
         ('when = "x > 1"\ndata = { amount = 1 }', "norm.n.data belongs to an event"),
         ("where = [1, 2, 3]", "must be a condition, or the corners"),
         ('where = [1, 2, "x", 3]', "must be a condition, or the corners"),
+        ("where = [0, 0, 1, nan]", "must be a condition, or the corners"),
+        (f"where = [0, 0, 1, {10**400}]", "must be a condition, or the corners"),
         ("where = 3", "norm.n.where must be a text"),
         ('when = "x > 1"\nmost = -1', "norm.n.most must be at least 0"),
         ('when = "x > 1"\nper = 0', "norm.n.per must be at least 1"),
-        ('when = "x > 1"\nwhenn = "x > 1"', "norm.n.whenn is unknown; did you mean 'when'"),
+        (
+            'when = "x > 1"\nwhenn = "x > 1"',
+            "has on, applies, when, where, most, per, then, event, data, in_force",
+        ),
         ('when = "x > 1"\nin_force = 1', "norm.n.in_force must be true or false"),
     ],
 )
