@@ -95,17 +95,17 @@ def _draw(found: Sweep, plot: Path, console: Console) -> None:
 
 
 def _lines(found: Sweep, table: Path, code: int) -> list[str]:
-    lines = shown(found.table) if found.rows else []
-    failures = found.failures
+    lines = shown(found.table) if found.table.rows else []
+    failures, done = found.failures, len(found.table.rows)
     if failures:
-        lines += [f"{len(failures)} of {len(found.table.rows)} runs failed:"]
+        lines += [f"{len(failures)} of {done} runs failed:"]
         lines += [f"  {_named(found, row)}: {row.error}" for row in failures[:SHOWN]]
     if len(failures) > SHOWN:
         lines.append(f"  and {len(failures) - SHOWN} more")
-    left = len(found.grid) - len(found.rows)
     if code == INTERRUPTED:
+        left = len(found.grid) - done
         lines.append(f"interrupted; {left} runs are left, and the same command goes on with them")
-    return [*lines, f"{len(found.rows)} runs are in {table}"]
+    return [*lines, f"{done} runs are in {table}"]
 
 
 def _named(found: Sweep, row: Row) -> str:
@@ -114,11 +114,12 @@ def _named(found: Sweep, row: Row) -> str:
 
 
 def _plain(found: Sweep, table: Path, code: int) -> dict[str, object]:
+    done = len(found.table.rows)  # There may be more in the journal, of values not named now.
     return {
         "world": found.path.stem,
         "table": str(table),
-        "runs": len(found.rows),
-        "left": len(found.grid) - len(found.rows),
+        "runs": done,
+        "left": len(found.grid) - done,
         "failed": [
             {"set": dict(zip(found.grid.keys, row.combination, strict=True)), "error": row.error}
             for row in found.failures

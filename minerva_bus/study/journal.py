@@ -78,5 +78,12 @@ class Journal:
         except ValueError:
             found = None
         if not isinstance(found, dict):
-            raise MisuseError(f"{self.path}:{number}: this is no line of a journal")
+            raise no_line(self.path, number)
         return cast("dict[str, Any]", found)
+
+
+def no_line(path: Path, number: int) -> MisuseError:
+    """What to say of a line that was not written here."""
+    return MisuseError(
+        f"{path}:{number}: this is no line of a journal: take it away, or name another file with -o"
+    )

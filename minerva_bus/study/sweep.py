@@ -16,7 +16,7 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.study.crew import Crew, Result, Task
 from minerva_bus.study.grid import Combination, Grid
-from minerva_bus.study.journal import Journal
+from minerva_bus.study.journal import Journal, no_line
 from minerva_bus.study.results import OWN, Row, Table
 from minerva_bus.study.trial import prepared, run_trial
 
@@ -50,10 +50,13 @@ class Sweep:
         return [one for one in self.grid if one not in self.rows or self.rows[one].error]
 
     def recall(self, journal: Journal) -> None:
-        """Take over what is in a journal."""
-        for line in journal.lines:
-            row = _row(line)
-            self.rows[row.combination] = row
+        """Take over what is in a journal. Raises MisuseError for lines that are none of one."""
+        for number, line in enumerate(journal.lines, 2):
+            try:
+                row = _row(line)
+                self.rows[row.combination] = row
+            except (KeyError, TypeError, ValueError):
+                raise no_line(journal.path, number) from None
 
     def check(self) -> None:
         """Read the world as the first combination has it. Raises MinervaError."""

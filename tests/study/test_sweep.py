@@ -17,6 +17,7 @@ from minerva_bus.study.comparison import draw_comparison, shown
 from minerva_bus.study.grid import parse_grid
 from minerva_bus.study.journal import Journal
 from minerva_bus.study.results import Row, Table, write
+from minerva_bus.study.sweep import Sweep
 from tests.study.ponds import pond
 
 NEVER_THE_SAME = "seconds"
@@ -127,6 +128,19 @@ def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
         Journal(path, {"world": "w"})
 
 
+def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
+    found, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
+    for line in ({}, {"set": 1}, {"set": [[]]}, {"set": ["0"], "error": "", "seconds": "x"}):
+        path.unlink(missing_ok=True)
+        with Journal(path, found.description) as journal:
+            journal.add(line)
+        with (
+            Journal(path, found.description) as journal,
+            pytest.raises(MisuseError, match="j:2: this is no line of a journal: take it away"),
+        ):
+            found.recall(journal)
+
+
 # --- tables ---
 
 ROWS = [
@@ -194,6 +208,9 @@ def test_a_sweep_that_was_killed_goes_on_to_the_same_table(tmp_path):
     assert journal.read_bytes().startswith(done[: done.rindex(b"\n")])
     assert rows(tmp_path / "killed.csv") == rows(tmp_path / "whole.csv")
     assert len({row["digest"] for row in rows(tmp_path / "whole.csv")}) == 8
+    fewer = sweep(world, *words[:2], "--set", "seed=0:3", "--in-process", "-o", "killed.csv")
+    assert fewer.stdout.splitlines()[-1] == "6 runs are in killed.csv"
+    assert len(rows(tmp_path / "killed.csv")) == 6
     assert journal.read_bytes().count(b"\n") == 9
 
 
