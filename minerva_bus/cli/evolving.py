@@ -11,8 +11,8 @@ from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.mutation.mutator import LONGEST, Mutator
-from minerva_bus.grammar.mutation.places import Extent
-from minerva_bus.grammar.mutation.targets import parse_targets
+from minerva_bus.grammar.mutation.places import Extent, places
+from minerva_bus.grammar.mutation.targets import Targets, parse_targets
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
@@ -61,6 +61,7 @@ def evolve_world(file: WorldFile, wanted: Wanted, console: Console, json_too: bo
     """
     _check_places(wanted)
     targets = parse_targets(wanted.mutable, file.world.vocabulary)
+    _check_targets(targets, wanted.mutable, file, console)
     mutator = Mutator(targets, Extent(wanted.nodes, LONGEST.depth))
     interrupted = False
     with Crew(wanted.workers, wanted.limit) as crew:
@@ -81,6 +82,20 @@ def evolve_world(file: WorldFile, wanted: Wanted, console: Console, json_too: bo
         say("\n".join(_lines(evolution, bench, interrupted)))
     _draw(file, wanted, console, evolution)
     return INTERRUPTED if interrupted else 0 if bench.best is not None else FAILED
+
+
+def _check_targets(
+    targets: Targets, texts: tuple[str, ...], file: WorldFile, console: Console
+) -> None:
+    """Say which targets are of nothing in the world's string. Raises MisuseError if all are."""
+    idle = targets.idle(places(file.world.scene, LONGEST.depth))
+    if idle and len(idle) == len(texts):
+        raise MisuseError(
+            f"--mutable {', '.join(texts)}: there is no such thing in the world's string: nothing"
+            " may change"
+        )
+    for number in idle:
+        console.note(f"--mutable {texts[number]}: there is no such thing in the world's string yet")
 
 
 class _Progress:

@@ -127,6 +127,8 @@ def read(folder):
     ("words", "fitness", "problem"),
     [
         (("--mutable", "ABut"), "size", "did you mean 'ABud'"),
+        (("--mutable", "#c.vigour"), "size", "no such thing in the world's string"),
+        (("--mutable", "#b.vigor", "--mutable", "#c"), "size", "#b.vigor, #c: there is no such"),
         (("-o", "best.txt"), "size", "saved in .mnv or .toml"),
         (("-o", "no/best.mnv"), "size", "there is no folder no"),
         (("--plot", "p.doc"), "size", "a picture is a .png"),

@@ -100,6 +100,21 @@ def test_where_nothing_may_change_nothing_does():
     assert mutants(Mutator(targets("TAim/TAim")), 3) == [BUGS] * 3
 
 
+def test_targets_of_nothing_are_told_apart_from_those_of_what_may_come():
+    texts = (
+        "#b.legs",
+        "#c",
+        "#b.left",
+        "TAim/PEye.left",
+        "TAim/AStone",
+        "PEye/PEye.left",
+        "#s.name",
+    )
+    assert targets(*texts).idle(places(BUGS, 50)) == [1, 2, 5]
+    assert targets("PEye", "PEye/PEye.left").idle(places(BUGS, 50)) == []
+    assert targets().idle(places(BUGS, 50)) == []
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [

@@ -75,6 +75,19 @@ class Targets:
         met = [one for one in self.all if one.parameter in ("", name) and one.meets(place)]
         return max(met, key=_exactness, default=None)
 
+    def idle(self, found: Sequence[Place]) -> list[int]:
+        """Which targets, by number, are of none of these nodes, nor of new ones that may come."""
+        may_come = set(self.symbols)
+        return [
+            number
+            for number, one in enumerate(self.all)
+            if _symbol(one) not in may_come and not any(self._is_of(one, it) for it in found)
+        ]
+
+    def _is_of(self, target: Target, place: Place) -> bool:
+        names = ("", *self.vocabulary.fields(place.node.symbol).names)
+        return target.parameter in names and target.meets(place)
+
     @property
     def symbols(self) -> Sequence[str]:
         """The symbols of which new nodes may come."""
