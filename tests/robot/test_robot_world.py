@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -165,6 +166,19 @@ def test_without_a_kitchen_the_objective_is_the_farthest(hall):
 def test_what_is_wrong_is_said(options, says):
     with pytest.raises(MinervaError, match=says):
         scene(defaults(options))
+
+
+@pytest.mark.parametrize("resolution", [100.0, 1000.0, 1e9, 1e300])
+def test_a_map_too_large_for_a_robot_s_grid_is_refused_before_there_is_one(hall, resolution):
+    path = Path(hall)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"resolution": resolution}))
+    with pytest.raises(MapError, match=r"is too large for robots with cells of 0\.1 m"):
+        scene({"map": hall})
+
+
+def test_cells_too_small_for_a_map_are_refused_before_there_are_any():
+    with pytest.raises(MapError, match="cells of 1e-05 m, of which a grid has 32000000 at most"):
+        scene({"cell": 1e-5})
 
 
 def test_a_map_error_is_one_of_ours():

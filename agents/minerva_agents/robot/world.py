@@ -29,12 +29,13 @@ import numpy as np
 
 from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.localising import ALocalisingRobot
-from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
+from minerva_agents.robot.maps import MapError, Marker, OccupancyMap, Pose
 from minerva_agents.robot.options import Options
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
 from minerva_bus import Cells, Scene, Vocabulary
+from minerva_bus.grammar.literals import MATRIX_CELLS
 
 vocabulary: Final = Vocabulary.of(
     words.PMap,
@@ -161,12 +162,19 @@ class _Grid:
 
 
 def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
-    """A grid under the whole map, and one cell more on each side."""
+    """A grid under the whole map, and one cell more on each side. Raises MapError if too large."""
     rows, columns = floor.cells.shape
     ends = [floor.corner_of((row, column)) for row in (0, rows) for column in (0, columns)]
     x, y = (min(end[axis] for end in ends) for axis in (0, 1))
     far_x, far_y = (max(end[axis] for end in ends) for axis in (0, 1))
-    high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in (far_x - x, far_y - y))
+    sides = far_x - x, far_y - y
+    if not math.prod(side / cell + 3 for side in sides) <= MATRIX_CELLS:
+        raise MapError(
+            f"a map of {sides[0]:g} m x {sides[1]:g} m is too large for robots with cells of"
+            f" {cell:g} m, of which a grid has {MATRIX_CELLS} at most; check the map's resolution,"
+            " or take larger cells"
+        )
+    high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in sides)
     cells = np.zeros((high, wide), np.int16)
     cells.setflags(write=False)
     return _Grid(cells, round(x - cell, 9), round(y - cell, 9))
