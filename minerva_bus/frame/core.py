@@ -47,6 +47,8 @@ class Core:
             world.vocabulary, self.composition, world.placement.agents_per_host
         )
         self._homeless: int = 0
+        self._offered: set[frozenset[str]] = set()
+        self._unoffered: set[frozenset[str]] = set()
         self._rearrange = True
         self._showings = {
             one: Showing(one, past.frame, last.frame, last.scene)

@@ -90,6 +90,7 @@ class Steps(Enforcing):
             self._rearrange = False
             self._distribution.arrange(self.offers())
             self._count_homeless()
+            self._name_unoffered()
         self._layout = self.composition.layout
         events = self._evolving + self._visual
         if events and self._distribution.unplaced:
@@ -124,6 +125,23 @@ class Steps(Enforcing):
             )
         else:
             self._say("placement", "every agent has a host again")
+
+    def _name_unoffered(self) -> None:
+        """Say, once, which kinds no host has ever offered: the world may lack a process.
+
+        Where one has, its loss was told.
+        """
+        self._offered.update(self.roster.offers().values())
+        unoffered = {
+            kinds
+            for kinds in self._distribution.unplaced.values()
+            if not any(kinds <= offered for offered in self._offered)
+        }
+        for kinds in sorted(map(sorted, unoffered - self._unoffered)):
+            what = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
+            still = "such agents stand still; attach one that does"
+            self._say("placement", f"no host evolves {what}: {still}")
+        self._unoffered |= unoffered
 
     def _give(self, host: str) -> None:
         lacking = self._distribution.lacking(host)

@@ -88,6 +88,23 @@ def test_it_is_said_once_for_as_long_as_nothing_changes():
     assert len([one for one in bus.said if "stand still" in one]) == 1
 
 
+def test_kinds_that_no_host_offers_are_named_once():
+    bus = pond({}, Placement(), "ACounter#a · AMinnow#m")
+    bus.run(5)
+    assert bus.said == [
+        f"placement: no host evolves {kind}: such agents stand still; attach one that does"
+        for kind in ("ACounter", "AMinnow")
+    ]
+    bus.makers["west"] = host("west", Counter)
+    bus.appear("west")
+    bus.run(2)
+    assert counts(bus)["a"] == 2
+    bus.vanish("west")
+    bus.settle()
+    bus.run(2)
+    assert len([one for one in bus.said if "no host evolves" in one]) == 2
+
+
 def shoal(hosts, placement, text, **rest):
     members = {"steps": service("steps", Steps)} | {one: host(one, Minnow) for one in hosts}
     bus = MemoryBus(world(text, members, placement=placement, seed=5, **rest), members)
