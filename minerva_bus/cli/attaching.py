@@ -6,7 +6,7 @@ import signal
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 from minerva_bus.bus.diagnosis import check_reachable
 from minerva_bus.bus.endpoints import check_endpoint
@@ -16,7 +16,7 @@ from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
 from minerva_bus.frame.participant import Anew, Participant
-from minerva_bus.launch.overrides import Overrides, toml_value
+from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import (
     AGENTS,
@@ -126,8 +126,8 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Participant:
         if options:
             raise WorldFileError(f"{spec} names agents, which have no options")
         return Participant(name, None, find_agents(spec, folder))
-    typed: dict[str, Any] = {key: toml_value(value) for key, value in options.items()}
-    return Participant(name, bind(find_service(spec, folder), typed, name)())
+    service = find_service(spec, folder)
+    return Participant(name, bind(service, typed_options(service, options), name)())
 
 
 def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Participant:

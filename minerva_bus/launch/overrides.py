@@ -5,12 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.border import BorderOverrides
 from minerva_bus.launch.keeping import RecordOverrides
 from minerva_bus.launch.specs import SERVICES, entries
+from minerva_bus.world.services import Service
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,16 @@ def toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except (tomllib.TOMLDecodeError, KeyError):
         return text
+
+
+def typed_options(cls: type[Service], options: Mapping[str, str]) -> dict[str, Any]:
+    """A service's options as a command line has them; what is to be a text is one: `vision 0`."""
+    hints = get_type_hints(cls.__init__)
+    found = {key: toml_value(text) for key, text in options.items()}
+    return {
+        key: options[key] if hints.get(key) is str and not isinstance(value, str) else value
+        for key, value in found.items()
+    }
 
 
 def read_view(text: str) -> tuple[str, str, dict[str, Any]]:

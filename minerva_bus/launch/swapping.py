@@ -19,7 +19,7 @@ from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.roster import objection
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.keeping import RecordSettings
-from minerva_bus.launch.overrides import Overrides, toml_value
+from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.specs import AGENTS, bind, entries, find_agents, find_service, load
@@ -146,8 +146,9 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
 def _new_member(old: Process, swap: Swap, file: WorldFile) -> Participant:
     folder = file.path.parent
     if not _names_agents(swap.spec, folder):
-        options = {key: toml_value(value) for key, value in swap.options.items()}
-        return Participant(old.name, bind(find_service(swap.spec, folder), options, old.name)())
+        service = find_service(swap.spec, folder)
+        options = typed_options(service, swap.options)
+        return Participant(old.name, bind(service, options, old.name)())
     if swap.options:
         raise MisuseError(f"--swap {swap.member}: {swap.spec} names agents, which have no options")
     (cls,) = find_agents(swap.spec, folder)

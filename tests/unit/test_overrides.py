@@ -3,8 +3,9 @@
 import pytest
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.overrides import Overrides, read_view, toml_value
+from minerva_bus.launch.overrides import Overrides, read_view, toml_value, typed_options
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.world.services import Generator
 
 MODULE = """
 from minerva_bus import *
@@ -74,3 +75,16 @@ def test_a_view_is_a_service_with_options(text, view):
 ])  # fmt: skip
 def test_a_value_is_one_of_toml_or_a_text(text, value):
     assert toml_value(text) == value
+
+
+class Eye(Generator):
+    def __init__(self, source: str = "", fps: float = 1.0, names=None) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("key", "text", "value"), [
+    ("source", "0", "0"), ("source", '"0"', "0"), ("source", "true", "true"), ("source", "a", "a"),
+    ("fps", "2", 2), ("names", "{ 0 = 'a' }", {"0": "a"}), ("other", "3", 3),
+])  # fmt: skip
+def test_what_is_to_be_a_text_is_one_though_it_looks_like_a_number(key, text, value):
+    assert typed_options(Eye, {key: text}) == {key: value}
