@@ -92,14 +92,16 @@ class Bridge(Generator, lockstep=False):
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
         """Pass on what the source says, until it ends or the world does."""
-        wait, failed = FIRST_WAIT, False
+        wait = FIRST_WAIT
+        told = set[str]()  # why it was not there, since it was the last time
         while not stop.is_set():
             try:
                 with closing(self.open()) as source:
-                    if failed:
+                    if told:
                         self._say(f"{self.source} is back")
                     self._state, self._heard_at = "open", time.monotonic()
-                    wait, failed = FIRST_WAIT, False
+                    wait = FIRST_WAIT
+                    told.clear()
                     self._pass_on(source, emit, stop)
                 self._state = "ended"
                 if not stop.is_set():
@@ -109,9 +111,9 @@ class Bridge(Generator, lockstep=False):
                 self._state = str(error)
                 if not self.reconnects:
                     raise
-                if not failed:
+                if self._state not in told:
                     self._say(f"{error}; tried again until it is there")
-                failed = True
+                told.add(self._state)
                 self.count("failures")
             stop.wait(wait)
             wait = min(2 * wait, LONGEST_WAIT)
