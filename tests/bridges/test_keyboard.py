@@ -92,7 +92,7 @@ def test_digits_choose_among_markers(desk):
 
 def test_keys_of_ones_own_go_first(desk):
     keys = {"w": "eSpeed speed=0.8", "space": "eSpeed 0", "ä": "eObjective hall", "up": "eSpeed 1"}
-    made = typed(desk, "w ä\x1b[A", keys=keys, to="r1")
+    made = typed(desk, "w ä\x1b[A", keymap=keys, to="r1")
     events = [eSpeed(0.8), eSpeed(0.0), eObjective("hall"), eSpeed(1.0)]
     assert [(one.type, one.values, one.receivers) for one in made] == [
         (one.type, one.values, ("r1",)) for one in events
@@ -110,7 +110,7 @@ def test_other_keys_are_counted(desk):
 def test_it_makes_what_its_options_say():
     assert Keyboard().generates() == ("eSpeed",)
     assert Keyboard(markers=["a"]).generates() == ("eObjective", "eSpeed")
-    assert Keyboard(slide="", keys={"a": "eStop"}).generates() == ("eStop",)
+    assert Keyboard(slide="", keymap={"a": "eStop"}).generates() == ("eStop",)
 
 
 def test_the_terminal_is_left_as_it_was(desk):
@@ -142,7 +142,7 @@ def test_without_a_terminal_it_says_where_there_is_one(tmp_path):
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        ({"keys": {"w": "eSped speed=1"}}, "keyboard: .* no event type eSped; did you mean"),
+        ({"keymap": {"w": "eSped speed=1"}}, "keyboard: .* no event type eSped; did you mean"),
         ({"markers": list("abcdefghijk")}, "markers are 11; there are but ten digits"),
         ({"low": 1.0}, "low must be below high"),
     ],

@@ -3,12 +3,15 @@
 import json
 import signal
 import sys
+from inspect import signature
 
 import hypothesis.strategies as st
 import pytest
 from hypothesis import HealthCheck, given, settings
+from typer.main import get_command
 
-from minerva_bus.cli.main import main
+from minerva_bus.cli.main import app, main
+from minerva_bus.launch.specs import SERVICES, entries, find_service
 
 ALPHABET = """
 import math
@@ -475,3 +478,16 @@ def test_any_file(minerva, home, data, kind):
     code, _, err = minerva("check", written(home, data, f"any.{kind}"))
     assert code in (0, 1)
     assert bool(err) is bool(code)
+
+
+@pytest.mark.parametrize("command", ["attach", "bridge"])
+def test_no_service_has_an_option_that_is_the_command_s_own(command):
+    of_command = get_command(app).commands[command].params
+    own = {word for one in of_command for word in one.opts if word.startswith("--")}
+    taken = {
+        (name, option)
+        for name in entries(SERVICES)
+        for option in signature(find_service(name).__init__).parameters
+        if "--" + option.replace("_", "-") in own
+    }
+    assert not taken

@@ -21,7 +21,7 @@ class Keyboard(Bridge):
     """Turns keys that are pressed in a terminal into events.
 
     The arrows up and down change a number, the digits choose among markers, and whatever else a
-    person wants is in `keys`, which goes first.
+    person wants is in `keymap`, which goes first.
 
     Args:
         slide: the event type with one real number that the arrows send; "" for none.
@@ -31,7 +31,7 @@ class Keyboard(Bridge):
         begin: the number before the first arrow.
         choose: the event type with one text that the digits send.
         markers: the texts, for the digits 1 to 9 and 0; a list, or texts with commas between.
-        keys: further keys: `{ w = "eSpeed speed=0.8", space = "eSpeed speed=0" }`.
+        keymap: further keys: `{ w = "eSpeed speed=0.8", space = "eSpeed speed=0" }`.
         to: ids of the agents that it is for, with commas between; "": for all.
         terminal: a terminal's path; "": the one that the command was given in.
 
@@ -50,7 +50,7 @@ class Keyboard(Bridge):
         begin: float = 0.0,
         choose: str = "eObjective",
         markers: Any = (),
-        keys: Mapping[str, Any] | None = None,
+        keymap: Mapping[str, Any] | None = None,
         to: str = "",
         terminal: str = "",
     ) -> None:
@@ -63,7 +63,7 @@ class Keyboard(Bridge):
             raise MisuseError(f"keyboard: markers are {len(chosen)}; there are but ten digits")
         bound = {
             **dict(zip(DIGITS, chosen, strict=False)),
-            **bindings("keyboard", "keys", keys),
+            **bindings("keyboard", "keymap", keymap),
         }
         self._wiring = Wiring("keyboard", bound, slide, to)
         self._moves = {"up": step, "down": -step} if slide else {}
