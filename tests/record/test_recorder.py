@@ -4,6 +4,7 @@ import errno
 import io
 import sys
 import threading
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -198,6 +199,25 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
     assert not said
     with record_of(disk.kept, tmp_path) as record:
         assert len(list(record.frames())) == 60
+
+
+def test_what_is_written_is_flushed_though_more_always_waits(monkeypatch):
+    kept, frame = [], RecordWriter.frame
+    left = iter(happened("meadow")[1])
+
+    def written(self, *what):
+        kept.append(self.kept)
+        for record, string in islice(left, 1):
+            recorder.frame(record, string, 0.0)
+        frame(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "frame", written)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
+    recorder.frame(*next(left), 0.0)
+    while len(kept) < 60:
+        threading.Event().wait(0.005)
+    recorder.close()
+    assert kept == list(range(60))
 
 
 def test_an_earlier_record_is_kept(tmp_path):
