@@ -50,6 +50,9 @@ own five milliseconds are several frames, and giving way unasked costs more than
 LIGHT: Final = 0.0005
 """Seconds of work on a frame that may be done while others are waited for."""
 
+REST: Final = 0.01
+"""Seconds that the thread waits at least to be called, however often there is to be flushed."""
+
 _NONE: Mapping[str, float] = {}
 
 
@@ -102,7 +105,7 @@ class Recorder:
         self._told = False
         self._frame: int = 0
         self._flush_seconds = flush_seconds
-        self._flush_at = 0.0
+        self._flush_at = time.monotonic() + flush_seconds
         self._stream = open_for_record(path if past is None else part_of(path))
         try:
             self._writer = RecordWriter(self._stream, told, past)
@@ -159,7 +162,7 @@ class Recorder:
         self._tell_failure()
 
     def help(self) -> None:
-        """Write what waits, if that is little and nobody else writes; else the thread will.
+        """Write what waits, if that is little and may stay in memory; else the thread will.
 
         For the caller of `frame`, when it has nothing to do. Who calls it once has to go on: the
         thread then relies on it.
@@ -167,8 +170,8 @@ class Recorder:
         self._helped = True
         if self._thread is None or not (self._items or self._heard.waiting):
             return
-        light = self._light and self._flush_seconds and self._writer.has_room
-        if self._heard.waiting or not light:
+        little = self._light and self._writer.has_room
+        if self._heard.waiting or not (little and self._flush_seconds):
             self._called.set()
         elif self._writing.acquire(blocking=False):
             try:
@@ -259,9 +262,8 @@ class Recorder:
     # --- in the thread, or in the caller's where each frame is durable ---
 
     def _run(self) -> None:
-        self._flush_at = time.monotonic() + self._flush_seconds
         while not self._over:
-            self._called.wait(self._until_flush())
+            self._called.wait(max(REST, self._flush_at - time.monotonic()))
             self._called.clear()
             self._write_all()
         self._write_all()

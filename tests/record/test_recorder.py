@@ -6,6 +6,7 @@ import sys
 import threading
 from itertools import islice
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -140,6 +141,22 @@ def test_a_place_where_nothing_can_be_written(tmp_path):
     file, _ = happened("meadow")
     with pytest.raises(RecordError, match="cannot be written: No such file"):
         Recorder(tmp_path / "none" / "run.mcap", description(file))
+
+
+def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
+    class Watched(threading.Event):
+        waited: ClassVar[list] = []
+
+        def wait(self, timeout=None):
+            self.waited.append(timeout)
+            return super().wait(timeout)
+
+    monkeypatch.setattr(threading, "Event", Watched)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
+    while len(Watched.waited) < 3:
+        recorder.help()
+    recorder.close()
+    assert 0.0 not in Watched.waited
 
 
 def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
@@ -304,7 +321,7 @@ def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
 
 def test_who_helps_never_waits_for_the_disk(monkeypatch):
     disk = Disk()
-    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.001)
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
     disk.free.clear()
     disk.asked.clear()
     frames = happened("meadow")[1]
@@ -323,7 +340,7 @@ def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "LIGHT", 60.0)
     writers = writers_of(monkeypatch)
     disk = Disk()
-    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.001)
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
     for record, string in happened("meadow")[1]:
         recorder.frame(record, string, 0.0)
         if record.frame % 3:
