@@ -63,9 +63,9 @@ class Backlog:
                 self._bytes += one.size
 
     @property
-    def waiting(self) -> bool:
-        """Whether something waits."""
-        return bool(self._waiting)
+    def waiting(self) -> int:
+        """How many wait."""
+        return len(self._waiting)
 
     def take(self) -> tuple[Heard, Readings] | None:
         """The next one, as readings; None where nothing waits."""

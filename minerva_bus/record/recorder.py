@@ -307,8 +307,12 @@ class Recorder:
             self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
 
     def _write_heard(self) -> None:
+        """Write what waits of sensor topics, unless the world waits; more may come all the time."""
         seconds = 0.0
-        while (found := self._heard.take()) is not None:
+        for _ in range(self._heard.waiting):
+            found = self._heard.take() if len(self._items) < WAITING else None
+            if found is None:
+                break
             one, told = found
             seconds = one.seconds
             self._writer.sensed(told, one.frame, seconds)

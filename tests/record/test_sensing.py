@@ -18,6 +18,7 @@ from minerva_bus.protocol.codec import encode
 from minerva_bus.protocol.readings import plain_reading
 from minerva_bus.record import backlog
 from minerva_bus.record import channels as c
+from minerva_bus.record import recorder as module
 from minerva_bus.record.reader import Record
 from minerva_bus.record.recorder import Recorder
 from minerva_bus.record.sensing import Dropped, decode_sensed, encode_readings, shown_readings
@@ -202,6 +203,28 @@ def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
         assert sum(one.count for one in told if isinstance(one, Dropped)) == 4
     info = here(tmp_path, "info", path).stdout
     assert "topics      battery 3 (4 messages dropped)" in info
+
+
+def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 10.0)
+    file, frames = happened("meadow")
+    data = encode(Readings("m", "battery", 0, (ALL[""],)))
+    sensed, said = RecordWriter.sensed, []
+
+    def written(self, *what):
+        recorder.heard("battery", "m", data, 0.0)  # Another one has come meanwhile.
+        sensed(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "sensed", written)
+    recorder = Recorder(
+        tmp_path / "run.mcap", description(file), flush_seconds=0.01, say=said.append
+    )
+    recorder.heard("battery", "m", data, 0.0)
+    for record, string in frames:
+        recorder.frame(record, string, 0.0)
+    recorder.close()
+    assert not said
+    assert recorder.frames == 60
 
 
 def test_large_messages_are_bounded_by_their_bytes(monkeypatch):
