@@ -95,7 +95,9 @@ class InFile:
         if origin is not None:
             with Record(origin) as past:
                 self._next = past.end()[0].frame
-                self._record(file, _retold(past.description, file), say, past)
+                told = _retold(past.description, file)
+                # What a killed coordinator has left is all in the new one.
+                self._record(file, told, say, past, keep_old=not again)
             return
         options = {name: option_text(value) for name, value in file.options.items()}
         began, path = time.time_ns(), str(file.path)
@@ -108,6 +110,8 @@ class InFile:
         told: Description,
         say: Callable[[str], None],
         past: Record | None = None,
+        *,
+        keep_old: bool = True,
     ) -> None:
         from minerva_bus.record.recorder import Recorder
 
@@ -119,6 +123,7 @@ class InFile:
             durable=file.record.durable,
             say=say,
             past=past,
+            keep_old=keep_old,
         )
 
     def frame(self, done: s.FrameDone) -> None:

@@ -83,8 +83,9 @@ class Recorder:
     `flush_seconds`: so often all that there is reaches the disk. `durable`: every frame does,
     before `frame` returns. `say` hears, within `frame` or `close` and so in the caller's thread,
     what the people who watch should know. `past` is the record after whose end the world goes on:
-    all that is in it comes first, and it may have the same name. Raises RecordError where the file
-    cannot be begun, and MisuseError where mcap is not installed; later, nothing is raised.
+    all that is in it comes first, and it may have the same name. What has that name is kept beside
+    it, unless `keep_old` is false. Raises RecordError where the file cannot be begun, and
+    MisuseError where mcap is not installed; later, nothing is raised.
     """
 
     def __init__(
@@ -96,6 +97,7 @@ class Recorder:
         durable: bool = False,
         say: Callable[[str], None] = lambda _: None,
         past: Record | None = None,
+        keep_old: bool = True,
     ) -> None:
         check_installed()
         self.path = path
@@ -106,7 +108,10 @@ class Recorder:
         self._frame: int = 0
         self._flush_seconds = flush_seconds
         self._flush_at = time.monotonic() + flush_seconds
-        self._stream = open_for_record(path if past is None else part_of(path))
+        if past is None:
+            self._stream = open_for_record(path)
+        else:
+            self._stream = open_for_record(part_of(path), keep_old=False)
         try:
             self._writer = RecordWriter(self._stream, told, past)
         except OSError as error:
@@ -116,7 +121,7 @@ class Recorder:
             _shut(self._stream)
             raise
         if past is not None:
-            take_name(path)
+            take_name(path, keep_old=keep_old)
         self._items: deque[_Item] = deque()
         self._writing = threading.Lock()
         self._called = threading.Event()

@@ -264,13 +264,14 @@ def _sync(stream: IO[bytes]) -> None:
             raise
 
 
-def open_for_record(path: Path) -> IO[bytes]:
-    """A new file of this name; what had the name before is kept as `NAME.old.mcap`.
+def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
+    """A new file of this name; what had the name before is kept as `NAME.old.mcap`, if wanted.
 
     Raises RecordError.
     """
     try:
-        _keep_old(path)
+        if keep_old:
+            _keep_old(path)
         return path.open("wb")
     except OSError as error:
         raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
@@ -281,10 +282,11 @@ def part_of(path: Path) -> Path:
     return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
-def take_name(path: Path) -> None:
+def take_name(path: Path, *, keep_old: bool) -> None:
     """Let the part of a record be the record, as `open_for_record`. Raises RecordError."""
     try:
-        _keep_old(path)
+        if keep_old:
+            _keep_old(path)
         part_of(path).replace(path)
     except OSError as error:
         raise RecordError(f"{path}: cannot be written: {error.strerror}") from None

@@ -75,6 +75,8 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
     path = write_world(tmp_path, LOCKSTEP, frames=250, rate=60, record="run.mcap", flush=0.1)
     undisturbed = alone(tmp_path, path, "--record", "alone.mcap")
+    earlier = tmp_path / "run.mcap"
+    earlier.write_bytes(b"an earlier one")
     with World(path, "--json") as world:
         world.runs(*NAMES)
         world.kill_coordinator()
@@ -83,6 +85,7 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     told = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
     assert (told["frames"], told["complete"]) == (250, True)
     assert here(tmp_path, "diff", "alone.mcap", "run.mcap").returncode == 0
+    assert earlier.with_name("run.old.mcap").read_bytes() == b"an earlier one"
 
 
 def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
