@@ -114,14 +114,15 @@ class Recorder:
             self._stream = open_for_record(part_of(path), keep_old=False)
         try:
             self._writer = RecordWriter(self._stream, told, past)
-        except OSError as error:
+            if past is not None:
+                take_name(path, keep_old=keep_old)
+        except (OSError, RecordError) as error:
             _shut(self._stream)
+            if past is not None:
+                part_of(path).unlink(missing_ok=True)
+            if isinstance(error, RecordError):
+                raise
             raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
-        except RecordError:
-            _shut(self._stream)
-            raise
-        if past is not None:
-            take_name(path, keep_old=keep_old)
         self._items: deque[_Item] = deque()
         self._writing = threading.Lock()
         self._called = threading.Event()

@@ -1,5 +1,6 @@
 """What a record has for going on after its last whole frame, and that the future is the same."""
 
+import errno
 import io
 import struct
 
@@ -83,6 +84,21 @@ def test_a_run_that_was_resumed_is_resumed(tmp_path):
     with Record(path) as record:
         assert [one.digest for one in record.frames()] == list(whole.values())
         assert record.complete
+
+
+def test_where_a_record_has_no_room_to_go_on_it_is_as_it_was(tmp_path, monkeypatch):
+    def full(writer):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    world, overrides = RUNS["meadow"]
+    path = tmp_path / "run.mcap"
+    lived(world_file(world, record=str(path), **overrides), 5)
+    before = path.read_bytes()
+    monkeypatch.setattr(RecordWriter, "flush", full)
+    with pytest.raises(RecordError, match="cannot be written: No space left on device"):
+        lived(read_resumed(path, "", Overrides()))
+    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+    assert path.read_bytes() == before
 
 
 def test_what_a_resumed_run_was_told_is_what_the_next_one_goes_by(tmp_path):
