@@ -12,7 +12,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.keeping import ALL
-from minerva_bus.launch.resuming import Resumed, option_text
+from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ class InFile:
         again: bool,
     ) -> None:
         from minerva_bus.record.description import Description
+        from minerva_bus.record.errors import RecordError
         from minerva_bus.record.reader import Record
 
         self._algorithm = algorithm
@@ -94,6 +95,8 @@ class InFile:
         origin = _origin(file, again)
         if origin is not None:
             with Record(origin) as past:
+                for what in differing(file.world, past.description.world) if again else ():
+                    raise RecordError(f"{origin}: it is the record of another world: {what}")
                 self._next = past.end()[0].frame
                 told = _retold(past.description, file)
                 # What a killed coordinator has left is all in the new one.

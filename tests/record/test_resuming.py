@@ -101,6 +101,20 @@ def test_where_a_record_has_no_room_to_go_on_it_is_as_it_was(tmp_path, monkeypat
     assert path.read_bytes() == before
 
 
+def test_a_coordinator_that_follows_does_not_go_on_in_the_record_of_another_world(tmp_path):
+    world, overrides = RUNS["meadow"]
+    path, said = tmp_path / "run.mcap", []
+    lived(world_file(world, record=str(path), **overrides), 5)
+    before = path.read_bytes()
+    other = world_file(world, record=str(path), seed=5, **overrides)
+    recording(other, FrameAlgorithm(other.world), said.append, again=True).close()
+    assert said == [
+        f"{path}: it is the record of another world: seed 7 is recorded, 5 is wanted;"
+        " the world goes on without a record"
+    ]
+    assert path.read_bytes() == before
+
+
 def test_what_a_resumed_run_was_told_is_what_the_next_one_goes_by(tmp_path):
     world, overrides = RUNS["flock"]
     path = tmp_path / "run.mcap"
