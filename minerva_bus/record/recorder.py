@@ -106,8 +106,9 @@ class Recorder:
         self._failure = ""
         self._told = False
         self._frame: int = 0
-        self._flush_seconds = flush_seconds
-        self._flush_at = time.monotonic() + flush_seconds
+        self._durable = durable
+        self._flush_seconds = 0.0 if durable else flush_seconds
+        self._flush_at = time.monotonic() + self._flush_seconds
         if past is None:
             self._stream = open_for_record(path)
         else:
@@ -126,6 +127,7 @@ class Recorder:
         self._items: deque[_Item] = deque()
         self._writing = threading.Lock()
         self._called = threading.Event()
+        self._written = threading.Event()
         self._over = False
         self._helped = False
         self._light = True
@@ -133,11 +135,9 @@ class Recorder:
         self._closed = False
         self._heard = Backlog()
         self._dropped: int = 0
-        self._thread: threading.Thread | None = None
-        if not durable:
-            self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-            self._thread.start()
-            sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+        sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
 
     @property
     def frames(self) -> int:
@@ -174,7 +174,7 @@ class Recorder:
         thread then relies on it.
         """
         self._helped = True
-        if self._thread is None or not (self._items or self._heard.waiting):
+        if self._durable or not (self._items or self._heard.waiting):
             return
         little = self._light and self._writer.has_room
         if self._heard.waiting or not (little and self._flush_seconds):
@@ -206,10 +206,11 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        if self._thread is None:
-            self._finish()
-        else:
-            self._end(self._thread)
+        self._over = True
+        self._called.set()
+        self._thread.join(CLOSING_WITHIN)
+        if self._thread.is_alive():
+            self._failure = self._failure or "the disk does not answer"
         self._tell_failure()
         if self.lost:
             self._say(f"{self.path}: {self.lost} frames are not in the record: the disk was slow")
@@ -219,26 +220,24 @@ class Recorder:
                 " came faster than they were written"
             )
 
-    def _end(self, thread: threading.Thread) -> None:
-        self._over = True
-        self._called.set()
-        thread.join(CLOSING_WITHIN)
-        if thread.is_alive():
-            self._failure = self._failure or "the disk does not answer"
-
     def _put(self, item: _Item) -> None:
         if self._failure or self._closed:
-            return
-        if self._thread is None:
-            self._carefully(partial(self._write_durably, item))
             return
         if not self._has_room():
             self._leave_out(item)
             return
         self._items.append(item)
         self._stuck = False
-        if not self._helped or len(self._items) > HELPED_WITHIN:
+        if self._durable:
+            self._await_disk()
+        elif not self._helped or len(self._items) > HELPED_WITHIN:
             self._called.set()
+
+    def _await_disk(self) -> None:
+        """Let the thread write: an interrupt ends the waiting for it, and not what it does."""
+        self._written.clear()
+        self._called.set()
+        self._written.wait()
 
     def _has_room(self) -> bool:
         """Whether one more can wait, now or before patience ends; a queue that waits costs more."""
@@ -265,15 +264,19 @@ class Recorder:
             f" {self._writer.kept} frames can be read"
         )
 
-    # --- in the thread, or in the caller's where each frame is durable ---
+    # --- in the thread ---
 
     def _run(self) -> None:
         while not self._over:
-            self._called.wait(max(REST, self._flush_at - time.monotonic()))
+            rest = max(REST, self._flush_at - time.monotonic())
+            self._called.wait(None if self._durable else rest)
             self._called.clear()
             self._write_all()
+            self._written.set()
         self._write_all()
-        self._finish()
+        self._carefully(self._write_heard)
+        self._carefully(self._writer.finish)
+        _shut(self._stream)
 
     def _until_flush(self) -> float | None:
         """Seconds; None where each frame is flushed as it comes."""
@@ -325,16 +328,6 @@ class Recorder:
         if self._heard.dropped > self._dropped:
             new, self._dropped = self._heard.dropped - self._dropped, self._heard.dropped
             self._writer.dropped(new, self._frame, seconds)
-
-    def _write_durably(self, item: _Item) -> None:
-        self._write_heard()
-        self._write(item)
-        self._writer.flush()
-
-    def _finish(self) -> None:
-        self._carefully(self._write_heard)
-        self._carefully(self._writer.finish)
-        _shut(self._stream)
 
     def _carefully(self, work: Callable[[], None]) -> None:
         """Whatever goes wrong with a record must not end its world."""

@@ -2,8 +2,10 @@
 
 import errno
 import io
+import signal
 import sys
 import threading
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar
@@ -22,7 +24,10 @@ mcap = pytest.importorskip("mcap")
 
 
 class Disk(io.BytesIO):
-    """A file that is slow until it is let go, and full after so many bytes."""
+    """A file that is slow until it is let go, and full after so many bytes.
+
+    `when_asked` is called once, when the next bytes come.
+    """
 
     def __init__(self, full_after=None):
         super().__init__()
@@ -30,10 +35,14 @@ class Disk(io.BytesIO):
         self.free = threading.Event()
         self.free.set()
         self.asked = threading.Event()
+        self.when_asked = None
         self.kept = b""
 
     def write(self, data):
         self.asked.set()
+        if self.when_asked is not None:
+            call, self.when_asked = self.when_asked, None
+            call()
         self.free.wait()
         if self.full_after is not None and self.tell() + len(data) > self.full_after:
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -93,6 +102,25 @@ def test_durable_frames_are_there_before_the_next(tmp_path):
             assert not so_far.complete
             assert so_far.string(record.frame + 1) == string
     recorder.close()
+
+
+def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypatch):
+    disk = Disk()
+    recorder, said = recorder_on(monkeypatch, disk, durable=True)
+    frames = happened("meadow")[1]
+    for record, string in frames[:4]:
+        recorder.frame(record, string, 0.0)
+    disk.when_asked = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            recorder.frame(*frames[4], 0.0)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    recorder.close()
+    assert not said
+    with record_of(disk.kept, tmp_path) as record:
+        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:6]
 
 
 def test_what_was_written_is_there_after_a_while(tmp_path):
