@@ -75,14 +75,15 @@ def show_logs(member: str, follow: bool, connect: str, world: str, json_too: boo
     """Print what members have printed, and what the world has said of them."""
     with client(connect, world) as asked:
         _check_member(asked, member)
-        since = 0
+        since, answered = 0, False
         while True:
             try:
                 lines = asked.operator.logs(since, member)
             except MinervaError:
-                if not follow or since == 0:
+                if not (follow and answered):
                     raise
                 return  # The world that was followed has ended.
+            answered = True
             for line in lines:
                 say(_entry(line, asked.world).json() if json_too else _shown(line))
                 since = line.number

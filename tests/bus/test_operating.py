@@ -1,9 +1,14 @@
 """Pausing, stepping, pacing, restarting and reading the logs of worlds that run."""
 
 import json
+from contextlib import nullcontext
+from unittest.mock import Mock
 
 import pytest
 from running import World, eventually, here, write_world
+
+from minerva_bus.cli import operating
+from minerva_bus.errors import BusError
 
 MEMBERS = """
 [process.steps]
@@ -95,6 +100,16 @@ def test_a_member_is_started_anew(world, operator):
     assert "is started anew, as a person wants it" in [one["message"] for one in lines]
     assert {one["member"] for one in lines} == {"walkers"}
     assert "walkers │ is started anew" in told(world, "logs")
+
+
+@pytest.mark.parametrize("answers", [0, 2])
+def test_who_follows_a_world_that_says_nothing_ends_with_it(answers, monkeypatch):
+    asked = Mock(world="quiet")
+    asked.operator.logs.side_effect = [[]] * answers + [BusError("no world answers")]
+    asked.operator.status.return_value.members = []
+    monkeypatch.setattr(operating, "client", lambda *_: nullcontext(asked))
+    with nullcontext() if answers else pytest.raises(BusError):
+        operating.show_logs("", True, "", "", False)
 
 
 def test_a_world_goes_on_while_a_view_is_started_anew(world, operator):
