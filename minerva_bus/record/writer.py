@@ -200,8 +200,10 @@ class RecordWriter:
 
     @property
     def has_room(self) -> bool:
-        """Whether a small frame's messages are sure to stay in memory."""
-        return self._in_chunk < CHUNK - SMALL
+        """Whether a small frame's messages, and a whole string if one is due, stay in memory."""
+        due = self._since_key + SMALL > KEY_AFTER * self._key_bytes
+        whole = self._key_bytes if due else 0
+        return whole <= SMALL and self._in_chunk + whole < CHUNK - SMALL
 
     def finish(self) -> None:
         """Write what is left, and the index, by which others find their way faster."""

@@ -14,6 +14,7 @@ import pytest
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.record import recorder as module
+from minerva_bus.record import writer
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
 from minerva_bus.record.recorder import Recorder
@@ -333,6 +334,30 @@ def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
             threading.Event().wait(0.001)
     recorder.close()
     assert writers[1] == "recorder"
+
+
+def test_a_large_string_is_left_to_the_thread(monkeypatch):
+    """A frame may be little, and yet the whole string be due behind it."""
+    whole, put = [], RecordWriter._put_string
+
+    def written(self, *what):
+        whole.append(threading.current_thread().name)
+        put(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "_put_string", written)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(writer, "KEY_AFTER", 4)
+    monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.
+    recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        while recorder._items:
+            recorder.help()
+    recorder.close()
+    assert not said
+    assert whole[0] == "MainThread"  # The first string is there before any frame.
+    assert set(whole[1:]) == {"recorder"}
 
 
 def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
