@@ -3,6 +3,8 @@
 import base64
 import io
 import json
+import threading
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -225,6 +227,29 @@ def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
     recorder.close()
     assert not said
     assert recorder.frames == 60
+
+
+def test_what_is_sensed_is_written_though_frames_always_wait(tmp_path, monkeypatch):
+    file, frames = happened("meadow")
+    data = encode(Readings("m", "battery", 0, (ALL[""],)))
+    frame, left, written = RecordWriter.frame, iter(frames), []
+
+    def framed(self, *what):
+        written.append(len(told))
+        recorder.heard("battery", "m", data, 0.0)
+        for record, string in islice(left, 1):
+            recorder.frame(record, string, 0.0)
+        frame(self, *what)
+
+    told = []
+    monkeypatch.setattr(RecordWriter, "frame", framed)
+    monkeypatch.setattr(RecordWriter, "sensed", lambda *what: told.append(what))
+    recorder = Recorder(tmp_path / "run.mcap", description(file), flush_seconds=60.0)
+    recorder.frame(*next(left), 0.0)
+    while len(written) < 60:
+        threading.Event().wait(0.005)
+    recorder.close()
+    assert written == list(range(60))
 
 
 def test_large_messages_are_bounded_by_their_bytes(monkeypatch):
