@@ -1,0 +1,25 @@
+"""The command line may be interrupted at any time, also while its modules are read."""
+
+import subprocess
+import sys
+
+INTERRUPTED_IMPORT = """
+import runpy
+import sys
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Finder())
+sys.argv = ["minerva", "list"]
+runpy.run_module("minerva_bus", run_name="__main__")
+"""
+
+
+def test_an_interrupt_while_modules_are_read_is_no_traceback():
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_IMPORT], capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
