@@ -159,6 +159,18 @@ def test_what_cannot_be_swapped_is_said_in_one_line(recorded, words, problem):
         assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize(("words", "problem"), [
+    (("--swap", "a=b", "--speed", 2), "--speed is for playing, not for --swap"),
+    (("--recompute", "--from", 5), "--from is for playing, not for --recompute"),
+    (("--recompute", "--view", "svg"), "--view is for playing, not for --recompute"),
+    (("--recompute", "--swap", "a=b"), "--swap and --recompute are two things"),
+])  # fmt: skip
+def test_what_would_be_passed_over_is_refused(recorded, words, problem):
+    done = here(recorded[0], "replay", "run.mcap", *words)
+    assert done.returncode == 2
+    assert problem in done.stderr
+
+
 def test_whose_code_fails_is_said(recorded):
     done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
     assert done.returncode == 1

@@ -93,6 +93,11 @@ def replay(
     words = context.args
     if world.startswith("--"):
         words, world = [world, *words], ""
+    played = {"--view": bool(view), "--from": begin != 0, "--speed": speed != 1.0}
+    for option in [one for one, given in played.items() if given and (swap or recompute)]:
+        context.fail(f"{option} is for playing, not for --{'swap' if swap else 'recompute'}")
+    if swap and recompute:
+        context.fail("--swap and --recompute are two things: ask for one of them")
     if swap:
         raise typer.Exit(replay_with(file, world, Swap.read(swap, options_of(words)), record, json))
     if words or record:
