@@ -125,6 +125,7 @@ class Recorder:
                 raise
             raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
         self._items: deque[_Item] = deque()
+        self._given = self._taken = self._flushed = 0
         self._writing = threading.Lock()
         self._called = threading.Event()
         self._written = threading.Event()
@@ -227,6 +228,7 @@ class Recorder:
             self._leave_out(item)
             return
         self._items.append(item)
+        self._given += 1
         self._stuck = False
         if self._durable:
             self._await_disk()
@@ -235,9 +237,11 @@ class Recorder:
 
     def _await_disk(self) -> None:
         """Let the thread write: an interrupt ends the waiting for it, and not what it does."""
-        self._written.clear()
-        self._called.set()
-        self._written.wait()
+        while self._flushed < self._given:
+            self._written.clear()
+            self._called.set()
+            if self._flushed < self._given:
+                self._written.wait()
 
     def _has_room(self) -> bool:
         """Whether one more can wait, now or before patience ends; a queue that waits costs more."""
@@ -278,10 +282,6 @@ class Recorder:
         self._carefully(self._writer.finish)
         _shut(self._stream)
 
-    def _until_flush(self) -> float | None:
-        """Seconds; None where each frame is flushed as it comes."""
-        return max(0.0, self._flush_at - time.monotonic()) if self._flush_seconds else None
-
     def _write_all(self) -> None:
         """Write all that waits, and flush when it is time: a fast world always lets some wait."""
         more = True
@@ -291,20 +291,16 @@ class Recorder:
                 self._carefully(self._write_heard)
                 if time.monotonic() >= self._flush_at:
                     self._carefully(self._writer.flush)
+                    self._flushed = self._taken
                     self._flush_at = time.monotonic() + self._flush_seconds
             more = bool(self._items)
-
-    def _flush_in_time(self) -> None:
-        if time.monotonic() >= self._flush_at:
-            with self._writing:
-                self._carefully(self._writer.flush)
-            self._flush_at = time.monotonic() + self._flush_seconds
 
     def _write_next(self) -> None:
         """Write what has waited longest, if another has not; `_writing` is held."""
         if self._items:
             began = time.thread_time()
             item = self._items.popleft()
+            self._taken += 1
             self._carefully(partial(self._write, item))
             if isinstance(item, _FrameItem):
                 self._light = time.thread_time() - began <= LIGHT

@@ -402,18 +402,3 @@ def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
     assert len(writers) == 60
     with record_of(disk.kept, tmp_path) as record:
         assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]
-
-
-def test_a_thread_that_flushes_each_frame_rests_between_them(monkeypatch):
-    flushed = []
-    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
-    flush = recorder._writer.flush
-    monkeypatch.setattr(recorder._writer, "flush", lambda: flushed.append(flush()))
-    for record, string in happened("meadow")[1][:5]:
-        recorder.frame(record, string, 0.0)
-        recorder.help()
-        while recorder.frames <= record.frame:
-            threading.Event().wait(0.001)
-    threading.Event().wait(0.05)
-    assert len(flushed) <= 10
-    recorder.close()
