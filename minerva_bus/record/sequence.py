@@ -6,6 +6,7 @@ as much room as a call to one.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Final
 from xml.sax.saxutils import escape
@@ -27,6 +28,8 @@ _COLORS: Final = {
     ),
     **dict.fromkeys((Act.AGREE, Act.ACCEPT_PROPOSAL, Act.INFORM, Act.CONFIRM), SETTLES),
 }
+# What XML 1.0 cannot hold, not even escaped.
+_UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STYLE: Final = (
     f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 11px; fill: {INK} }}"
     " .title { font-size: 16px; font-weight: bold } .frame { fill: #80848f; text-anchor: end }"
@@ -45,10 +48,10 @@ def draw(exchange: Exchange) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
         f' width="{width:.0f}" height="{height:.0f}">',
-        f"<title>{escape(exchange.title)}</title>",
+        f"<title>{_text(exchange.title)}</title>",
         f"<style>{_STYLE}</style>",
         f'<rect width="100%" height="100%" fill="{PAPER}"/>',
-        f'<text class="title" x="{MARGIN}" y="32">{escape(exchange.title)}</text>',
+        f'<text class="title" x="{MARGIN}" y="32">{_text(exchange.title)}</text>',
     ]
     for name, x in columns.items():
         lines += _lifeline(name, x, height - MARGIN)
@@ -81,7 +84,7 @@ def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
         f'<rect x="{x - BOX_WIDTH / 2:.0f}" y="{top}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}"'
         f' rx="6" fill="#f2f4f7" stroke="{INK}"/>'
     )
-    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{escape(shown)}</text>'
+    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_text(shown)}</text>'
 
 
 def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
@@ -101,7 +104,12 @@ def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
         yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
     yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
     yield f'<text class="said" x="{_label_at(said, columns):.0f}" y="{y - 6:.0f}">'
-    yield f"<title>{escape(said.content)}</title>{escape(said.label)}</text>"
+    yield f"<title>{_text(said.content)}</title>{_text(said.label)}</text>"
+
+
+def _text(text: str) -> str:
+    """A text as XML character data, whatever is in it."""
+    return escape(_UNWRITABLE.sub("\ufffd", text))
 
 
 def _label_at(said: Said, columns: dict[str, float]) -> float:

@@ -46,6 +46,7 @@ TALK = [
     (6, said("inform", "", "c", content="from people", reply_by=9)),
     (7, said("inform", "c", "c", content="a note", conversation="c/1")),
 ]
+UNWRITABLE = "a\x00b\x1b\ufffe<"
 
 
 @pytest.fixture
@@ -102,6 +103,13 @@ def test_one_conversation(record, capsys):
     assert [one["performative"] for one in told["messages"]] == ["cfp", "refuse", "propose"]
     assert told["messages"][0]["receivers"] == ["b", "c"]
     assert told["messages"][0]["content"] == "two; <lines>\n#1"
+
+
+def test_a_picture_of_what_xml_cannot_hold_is_xml_all_the_same(record, tmp_path):
+    talk = [(1, said("inform", "b", "c", content=UNWRITABLE))]
+    show_conversation(record(talk), "", tmp_path / "talk.svg", False)
+    root = ET.fromstring((tmp_path / "talk.svg").read_text(encoding="utf-8"))
+    assert "a\ufffdb\ufffd\ufffd<" in "".join(root.itertext())
 
 
 def test_svg(record, tmp_path, capsys):
