@@ -40,7 +40,7 @@ from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.epochs import stamped
 from minerva_bus.protocol.keys import COORDINATOR, Keys, who_asks
 from minerva_bus.protocol.limits import DEFAULT, Limits
-from minerva_bus.protocol.plain import mapped, pack, unpack
+from minerva_bus.protocol.plain import mapped, on_screen, pack, unpack
 
 STATUS_EVERY = 0.1
 NAP = 0.01
@@ -266,6 +266,7 @@ class BusCoordinator:
         self.diary.said(time.time(), member, text, self.algorithm.frame, level)
 
     def _say(self, member: str, text: str) -> None:
+        text = on_screen(text)
         self._log(member, text, "warning")
         self._watch.said(member, text)
 

@@ -17,6 +17,7 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
+from minerva_bus.protocol.plain import on_screen
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
@@ -76,6 +77,7 @@ def _row(member: MemberStatus) -> list[str]:
 
 
 def _table(titles: list[str], rows: list[list[str]]) -> None:
+    rows = [[on_screen(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
     for row in [titles, *rows]:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]

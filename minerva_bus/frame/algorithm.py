@@ -340,7 +340,12 @@ class FrameAlgorithm(Attendance):
             self._send(told.member, showing.key())
 
     def _on_failed(self, told: m.Failed) -> None:
-        self._say(told.member, f"failed in frame {told.frame}: {told.problem}\n{told.traceback}")
+        """Say it, once until it comes anew: one that has failed is about to end."""
+        member = self.roster.get(told.member)
+        if not member.blamed:
+            member.blamed = True
+            problem = f"failed in frame {told.frame}: {told.problem}\n{told.traceback}"
+            self._say(member.name, problem)
 
     def _on_doing(self, told: m.Doing) -> None:
         self.roster.get(told.member).figures = told.figures

@@ -26,6 +26,11 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
         raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
 
 
+def on_screen(text: str) -> str:
+    """A text that somebody else has chosen, as a terminal may have it: without what steers one."""
+    return "".join([one if one.isprintable() or one in "\t\n" else "?" for one in text])
+
+
 def listed(plain: Any, what: str) -> list[Any]:
     """A list. Raises ProtocolError."""
     if not isinstance(plain, list):

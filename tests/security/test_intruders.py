@@ -294,6 +294,26 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
     goes_on(world)
 
 
+def test_what_a_member_says_of_itself_steers_nobody_s_terminal(world, door, keys):
+    with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
+        present(world, "sensor")
+        joined.member._send(m.Doing("sensor", {"note": "\x1b[2Jhi"}))
+        for n in range(20):
+            joined.member._send(m.Failed("sensor", n, "\x1b]0;title\x07", "one\ntwo\u202e"))
+        world.says("sensor │ failed in frame 0: ?]0;title?")
+        world.says("sensor │ two?")
+        listed = eventually(
+            lambda: (
+                "?[2Jhi" in (out := here(world.folder, "list", "--world", world.name).stdout)
+                and out
+            ),
+            "it is listed",
+        )
+    logged = here(world.folder, "logs", "--world", world.name).stdout
+    assert not {"\x1b", "\x07", "\u202e"} & {*world.text, *listed, *logged}
+    assert world.text.count("sensor │ failed") == 1
+
+
 def test_a_flood_is_dammed_and_its_source_named_once(world, door, keys):
     with Joined(world, door, keys.credentials("flooder"), yard.Noise()) as joined:
         present(world, "flooder")
