@@ -39,7 +39,7 @@ def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
     text, host, port = endpoint.text, endpoint.host, endpoint.port
     try:
         return socket.create_connection((host, port), timeout=patience)
-    except socket.gaierror:
+    except (socket.gaierror, UnicodeError):  # Labels that are empty or too long are not asked for.
         raise BusError(f"nobody answers at {text}: there is no host {host!r}; check the name"
                        " (or give its address)") from None  # fmt: skip
     except ConnectionRefusedError:

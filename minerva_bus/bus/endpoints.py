@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import socket
 from dataclasses import dataclass
@@ -83,8 +84,15 @@ def check_port_free(endpoint: Endpoint) -> None:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((endpoint.host, endpoint.port))
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
             raise BusError(
-                f"cannot listen at {endpoint.text}: {error.strerror}; choose another port, or"
-                " port 0 for any that is free"
+                f"cannot listen at {endpoint.text}: {why}; {_otherwise(error)}"
             ) from None
+
+
+def _otherwise(error: OSError | UnicodeError) -> str:
+    """What to do where a port cannot be had."""
+    if isinstance(error, socket.gaierror | UnicodeError) or error.errno == errno.EADDRNOTAVAIL:
+        return "choose an address of this machine, or 0.0.0.0 for all that it has"
+    return "choose another port, or port 0 for any that is free"

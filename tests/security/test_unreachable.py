@@ -71,6 +71,8 @@ def test_an_unknown_host_and_a_closed_port(keys, kind):
     assert "there is no host 'nowhere.invalid'; check the name" in told(
         f"{kind}/nowhere.invalid:7447", own
     )
+    for host in ("a..b", "a" * 70 + ".example"):
+        assert f"there is no host {host!r}; check the name" in told(f"{kind}/{host}:7447", own)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     assert f"nothing listens at port {port} of 127.0.0.1" in told(f"{kind}/127.0.0.1:{port}", own)
@@ -103,8 +105,14 @@ def test_a_world_whose_certificate_one_does_not_take(hub, keys):
 
 def test_a_port_in_use(hub, keys):
     secured = Secured(keys.credentials("coordinator"), f"unixsock-stream/{keys.folder}/b.sock", {})
-    with pytest.raises(BusError, match=r"cannot listen at tls/\S+: Address already in use"):
+    with pytest.raises(BusError, match=r"cannot listen at tls/\S+: Address already in use; choose"):
         open_hub("hub", hub, secured=secured)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "nowhere.invalid", "a..b"])
+def test_an_address_of_another_machine_cannot_be_listened_at(host):
+    with pytest.raises(BusError, match=r"cannot listen at \S+: .*; choose an address of this mach"):
+        open_hub("hub", f"tcp/{host}:7447")
 
 
 @pytest.mark.parametrize(
