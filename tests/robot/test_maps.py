@@ -248,7 +248,7 @@ def test_a_missing_library_is_named_with_its_remedy(write, tmp_path, monkeypatch
     path.write_text(YAML)
     (tmp_path / "m.png").write_bytes(b"\x89PNG")
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(MapError, match=r"pip install minerva-bus\[maps\]"):
+    with pytest.raises(MapError, match=r"pip install 'minerva-bus\[maps\]'"):
         load_map(path if missing == "yaml" else tmp_path / "m.png")
 
 

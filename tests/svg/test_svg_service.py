@@ -105,7 +105,7 @@ def test_without_resvg_the_svg_alone_is_written_and_one_line_says_so(
         device.show(view(frame, PRobot()))
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "pip install minerva-bus[picture]" in said
+    assert "pip install 'minerva-bus[picture]'" in said
     assert names(tmp_path) == ["w.svg"]
     assert device.report() == {"picture": str(tmp_path / "w.svg")}
 

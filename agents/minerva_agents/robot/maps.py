@@ -31,7 +31,7 @@ _MOST_CELLS = 100_000_000
 _MOST_IMAGE_BYTES = 800_000_000
 _MOST_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
-_INSTALL = "install it with: pip install minerva-bus[maps]"
+_INSTALL = "install it with: pip install 'minerva-bus[maps]'"
 
 
 class MapError(MinervaError, ValueError):

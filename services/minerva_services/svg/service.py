@@ -27,7 +27,7 @@ class Svg(Device, draws=("ePicture",)):
             replaces the one before, in one step.
         every: frames between pictures; 0 leaves it to a generator to ask for them.
         frames: keep all pictures, numbered by frame, as in `minerva-000010.svg`.
-        png: also write a PNG; needs `pip install minerva-bus[picture]`.
+        png: also write a PNG; needs `pip install 'minerva-bus[picture]'`.
         width: pixels; the height follows from the world.
         draws: visual event types, separated by commas; their views lie over one another in this
             order.
@@ -89,7 +89,7 @@ class Svg(Device, draws=("ePicture",)):
             from minerva_services.svg.rendering import png
         except ImportError:
             self._makes_png = False
-            sys.stderr.write("picture: no PNG, only SVG; pip install minerva-bus[picture]\n")
+            sys.stderr.write("picture: no PNG, only SVG; pip install 'minerva-bus[picture]'\n")
             return
         write_whole(path, png(document))
         self._written = path
