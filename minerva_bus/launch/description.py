@@ -64,7 +64,8 @@ def _vocabulary(table: Table, path: Path) -> Vocabulary:
     spec = table.text("vocabulary")
     if not spec:
         raise WorldFileError(f'{path}: [world] needs vocabulary = "module:attribute"')
-    found = load(spec, path.parent)
+    with table.loading("vocabulary"):
+        found = load(spec, path.parent)
     if not isinstance(found, Vocabulary):
         kind = type(found).__name__
         table.wrong("vocabulary", f"must name a Vocabulary; {spec} is of type {kind}")

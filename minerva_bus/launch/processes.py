@@ -39,7 +39,8 @@ def read_processes(top: Table, path: Path, given: Overrides) -> tuple[Process, .
         found += reader.processes(name, table.table(name), settings.pop(name, {}))
     for view in given.views:
         spec, name, options = read_view(view)
-        make = reader.maker(name, spec, options | settings.pop(name, {}))
+        cls = find_service(spec, path.parent)
+        make = reader.maker(name, cls, options | settings.pop(name, {}))
         found.append(Process(name, make, on_failure="ignore"))
     if settings:
         name = next(iter(settings))
@@ -78,21 +79,25 @@ class _Reader:
         folder = self.path.parent
         if service:
             options = {key: beside(value, folder) for key, value in table.rest().items()}
-            makers = {one: self.maker(one, service, options) for one in names}
+            with table.loading("service"):
+                cls = find_service(service, folder)
+            makers = {one: self.maker(one, cls, options) for one in names}
             return [replace(plain, name=one, make_service=make) for one, make in makers.items()]
         table.done()
         if command and shutil.which(command[0], path=self._path()) is None:
             table.wrong("command", f"names {command[0]!r}, which is no program")
-        classes = tuple(cls for spec in agents for cls in find_agents(spec, folder))
+        with table.loading("agents"):
+            classes = tuple(cls for spec in agents for cls in find_agents(spec, folder))
         plain = replace(plain, agents=classes, command=command, folder=folder)
         return [replace(plain, name=one) for one in names]
 
     def _path(self) -> str:
         return os.pathsep.join([str(self.path.parent), os.environ.get("PATH", os.defpath)])
 
-    def maker(self, name: str, spec: str, options: dict[str, Any]) -> Callable[[], Service]:
+    def maker(
+        self, name: str, cls: type[Service], options: dict[str, Any]
+    ) -> Callable[[], Service]:
         """What makes the service of a process."""
-        cls = find_service(spec, self.path.parent)
         return bind(cls, options, f"{self.path.name}: [process.{name}]")
 
     def _patience(self, table: Table) -> Patience | None:

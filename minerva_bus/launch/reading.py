@@ -20,6 +20,7 @@ from minerva_bus.launch.watching import read_watching
 from minerva_bus.launch.worldfile import BusSettings, WorldFile
 
 MAX_BYTES = 16 * 1024 * 1024
+TABLES = ("world", "options", "process", "bus", "limits", "placement", "norm", "metrics", "log")
 
 
 def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
@@ -46,6 +47,9 @@ def _read_text(path: Path) -> str:
 
 def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
     """Read the tables, in an order in which each finds what it needs."""
+    for one in TABLES:
+        top.table(one)
+    top.done()  # First: what is missing in [world] may stand in [wrold].
     completed_by = top.table("world").text("defaults")
     options = read_options(top.table("options"), path, given.options, completed_by)
     for part in ("world", "process", "bus", "norm"):
@@ -60,7 +64,6 @@ def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     world = replace(world, norms=norms)
     watch = read_watching(top, given.metrics, given.log_format)
-    top.done()
     members = check_members(processes, world.vocabulary, path)
     file = WorldFile(
         path, world, rate, processes, bus, options, record=record, text=text, watch=watch

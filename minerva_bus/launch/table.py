@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final, NoReturn, cast
 
 from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
@@ -102,13 +103,24 @@ class Table:
                 where = f"[{self.name}]" if self.name else "a world file"
                 self.wrong(key, f"is unknown{nearest(key, self._asked)}; {where} has {known}")
 
+    @contextmanager
+    def loading(self, key: str) -> Generator[None]:
+        """What a key names is looked for: who misses it is told where the name stands."""
+        try:
+            yield
+        except WorldFileError as error:
+            self._raise(key, f": {error}")
+
     def wrong(self, key: str, problem: str) -> NoReturn:
         """Raise WorldFileError about a key, with its line and a caret."""
+        self._raise(key, f" {problem}")
+
+    def _raise(self, key: str, problem: str) -> NoReturn:
         full = f"{self.name}.{key}" if self.name else key
         raise WorldFileError(
             str(
                 SceneError(
-                    f"{full} {problem}",
+                    f"{full}{problem}",
                     text=self._text,
                     offset=self._place(key),
                     source=self._source,
@@ -121,7 +133,7 @@ class Table:
         if self.name:
             header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(self.name)}[ \t]*\]", self._text, re.M)
             start = header.end() if header else 0
-        pattern = rf"^[ \t]*(\[[\w.]*\.)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
+        pattern = rf"^[ \t]*(\[([\w.]*\.)?)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
         match = re.compile(pattern, re.M).search(self._text, start)
         return match.start("key") if match else -1
 
