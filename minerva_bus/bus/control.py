@@ -301,6 +301,10 @@ def _value(shown: str, name: str) -> Any:
     return value
 
 
+def _seek(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+    raise ProtocolError("this is no replay: only a replay can go on from another frame")
+
+
 def _stop(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
     running.tell(s.End("stopped by a person"))
     return {}
@@ -320,6 +324,7 @@ _ANSWERS: dict[str, Callable[[Running, dict[str, Any]], dict[str, Any]]] = {
     "rate": _rate,
     "restart": _restart,
     "drain": _drain,
+    "seek": _seek,
     "logs": _logs,
     "stop": _stop,
 }
