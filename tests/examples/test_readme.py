@@ -60,3 +60,12 @@ def test_the_commands_that_it_names_exist():
     commands = set(re.findall(r"^minerva (\w+)", README, re.M))
     shown = minerva(Path.cwd(), "--help").stdout
     assert commands <= set(shown.split()), commands
+
+
+def test_a_member_of_the_recorded_robot_is_swapped_as_it_says(tmp_path):
+    (swap,) = re.findall(r"^minerva (replay run.mcap --swap [^#\n]*)", README, re.M)
+    run = ("run", "robot", "--in-process", "--frames", "10", "--record", "run.mcap", "--quiet")
+    assert minerva(tmp_path, *run).returncode == 0
+    done = minerva(tmp_path, *swap.split(), "--json")
+    assert done.returncode in (0, 1), done.stderr  # 1: it has become another run
+    assert json.loads(done.stdout)
