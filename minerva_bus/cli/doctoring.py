@@ -29,6 +29,16 @@ EXTRAS: Final = {
     "neighbours": (("scipy",), "who is near whom"),
     "tls": (("cryptography",), "certificates for those on other machines"),
     "profile": (("pyinstrument",), "flame graphs of members"),
+    "metrics": (("prometheus_client",), "figures for Prometheus"),
+    "evolve": (("deap", "tomlkit"), "strings that evolve"),
+    "sweep": (("pyarrow",), "tables of studies as .parquet"),
+    "video": (("av",), "films of runs"),
+    "ros": (("rosbags", "PIL"), "ROS 2 robots, and bags"),
+    "mqtt": (("paho",), "MQTT brokers"),
+    "serial": (("serial", "pynmea2"), "lidars and GPS on a serial line"),
+    "vision": (("cv2",), "markers that cameras see"),
+    "gamepad": (("pygame",), "gamepads"),
+    "spade": (("spade", "greenlet"), "agents of SPADE"),
 }
 
 

@@ -1,6 +1,8 @@
 """`minerva doctor` on a machine that has what worlds need, and on one that has not."""
 
 import json
+import tomllib
+from pathlib import Path
 
 from minerva_bus.cli import doctoring
 from minerva_bus.errors import BusError
@@ -26,6 +28,11 @@ def test_what_is_missing_is_said_with_what_to_do(capsys, tmp_path, monkeypatch):
     assert code == 0
     assert not found["web"]["good"]
     assert "pip install 'minerva-bus[web]'" in found["web"]["note"]
+
+
+def test_it_knows_all_extras():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert set(doctoring.EXTRAS) == set(project["optional-dependencies"]) - {"all", "dev"}
 
 
 def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):
