@@ -18,6 +18,7 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
 from minerva_bus.protocol.plain import on_screen
+from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
@@ -40,7 +41,8 @@ def list_members(connect: str, world: str, json_too: bool) -> None:
     if json_too:
         say(json.dumps(listing(status)))
         return
-    say(f"{status.world}: frame {status.frame} ({_doing(status)}), {status.agents} agents")
+    agents = counted(status.agents, "agent")
+    say(f"{status.world}: frame {status.frame} ({_doing(status)}), {agents}")
     _table(
         ["member", "state", "roles", "types", "last reply", "late", "pid", "host", "figures"],
         [_row(member) for member in status.members],

@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_bus.wording import counted
 
 
 def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
@@ -36,7 +37,8 @@ def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
 def _check(file: Path, vocabulary: str) -> str:
     if file.suffix == ".toml":
         world = read_world_file(file)
-        return f"a world of {len(world.processes)} processes, {_size(world.world.scene)}"
+        processes = counted(len(world.processes), "process")
+        return f"a world of {processes}, {_size(world.world.scene)}"
     text = _read(file)
     if vocabulary:
         alphabet = load(vocabulary, file.resolve().parent)
@@ -57,4 +59,4 @@ def _read(file: Path) -> str:
 
 def _size(scene: Any) -> str:
     count = sum(1 for opens, _ in walk(scene) if opens)
-    return f"{count} symbol{'s' if count != 1 else ''}"
+    return counted(count, "symbol")

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, TextIO
 
 from minerva_bus.launch.loglines import Entry
+from minerva_bus.wording import counted
 
 _COLORS = (36, 33, 35, 32, 34, 96, 93, 95, 92, 94)
 
@@ -108,7 +109,7 @@ def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> 
     bar = f" {_bar(frame, frames, 12)}" if frames else ""
     shown = (
         f"{world}{bar}  frame {frame}{total}  {_speed(status)}  "
-        f"{status['members']} members  {seconds:.0f} s"
+        f"{counted(int(status['members']), 'member')}  {seconds:.0f} s"
     )
     if status["waiting"] and status["waited"] >= 0.3:
         names = ", ".join(status["waiting"])

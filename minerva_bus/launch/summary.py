@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
+from minerva_bus.wording import counted
+
 
 @dataclass(slots=True)
 class Laps:
@@ -84,8 +86,8 @@ class Summary:
         earlier = f" ({self.before} before)" if self.before else ""
         shown = [
             f"{self.world}: {self.ended}",
-            f"  {self.frames} frames{earlier} in {self.wall_seconds:.1f} s"
-            f" ({self.frames_per_second:.0f} per second), {self.members} members",
+            f"  {counted(self.frames, 'frame')}{earlier} in {self.wall_seconds:.1f} s"
+            f" ({self.frames_per_second:.0f} per second), {counted(self.members, 'member')}",
             f"  first frame after {self.first_frame_seconds:.2f} s" + self._startup_shown(),
         ]
         for name, value in self.figures.items():

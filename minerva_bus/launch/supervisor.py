@@ -24,6 +24,7 @@ from minerva_bus.launch.summary import Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.wording import counted
 
 GRACE = 1.0
 LAST_PAGE = 5.0
@@ -123,7 +124,7 @@ class Supervisor:
             self._tell_again()
             return
         self._laps.end("bus")
-        self._note(f"{len(self._members)} processes, bus at {endpoint}")
+        self._note(f"{counted(len(self._members), 'process')}, bus at {endpoint}")
         elsewhere = ", ".join(one.name for one in self._file.processes if one.elsewhere)
         if elsewhere:
             self._note(f"{elsewhere} have to be attached to it")

@@ -20,6 +20,7 @@ from minerva_bus.protocol.values import plain_event
 from minerva_bus.record.messages import Frame
 from minerva_bus.record.reader import Record
 from minerva_bus.record.showing import without_agents
+from minerva_bus.wording import counted
 
 MOST: Final = 10
 """Of many differences, and of many events, so many are said one by one."""
@@ -95,7 +96,7 @@ class Difference:
         """As a person reads it."""
         shown = [f"before the first frame: {one}" for one in self.before]
         if self.frame is None:
-            return [*shown, self.ended or f"the same: {self.frames:,} frames"]
+            return [*shown, self.ended or f"the same: {counted(self.frames, 'frame')}"]
         shown.append(f"frame {self.frame} is the first that differs")
         for side, events in zip(self.sides, (self.one, self.other), strict=True):
             shown += _listed(f"events of {side} alone", events)
@@ -156,7 +157,7 @@ def _before(a: Record, b: Record) -> Iterator[str]:
 
 def _ended(one: Frame | None, count: int) -> str:
     ended, longer = ("A", "B") if one is None else ("B", "A")
-    return f"the same for {count:,} frames, all that {ended} has; {longer} goes on"
+    return f"the same for {counted(count, 'frame')}, all that {ended} has; {longer} goes on"
 
 
 def same_events(one: Sequence[AnyEvent], other: Sequence[AnyEvent]) -> bool:

@@ -14,6 +14,7 @@ from minerva_bus.record.errors import RecordError
 from minerva_bus.record.messages import Frame
 from minerva_bus.record.reader import Record
 from minerva_bus.record.sensing import Dropped
+from minerva_bus.wording import counted
 from minerva_bus.world.norms import SOURCE
 
 
@@ -72,7 +73,7 @@ class Info:
             "topics": _pairs({name: f"{count:,}" for name, count in self.topics.items()})
             + (f" ({self.dropped:,} messages dropped)" if self.dropped else ""),
             "a frame": _pairs({one: f"{1000 * s:.2f} ms" for one, s in self.timings.items()}),
-            "log": f"{self.log_lines:,} lines" if self.log_lines else "",
+            "log": counted(self.log_lines, "line") if self.log_lines else "",
             "options": _pairs(options),
             "written by": _pairs(self.versions),
             "digest": self.digest + ("  (all digests are right)" if self.checked else ""),

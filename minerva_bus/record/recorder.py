@@ -155,7 +155,7 @@ class Recorder:
     ) -> None:
         """Record a frame; `scene` is the string after it, `seconds` the clock since the beginning.
 
-        Its digest is reckoned in the writing thread, so that no frame waits for it.
+        Its digest is reckoned when it is written, so that no frame waits for it.
         `timings` are in seconds, by name. The `checkpoint` is that after the frame; without it, a
         world cannot go on from there.
         """

@@ -194,7 +194,7 @@ def test_nothing_is_left_of_it_all_in_the_string(world, tmp_path):
     done = minerva(world.folder, "stop", world.name)
     assert done.returncode == 0
     assert world.ends() == 0
-    frames = next(int(x.split()[0]) for x in world.output if "frames in" in x)
+    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
     digest = next(x.split()[1] for x in world.output if "digest" in x)
     alone = summary(minerva(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
                             "--frames", str(frames)))  # fmt: skip

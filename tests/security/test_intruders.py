@@ -380,7 +380,7 @@ def test_nobody_asks_in_another_s_name(world, door, keys, key):
 def test_nothing_of_it_all_is_in_the_string(world):
     assert here(world.folder, "stop", world.name).returncode == 0
     assert world.ends() == 0
-    frames = next(int(x.split()[0]) for x in world.output if "frames in" in x)
+    frames = next(int(x.split()[0].replace(",", "")) for x in world.output if "frames in" in x)
     digest = next(x.split()[1] for x in world.output if "digest" in x)
     alone = summary(here(world.folder, "run", world.path, "--in-process", "--rate", "0", "--json",
                          "--frames", frames))  # fmt: skip

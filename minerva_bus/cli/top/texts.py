@@ -8,6 +8,7 @@ from typing import Final
 from rich.table import Table
 from rich.text import Text
 
+from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 BAR: Final = 16
@@ -30,7 +31,7 @@ def heading(status: WorldStatus) -> Text:
         f"  frame {status.frame:,}   {status.time:,.1f} s simulated   ",
         (f"{status.hz:,.0f} Hz", "bold"),
         f" of {status.rate:g}   " if status.rate else "   ",
-        f"{status.agents:,} agents   {len(status.members)} members   ",
+        f"{counted(status.agents, 'agent')}   {counted(len(status.members), 'member')}   ",
     )
     return text.append_text(doing(status))
 
