@@ -49,6 +49,7 @@ from minerva_bus.grammar.scene import (
 
 SIZE = 16
 _EXACT: Final = 1 << 53
+_FLOATS: Final = frozenset((float,))
 _WHOLE: Final = 10**16  # above, a float prints otherwise than a whole number does
 
 
@@ -63,6 +64,8 @@ def scene_digest(scene: Scene) -> bytes:
             digest = _known(node)
             if digest:
                 parts.append(digest)
+            elif type(node) is AgentNode and (known := _known(node.scope)):  # As most are.
+                parts.append(_kept(node, _hash(_head(node) + b"\0" + known)))
             elif isinstance(node, list):
                 parts.append(_digest_of_many(node))
             elif isinstance(node, Columns):
@@ -191,8 +194,16 @@ def _hash(data: bytes) -> bytes:
 def _head(node: Node) -> bytes:
     name = f"{node.symbol}#{node.id}" if isinstance(node, AgentNode) else node.symbol
     if node.names:
-        name = f"{name}<{_places(node.names) % (*map(_value, node.values),)}>"
+        name = f"{name}<{_filled(_places(node.names), node.values)}>"
     return name.encode()
+
+
+def _filled(places: str, values: tuple[Value, ...]) -> str:
+    if _FLOATS.issuperset(map(type, values)):
+        text = places % (*map(repr, values),)
+        if ".0," not in text and text[-2:] != ".0":  # Else some print as whole numbers.
+            return text
+    return places % (*map(_value, values),)
 
 
 @lru_cache(1024)

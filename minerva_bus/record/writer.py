@@ -247,7 +247,9 @@ class RecordWriter:
 
 
 def _timing(frame: int, seconds: float, timings: Mapping[str, float]) -> bytes:
-    return json.dumps({"frame": frame, "seconds": seconds, **timings}).encode()
+    if timings:
+        return json.dumps({"frame": frame, "seconds": seconds, **timings}).encode()
+    return b'{"frame": %d, "seconds": %.9f}' % (frame, seconds)
 
 
 def _mcap_writer(stream: IO[bytes]) -> Writer:
