@@ -61,7 +61,7 @@ def read_border(
         check_listening(router, keys=keys is not None, insecure=given.insecure)
     secured = any(check_endpoint(one).secured for one in (listen, *routers))
     if keys is not None and not secured:
-        raise BusError(f"keys are for links from elsewhere, and {listen} is for this machine only;"
+        raise BusError(f"keys are for secured links, and {listen} is none;"
                        " listen at tls/0.0.0.0:7447 (--listen)")  # fmt: skip
     audit = bus.truth("audit", False) or given.audit
     if audit and keys is None:

@@ -18,6 +18,7 @@ _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywh
 _CODE = "font-family:ui-monospace,monospace;font-size:0.88em"
 _DECIMALS = re.compile(r"\d+\.\d{4,}(e-?\d+)?")
 _DIM, _BAD = "#868e96", "#c92a2a"
+_NAME = f"color:{_DIM};padding-right:0.8em;vertical-align:top;white-space:nowrap"
 
 
 def _block(content: str) -> str:
@@ -74,8 +75,7 @@ def state(agent: AgentNode | None) -> str:
     if agent.scope.nodes:
         rows.append(("scope", _cut(" · ".join(str(one.symbol) for one in agent.scope.nodes))))
     cells = "".join(
-        f'<tr><td style="color:{_DIM};padding-right:0.8em;vertical-align:top">{escape(name)}</td>'
-        f'<td style="{_CODE}">{escape(value)}</td></tr>'
+        f'<tr><td style="{_NAME}">{escape(name)}</td><td style="{_CODE}">{escape(value)}</td></tr>'
         for name, value in rows
     )
     return _block(
