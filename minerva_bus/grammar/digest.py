@@ -64,8 +64,6 @@ def scene_digest(scene: Scene) -> bytes:
             digest = _known(node)
             if digest:
                 parts.append(digest)
-            elif type(node) is AgentNode and (known := _known(node.scope)):  # As most are.
-                parts.append(_kept(node, _hash(_head(node) + b"\0" + known)))
             elif isinstance(node, list):
                 parts.append(_digest_of_many(node))
             elif isinstance(node, Columns):

@@ -129,7 +129,6 @@ class Recorder:
         self._writing = threading.Lock()
         self._called = threading.Event()
         self._written = threading.Event()
-        self._over = False
         self._helped = False
         self._light = True
         self._stuck = False
@@ -207,7 +206,6 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        self._over = True
         self._called.set()
         self._thread.join(CLOSING_WITHIN)
         if self._thread.is_alive():
@@ -271,7 +269,7 @@ class Recorder:
     # --- in the thread ---
 
     def _run(self) -> None:
-        while not self._over:
+        while not self._closed:
             rest = max(REST, self._flush_at - time.monotonic())
             self._called.wait(None if self._durable else rest)
             self._called.clear()
