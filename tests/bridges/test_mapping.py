@@ -11,7 +11,8 @@ from recorded import DEMO, INTEL, Passed, flaser, needs_demo, needs_intel, odom,
 from minerva_agents.robot.canvas import hits
 from minerva_agents.robot.map_files import draw, save_map, save_picture
 from minerva_agents.robot.mapping import draw_map
-from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, load_map
+from minerva_agents.robot.maps import load_map
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eLaser

@@ -17,7 +17,8 @@ sys.path += [str(Path(__file__).parents[1] / "bus"), str(Path(__file__).parents[
 sys.path.append(str(Path(__file__).parents[2] / "agents"))
 import yard
 
-from minerva_agents.robot.maps import MapError, load_map
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.maps import load_map
 from minerva_bus.errors import (
     GrammarError,
     MinervaError,

@@ -11,7 +11,8 @@ import msgpack
 import numpy as np
 import pytest
 
-from minerva_agents.robot.maps import MapError, load_map
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.maps import load_map
 from minerva_services.laser import Laser
 from minerva_services.mqtt.pattern import Pattern
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.motion import Pose, move_of
-from minerva_agents.robot.planning import clearance
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import (
     eCamera,

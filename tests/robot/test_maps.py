@@ -14,9 +14,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import minerva_agents.robot.maps as maps
-from minerva_agents.robot.maps import MapError, Marker, OccupancyMap, load_map
+from minerva_agents.robot.distances import clearance, inflate
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.maps import load_map
+from minerva_agents.robot.occupancy import Marker, OccupancyMap
 from minerva_agents.robot.placing import free_component, roomiest, spread
-from minerva_agents.robot.planning import clearance, inflate, shortest_path
+from minerva_agents.robot.planning import shortest_path
 
 REPOSITORY = Path(__file__).parents[2]
 ROS_MAPS = REPOSITORY.parent / "shared" / "data" / "ros_maps"

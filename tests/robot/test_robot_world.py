@@ -7,8 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from minerva_agents.robot.maps import MapError
+from minerva_agents.robot import occupancy
+from minerva_agents.robot.distances import clearance
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.maps import load_map
 from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.placing import spread
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import defaults, scene, vocabulary
 from minerva_bus import EMPTY, MinervaError
@@ -184,3 +188,34 @@ def test_cells_too_small_for_a_map_are_refused_before_there_are_any():
 def test_a_map_error_is_one_of_ours():
     assert issubclass(MapError, MinervaError)
     assert issubclass(MapError, ValueError)
+
+
+def test_the_clearance_of_a_map_is_computed_once(hall, monkeypatch):
+    computed = []
+
+    def counted(obstacles):
+        computed.append(obstacles.shape)
+        return clearance(obstacles)
+
+    monkeypatch.setattr(occupancy, "clearance", counted)
+    scene(defaults({"map": hall, "robots": 3}))
+    assert len(computed) == 1
+
+
+def test_a_map_that_changes_is_read_anew(hall):
+    before = scene(defaults({"map": hall}))
+    image = Path(hall).with_suffix(".pgm")
+    pixels = bytearray(image.read_bytes())
+    pixels[-60 * 20 - 30] = 0
+    image.write_bytes(pixels)
+    assert scene(defaults({"map": hall})) != before
+
+
+def test_as_many_markers_as_there_is_room_for(tmp_path):
+    image = np.zeros((14, 30), np.uint8)
+    image[2:-2, 2:-2] = 254
+    (tmp_path / "small.pgm").write_bytes(b"P5\n30 14\n255\n" + image.tobytes())
+    (robot,) = robots(scene({"map": str(tmp_path / "small.pgm")}))
+    assert 0 < len(robot.markers) < 6
+    with pytest.raises(MapError, match=f"room for {len(robot.markers)} places"):
+        spread(load_map(tmp_path / "small.pgm"), 6, 0.18, (0.75, 0.35, 0.0))

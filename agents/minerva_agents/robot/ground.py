@@ -17,8 +17,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from minerva_agents.robot.distances import inflate
 from minerva_agents.robot.knowledge import Cell, Mask, obstacles
-from minerva_agents.robot.planning import inflate
 from minerva_bus import Cells
 
 Position: TypeAlias = tuple[float, float]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.drift import save_plot
 from minerva_agents.robot.mapping import Drawn, draw_map
-from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.recordings import MapChoice, Progress, Recording
 

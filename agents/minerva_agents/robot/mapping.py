@@ -19,7 +19,7 @@ from minerva_agents.robot.drift import Drift, Gone
 from minerva_agents.robot.going import Place
 from minerva_agents.robot.knowledge import free, obstacles
 from minerva_agents.robot.locating import Located, located_scans, shortened
-from minerva_agents.robot.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording

@@ -15,89 +15,19 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus import MinervaError
-
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-
-Point: TypeAlias = tuple[float, float]
-Pose: TypeAlias = tuple[float, float, float]
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, Marker, OccupancyMap, Pose
 
 _MOST_CELLS = 100_000_000
 _MOST_IMAGE_BYTES = 800_000_000
 _MOST_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
 _INSTALL = "install it with: pip install 'minerva-bus[maps]'"
-
-
-class MapError(MinervaError, ValueError):
-    """A map cannot be used as it is written, or is asked for what it does not have."""
-
-
-@dataclass(frozen=True, slots=True)
-class Marker:
-    """A named place on a floor, in metres of the world."""
-
-    name: str
-    x: float
-    y: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OccupancyMap:
-    """What is known of a floor, cell by cell, as in nav_msgs/OccupancyGrid.
-
-    `cells` is int16, read-only, [row, column]; rows grow along the map's x, columns along its y;
-    0 is free, 100 occupied, -1 unknown. A cell's side is `resolution` metres. The outer corner of
-    cell (0, 0) lies at (`x`, `y`) metres in the world, and the map's x axis is turned `angle`
-    degrees counter-clockwise from the world's. `start` is (x, y, degrees), or None if not given.
-    """
-
-    cells: NDArray[np.int16]
-    resolution: float
-    x: float = 0.0
-    y: float = 0.0
-    angle: float = 0.0
-    markers: tuple[Marker, ...] = ()
-    start: Pose | None = None
-
-    @property
-    def obstacles(self) -> NDArray[np.bool_]:
-        """True where a robot must not be: all that is not known to be free."""
-        return self.cells != FREE
-
-    def holds(self, x: float, y: float) -> bool:
-        """Whether a point of the world, in metres, lies on the map."""
-        row, column = self.cell_at(x, y)
-        return 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
-
-    def cell_at(self, x: float, y: float) -> tuple[int, int]:
-        """The cell under a point of the world, in metres; it need not lie on the map."""
-        cos, sin = self._heading()
-        east, north = x - self.x, y - self.y
-        along, across = cos * east + sin * north, cos * north - sin * east
-        return math.floor(along / self.resolution), math.floor(across / self.resolution)
-
-    def centre_of(self, cell: tuple[int, int]) -> Point:
-        """Where in the world, in metres, the centre of a cell is."""
-        return self._point(cell[0] + 0.5, cell[1] + 0.5)
-
-    def corner_of(self, cell: tuple[int, int]) -> Point:
-        """Where in the world, in metres, that corner of a cell is which is nearest to (0, 0)."""
-        return self._point(cell[0], cell[1])
-
-    def _point(self, row: float, column: float) -> Point:
-        cos, sin = self._heading()
-        along, across = row * self.resolution, column * self.resolution
-        return self.x + cos * along - sin * across, self.y + sin * along + cos * across
-
-    def _heading(self) -> Point:
-        turn = math.radians(self.angle)
-        return math.cos(turn), math.sin(turn)
 
 
 def load_map(path: str | Path) -> OccupancyMap:

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from minerva_agents.robot.deciding import PLANNERS
-from minerva_agents.robot.maps import MapError, Marker, OccupancyMap, Pose, load_map
+from minerva_agents.robot.grids import MapError
+from minerva_agents.robot.maps import load_map
+from minerva_agents.robot.occupancy import Marker, OccupancyMap, Pose
 from minerva_agents.robot.placing import free_component, roomiest, spread
 from minerva_bus.errors import WorldFileError, nearest
 
@@ -19,6 +21,7 @@ _FAVOURITE: Final = "kitchen"
 _MARKERS: Final = 6
 _APART: Final = 3.0
 """Radii between the centres of robots that start side by side, at least."""
+_LAST_FLOOR: Final[list[OccupancyMap]] = []
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Options:
     @cached_property
     def floor(self) -> OccupancyMap:
         """The map, with the markers that the options give or else its own or some."""
-        return load_map(self.map or _OFFICE)
+        return _read_floor(self.map or _OFFICE)
 
     @cached_property
     def start_pose(self) -> Pose:
@@ -147,12 +150,19 @@ class Options:
 
     def _spread(self) -> tuple[Marker, ...]:
         """As many markers as there is room for, at most six."""
-        for count in range(_MARKERS, 1, -1):
-            try:
-                return spread(self.floor, count, self.radius, self.start_pose)
-            except MapError:
-                continue
-        return spread(self.floor, 1, self.radius, self.start_pose)
+        return spread(self.floor, _MARKERS, self.radius, self.start_pose, least=1)
+
+
+def _read_floor(path: str | Path) -> OccupancyMap:
+    """The map in a file; the object that was read last where both are the same.
+
+    A world's defaults and its scene are made of one map, and the object keeps what was computed of
+    it, which takes far longer than reading it.
+    """
+    floor = load_map(path)
+    if not (_LAST_FLOOR and _LAST_FLOOR[0].equals(floor)):
+        _LAST_FLOOR[:] = [floor]
+    return _LAST_FLOOR[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,16 @@ centre within the disc, which is also how `planning.inflate` sees it.
 """
 
 import math
+from collections.abc import Iterator
+from functools import lru_cache
 from heapq import heappop, heappush
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.maps import MapError, Marker, OccupancyMap, Point, Pose
-from minerva_agents.robot.planning import clearance
+from minerva_agents.robot.grids import Cell, MapError
+from minerva_agents.robot.occupancy import Marker, OccupancyMap, Point, Pose
 
 _FINEST_BLOCK_M = 0.1
 _MOST_BLOCKS = 20_000
@@ -27,7 +30,7 @@ def free_component(
     a point the largest, the first of equals. Bool, in the shape of the map's cells. Raises
     MapError where the disc fits nowhere, or not at the point.
     """
-    labels = regions(_room(floor) > _in_cells(floor, radius_m))
+    labels = _labels(floor, radius_m)
     if at is not None:
         return labels == _label_at(floor, labels, radius_m, at)
     sizes = np.bincount(labels.ravel())
@@ -46,41 +49,59 @@ def roomiest(floor: OccupancyMap, radius_m: float, at: Point | None = None) -> P
     The first such cell of equals. Raises what `free_component` raises.
     """
     component = free_component(floor, radius_m, at)
-    best = np.argmax(np.where(component, _room(floor), -1.0))
+    best = np.argmax(np.where(component, floor.room, -1.0))
     row, column = np.unravel_index(best, component.shape)
     return (*_place(floor, (int(row), int(column))), 0.0)
 
 
-def spread(floor: OccupancyMap, count: int, radius_m: float, start: Pose) -> tuple[Marker, ...]:
+def spread(
+    floor: OccupancyMap, count: int, radius_m: float, start: Pose, least: int | None = None
+) -> tuple[Marker, ...]:
     """So many places, "A", "B", "C" and on, far from the start and from each other.
 
     Farthest-point sampling [Gonzalez 1985]: each is the one that is farthest, by path, from the
     start and from those before it. Paths are measured over blocks of cells, of 0.1 m or what keeps
     them few. Where there are places with twice the radius of clearance only those are taken, so
     that a robot has room to turn. Raises MapError if it does not fit at the start, and if there is
-    no room for so many.
+    room for fewer than `least` (default: for fewer than `count`).
     """
     component = free_component(floor, radius_m, start[:2])
-    room = np.where(component, _room(floor), 0.0)
-    side = _block_side(floor, component)
+    room = np.where(component, floor.room, 0.0)
+    row, column = floor.cell_at(start[0], start[1])
+    cells = list(islice(_far_cells(floor, room, radius_m, (row, column)), count))
+    if len(cells) < (count if least is None else least):
+        raise MapError(
+            f"there is room for {len(cells)} places a robot's width apart, of the {count} "
+            f"asked for; ask for fewer, or take a radius smaller than {radius_m} m"
+        )
+    return tuple([Marker(_name(index), *_place(floor, cell)) for index, cell in enumerate(cells)])
+
+
+def _far_cells(
+    floor: OccupancyMap, room: NDArray[np.float64], radius_m: float, start: Cell
+) -> Iterator[Cell]:
+    """Cells, each the farthest by path from those before, until they are a robot's width apart."""
+    side = _block_side(floor, room)
     blocks = _blocks(room, side).max(axis=(1, 3))
     roomy = blocks > 2 * _in_cells(floor, radius_m)
     candidates = roomy if roomy.any() else blocks > 0
     distances = np.where(blocks > 0, np.inf, -1.0)
-    row, column = floor.cell_at(start[0], start[1])
-    source = (row // side, column // side)
-    markers: list[Marker] = []
-    for index in range(count):
+    source = (start[0] // side, start[1] // side)
+    while True:
         lower(distances, source)
         far = np.where(candidates, distances, -1.0)
         source = divmod(int(np.argmax(far)), far.shape[1])
         if far[source] * side <= 2 * _in_cells(floor, radius_m):
-            raise MapError(
-                f"there is room for {index} places a robot's width apart, of the {count} "
-                f"asked for; ask for fewer, or take a radius smaller than {radius_m} m"
-            )
-        markers.append(Marker(_name(index), *_place(floor, _roomiest_cell(room, source, side))))
-    return tuple(markers)
+            return
+        yield _roomiest_cell(room, source, side)
+
+
+@lru_cache(maxsize=1)
+def _labels(floor: OccupancyMap, radius_m: float) -> NDArray[np.intp]:
+    """The regions in which a disc of this radius can move; kept, for several places need them."""
+    labels = regions(floor.room > _in_cells(floor, radius_m))
+    labels.setflags(write=False)
+    return labels
 
 
 def _in_cells(floor: OccupancyMap, radius_m: float) -> float:
@@ -89,15 +110,10 @@ def _in_cells(floor: OccupancyMap, radius_m: float) -> float:
     return radius_m / floor.resolution
 
 
-def _place(floor: OccupancyMap, cell: tuple[int, int]) -> Point:
+def _place(floor: OccupancyMap, cell: Cell) -> Point:
     """The cell's centre to a tenth of a millimetre, so that no place reads 2.1250000000000004."""
     x, y = floor.centre_of(cell)
     return round(x, 4), round(y, 4)
-
-
-def _room(floor: OccupancyMap) -> NDArray[np.float64]:
-    """Clearance in cells, where what lies around the map is an obstacle too."""
-    return clearance(np.pad(floor.obstacles, 1, constant_values=True))[1:-1, 1:-1]
 
 
 def _label_at(floor: OccupancyMap, labels: NDArray[np.intp], radius_m: float, at: Point) -> int:
@@ -143,10 +159,10 @@ def _root(roots: list[int], run: int) -> int:
     return run
 
 
-def _block_side(floor: OccupancyMap, component: NDArray[np.bool_]) -> int:
+def _block_side(floor: OccupancyMap, room: NDArray[np.float64]) -> int:
     """How many cells make the side of a block."""
     side = max(1, round(_FINEST_BLOCK_M / floor.resolution))
-    return max(side, math.ceil(math.sqrt(np.count_nonzero(component) / _MOST_BLOCKS)))
+    return max(side, math.ceil(math.sqrt(np.count_nonzero(room) / _MOST_BLOCKS)))
 
 
 def _blocks(room: NDArray[np.float64], side: int) -> NDArray[np.float64]:
@@ -156,13 +172,13 @@ def _blocks(room: NDArray[np.float64], side: int) -> NDArray[np.float64]:
     return padded.reshape(padded.shape[0] // side, side, padded.shape[1] // side, side)
 
 
-def _roomiest_cell(room: NDArray[np.float64], block: tuple[int, int], side: int) -> tuple[int, int]:
+def _roomiest_cell(room: NDArray[np.float64], block: Cell, side: int) -> Cell:
     inside = _blocks(room, side)[block[0], :, block[1], :]
     row, column = divmod(int(np.argmax(inside)), side)
     return block[0] * side + row, block[1] * side + column
 
 
-def lower(distances: NDArray[np.float64], source: tuple[int, int]) -> None:
+def lower(distances: NDArray[np.float64], source: Cell) -> None:
     """Lower the distances (in blocks, -1 where blocked) to those from one more source.
 
     Dijkstra's search (1959), which does not go on from where another source is nearer.

@@ -17,15 +17,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.maps import MapError
-
-Cell: TypeAlias = tuple[int, int]
-Grid: TypeAlias = NDArray[np.bool_]
+from minerva_agents.robot.grids import Cell, Grid, MapError, check_grid
 
 # Costs are whole numbers so that equal lengths compare equal however they were summed. Two
 # different lengths of n moves are at least about 1 / (3 n) apart, 60 bits are far finer than that.
@@ -59,7 +55,7 @@ def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> Path | None:
     A blocked start or goal has no path. Raises MapError for a grid that is not 2-D bool and for
     cells outside it.
     """
-    _check_grid(blocked, "shortest_path", "blocked")
+    check_grid(blocked, "shortest_path", "blocked")
     start = _cell_of(blocked, start, "shortest_path", "start")
     goal = _cell_of(blocked, goal, "shortest_path", "goal")
     if blocked[goal]:
@@ -76,8 +72,8 @@ def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
     frontier in exploration. `blocked` and `targets` are bool grids of one shape; blocked targets
     do not count. Raises MapError for other grids and for a start outside them.
     """
-    _check_grid(blocked, "nearest", "blocked")
-    _check_grid(targets, "nearest", "targets")
+    check_grid(blocked, "nearest", "blocked")
+    check_grid(targets, "nearest", "targets")
     start = _cell_of(blocked, start, "nearest", "start")
     if targets.shape != blocked.shape:
         raise MapError(
@@ -85,35 +81,6 @@ def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
         )
     reachable = targets & ~blocked
     return _search(blocked, start, reachable, lambda _: 0) if reachable.any() else None
-
-
-def inflate(obstacles: Grid, radius_cells: float) -> Grid:
-    """The obstacles grown by a disc: every cell whose centre is within the radius of one's centre.
-
-    `obstacles` is a bool grid, the radius is in cells and need not be whole. Raises MapError for
-    another grid and for a radius that is negative or not finite.
-    """
-    _check_grid(obstacles, "inflate", "obstacles")
-    if not (math.isfinite(radius_cells) and radius_cells >= 0):
-        raise MapError(f"inflate: radius_cells is {radius_cells}, expected a number from 0 up")
-    squared = radius_cells * radius_cells
-    return _squared_distances(obstacles, squared) <= squared
-
-
-def clearance(obstacles: Grid) -> NDArray[np.float64]:
-    """The Euclidean distance, in cells, from each cell's centre to that of the nearest obstacle.
-
-    Exact; 0 on obstacles, infinite where the grid has none. What lies outside the grid is not an
-    obstacle. Raises MapError for what is not a 2-D bool grid.
-    """
-    _check_grid(obstacles, "clearance", "obstacles")
-    return np.sqrt(_squared_distances(obstacles, math.inf))
-
-
-def _check_grid(grid: Grid, who: str, name: str) -> None:
-    if grid.ndim != 2 or grid.dtype != np.bool_:
-        found = f"{grid.ndim}-D of {grid.dtype}"
-        raise MapError(f"{who}: {name} is {found}, expected a 2-D array of bool [row, column]")
 
 
 def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
@@ -295,30 +262,3 @@ def _path(width: int, origin: int, state: int, parents: dict[int, int]) -> Path:
         down, along = down // moves, along // moves
         cells += [(row + n * down, column + n * along) for n in range(1, moves + 1)]
     return Path(tuple(cells), len(cells) - 1 - diagonals + math.sqrt(2.0) * diagonals)
-
-
-def _squared_distances(obstacles: Grid, limit: float) -> NDArray[np.float64]:
-    """Squared distances to the nearest obstacle, exact up to the limit and above it beyond.
-
-    First the distance along each line of the longer side, then, step by step across the lines,
-    the least of (steps² + distance²), until no more steps could lower anything.
-    """
-    if obstacles.shape[0] < obstacles.shape[1]:
-        return _squared_distances(obstacles.T, limit).T
-    along = _distances_down(obstacles) ** 2
-    best = along.copy()
-    for shift in range(1, obstacles.shape[1]):
-        square = float(shift * shift)
-        if square > limit or square >= best.max():
-            break
-        np.minimum(best[:, shift:], along[:, :-shift] + square, out=best[:, shift:])
-        np.minimum(best[:, :-shift], along[:, shift:] + square, out=best[:, :-shift])
-    return best
-
-
-def _distances_down(obstacles: Grid) -> NDArray[np.float64]:
-    """For each cell the distance to the nearest obstacle of its own column."""
-    rows = np.arange(obstacles.shape[0], dtype=np.float64)[:, np.newaxis]
-    above = np.maximum.accumulate(np.where(obstacles, rows, -np.inf), axis=0)
-    below = np.minimum.accumulate(np.where(obstacles, rows, np.inf)[::-1], axis=0)[::-1]
-    return np.minimum(rows - above, below - rows)

@@ -28,8 +28,9 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_agents.robot import vocabulary as words
+from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.localising import ALocalisingRobot
-from minerva_agents.robot.maps import MapError, Marker, OccupancyMap, Pose
+from minerva_agents.robot.occupancy import Marker, OccupancyMap, Pose
 from minerva_agents.robot.options import Options
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot

@@ -1,0 +1,22 @@
+"""Grids of free and blocked cells, and what is wrong with those that cannot be used."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus import MinervaError
+
+Cell: TypeAlias = tuple[int, int]
+Grid: TypeAlias = NDArray[np.bool_]
+
+
+class MapError(MinervaError, ValueError):
+    """A map cannot be used as it is written, or is asked for what it does not have."""
+
+
+def check_grid(grid: Grid, who: str, name: str) -> None:
+    """Raise MapError, which says who asked, for what is not a 2-D array of bool."""
+    if grid.ndim != 2 or grid.dtype != np.bool_:
+        kind = f"{grid.ndim}-D of {grid.dtype}"
+        raise MapError(f"{who}: {name} is {kind}, expected a 2-D array of bool [row, column]")
