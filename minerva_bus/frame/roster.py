@@ -12,7 +12,7 @@ from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.types import Type
 from minerva_bus.grammar.vocabulary import Vocabulary
 
-PROTOCOL_VERSION = 5
+PROTOCOL_VERSION = 6
 MOST_DEPARTED = 200
 """Guests who are still listed when they have left; who left longest ago is forgotten."""
 

@@ -108,8 +108,14 @@ def _battery(robot: str, time: float, items: Sequence[Any]) -> Battery:
 
 
 def _position(robot: str, time: float, items: Sequence[Any]) -> Position:
-    latitude, longitude, altitude, accuracy = (number(one, "a position") for one in items)
+    latitude, longitude = (number(degrees, "a position") for degrees in items[:2])
+    altitude, accuracy = (_known_number(metres, "a position") for metres in items[2:])
     return Position(robot, latitude, longitude, altitude, accuracy, time)
+
+
+def _known_number(plain: Any, what: str) -> float | None:
+    """A finite number, or None for nil: the sensor does not report it. Raises ProtocolError."""
+    return None if plain is None else number(plain, what)
 
 
 _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {

@@ -94,17 +94,23 @@ def _shown(reading: Reading, time: int) -> tuple[str, dict[str, Any]] | None:
         about["pose"] = pose_of(reading.x, reading.y, reading.angle)
         return "foxglove.PoseInFrame", about
     if isinstance(reading, Position):
-        return "foxglove.LocationFix", about | {
-            "latitude": reading.latitude,
-            "longitude": reading.longitude,
-            "altitude": reading.altitude,
-            "position_covariance": _covariance(reading.accuracy),
-            "position_covariance_type": _APPROXIMATED,
-        }
+        return "foxglove.LocationFix", about | _location(reading)
     return None
 
 
-_APPROXIMATED: Final = 1
+_UNKNOWN, _APPROXIMATED = 0, 1
+"""Types of a position's covariance in foxglove.LocationFix."""
+
+
+def _location(position: Position) -> dict[str, Any]:
+    """A position; the schema has no unknown altitude, so that is 0 there."""
+    return {
+        "latitude": position.latitude,
+        "longitude": position.longitude,
+        "altitude": position.altitude or 0.0,
+        "position_covariance": _covariance(position.accuracy or 0.0),
+        "position_covariance_type": _UNKNOWN if position.accuracy is None else _APPROXIMATED,
+    }
 
 
 def _covariance(accuracy: float) -> Sequence[float]:

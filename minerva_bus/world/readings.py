@@ -111,13 +111,16 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A place on the Earth: degrees north and east (WGS 84), metres up, metres of accuracy."""
+    """A place on the Earth: degrees north and east (WGS 84), metres up, metres of accuracy.
+
+    `altitude` and `accuracy` are None where the receiver does not report them.
+    """
 
     robot: str
     latitude: float
     longitude: float
-    altitude: float
-    accuracy: float
+    altitude: float | None
+    accuracy: float | None
     time: float
 
 

@@ -63,8 +63,22 @@ def test_south_and_west_are_negative(cable):
 def test_rmc_counts_until_gga_comes(cable):
     report, found = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
     assert [one.time for one in found] == [43199.5, 43200.0]
-    assert (found[0].altitude, found[0].accuracy) == (0.0, 5.0)
+    assert (found[0].altitude, found[0].accuracy) == (None, None)
     assert report["other sentences"] == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "altitude", "accuracy"),
+    [
+        ({"hdop": ""}, 79.5, None),
+        ({"hdop": "0.0"}, 79.5, None),
+        ({"up": ""}, None, pytest.approx(4.0)),
+        ({"up": "-45.0"}, 0.0, pytest.approx(4.0)),
+    ],
+)
+def test_what_a_sentence_does_not_have_is_unknown(cable, fields, altitude, accuracy):
+    _, (position,) = positions(cable, gga(**fields))
+    assert (position.altitude, position.accuracy) == (altitude, accuracy)
 
 
 def test_what_says_no_position_is_counted_by_why(cable):

@@ -150,7 +150,7 @@ def test_batteries(tmp_path, percentage, voltage, charge, volts):
 
 def test_places_on_the_earth(tmp_path):
     place = one(tmp_path, lambda ros: ros.fix(52.5, 13.25, math.nan, time=2.0))
-    assert place == Position("r1", 52.5, 13.25, 0.0, 2.0, 2.0)
+    assert place == Position("r1", 52.5, 13.25, None, 2.0, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,7 @@ def test_wrong_policies(options, problem):
         Odometry("r", 1.0, 2.0, 90.0, 0.5, 10.0, 3.0),
         Battery("r", 0.5, 12.1, 0.25),
         Position("r", 52.5, 13.4, 34.0, 2.5, 9.0),
+        Position("r", 52.5, 13.4, None, None, 9.0),
     ],
 )
 def test_readings_travel(reading):

@@ -19,7 +19,8 @@ class Fix:
 
     `altitude` is in metres above the ellipsoid, or above the sea where the receiver does not say
     how far these are apart; `dilution` is the horizontal one (HDOP). They are None where the
-    sentence does not have them. `second` counts from midnight, UTC.
+    sentence does not have them; a dilution of 0, which some receivers send, is unknown too.
+    `second` counts from midnight, UTC.
     """
 
     sentence: str
@@ -66,7 +67,7 @@ def _fix(kind: str, found: Any) -> Fix:
         raise Useless("garbage")
     if kind == "RMC":
         return Fix(kind, latitude, longitude, None, None, second)
-    above_sea, dilution = _real(found.altitude), _real(found.horizontal_dil)
+    above_sea, dilution = _real(found.altitude), _real(found.horizontal_dil) or None
     altitude = above_sea if above_sea is None else above_sea + (_real(found.geo_sep) or 0.0)
     return Fix(kind, latitude, longitude, altitude, dilution, second)
 

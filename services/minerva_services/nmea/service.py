@@ -21,8 +21,8 @@ class Nmea(Bridge):
     """Publishes each fix of a receiver that speaks NMEA 0183 as a Position.
 
     Fixes come from GGA sentences; from RMC sentences only until the first GGA has come, for they
-    have neither height nor accuracy. Times are seconds since the midnight (UTC) before the first
-    fix, by the receiver's own clock.
+    have neither height nor accuracy: both are None then.
+    Times are seconds since the midnight (UTC) before the first fix, by the receiver's own clock.
 
     Args:
         port: the device, such as /dev/ttyACM0, or socket://HOST:PORT.
@@ -67,8 +67,8 @@ class Nmea(Bridge):
             self._robot,
             fix.latitude,
             fix.longitude,
-            fix.altitude or 0.0,
-            self._error * (fix.dilution or 1.0),
+            fix.altitude,
+            None if fix.dilution is None else self._error * fix.dilution,
             self._days + fix.second,
         )
 

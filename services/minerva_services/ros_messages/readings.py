@@ -103,7 +103,10 @@ def battery_of(
 def position_of(
     message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
 ) -> Position:
-    """A NavSatFix; the accuracy is one standard deviation, 0 where it is not known."""
+    """A NavSatFix; the accuracy is one standard deviation, the larger of north and east.
+
+    Altitude and accuracy are None where the message does not have them.
+    """
     if message.status.status < 0:
         raise GarbageError("it has no fix")
     latitude, longitude = _finite("place", message.latitude, message.longitude)
@@ -111,8 +114,8 @@ def position_of(
     spread = max(message.position_covariance[0], message.position_covariance[4])
     known = message.position_covariance_type > 0 and 0 <= spread < math.inf
     return Position(
-        robot, latitude, longitude, altitude if math.isfinite(altitude) else 0.0,
-        math.sqrt(spread) if known else 0.0, stamp_of(message) if time is None else time,
+        robot, latitude, longitude, altitude if math.isfinite(altitude) else None,
+        math.sqrt(spread) if known else None, stamp_of(message) if time is None else time,
     )  # fmt: skip
 
 
