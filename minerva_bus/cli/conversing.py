@@ -7,6 +7,7 @@ from pathlib import Path
 
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
+from minerva_bus.outputs import check_output, write_output
 from minerva_bus.record.conversation import Exchange, check_drawable, exchange_of
 from minerva_bus.record.reader import Record
 
@@ -18,6 +19,8 @@ def show_conversation(file: Path, conversation: str, output: Path | None, json_t
     """
     if output is not None and output.suffix.lower() not in (".svg", ".mmd"):
         raise MinervaError(f"{output}: a conversation is drawn into a .svg or a .mmd")
+    if output is not None:
+        check_output(output, "conversation")
     with Record(file) as record:
         exchange = exchange_of(record, conversation)
         if output is not None or not json_too:
@@ -34,7 +37,4 @@ def _write(output: Path, exchange: Exchange) -> None:
     from minerva_bus.record.sequence import draw
 
     text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
-    try:
-        output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise MinervaError(f"{output} cannot be written: {error.strerror}") from None
+    write_output(output, text.encode(), "conversation")

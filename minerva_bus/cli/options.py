@@ -16,6 +16,22 @@ def _choose_keys(keys: str) -> None:
     choose_keys(keys)  # None too: a process may give several commands, one after another.
 
 
+def _choose_force(force: bool) -> bool:
+    from minerva_bus.outputs import force_overwriting
+
+    force_overwriting(force)
+    return force
+
+
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force",
+        envvar="MINERVA_FORCE",
+        callback=_choose_force,
+        help="Overwrite output files that Minerva Bus did not write.",
+    ),
+]
 Connect = Annotated[
     str, typer.Option(help="Endpoint of the world, such as tcp/HOST:PORT; default: this machine.")
 ]

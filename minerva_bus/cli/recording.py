@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from minerva_bus.cli.saying import say
+from minerva_bus.outputs import check_output
 from minerva_bus.record.comparison import compare
 from minerva_bus.record.info import info_of
 from minerva_bus.record.looking import moment_of, written
@@ -45,6 +46,7 @@ def draw_plot(file: Path, output: Path | None) -> None:
     from minerva_bus.record.plot import plot
 
     into = output or file.with_suffix(".png")
+    check_output(into, "picture")
     with Record(file) as record:
         plot(record, into)
     say(str(into))

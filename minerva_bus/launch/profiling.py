@@ -11,6 +11,7 @@ from typing import Any
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.outputs import check_output, write_output
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,7 @@ class Profiling:
             raise MisuseError(
                 "--profile-member needs pyinstrument: pip install 'minerva-bus[profile]'"
             )
+        check_output(profile_of(file.world.name, self.member), "profile")
 
 
 NOTHING = Profiling()
@@ -57,5 +59,5 @@ def sampled(body: Callable[[], int], path: Path) -> int:
         return body()
     finally:
         profiler.stop()
-        path.write_text(str(profiler.output_html()), encoding="utf-8")
+        write_output(path, str(profiler.output_html()).encode(), "profile")
         print(f"its profile is in {path}", flush=True)  # noqa: T201

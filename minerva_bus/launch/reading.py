@@ -18,6 +18,7 @@ from minerva_bus.launch.processes import check_members, read_processes
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.watching import read_watching
 from minerva_bus.launch.worldfile import BusSettings, WorldFile
+from minerva_bus.outputs import note_read
 
 MAX_BYTES = 16 * 1024 * 1024
 TABLES = ("world", "options", "process", "bus", "limits", "placement", "norm", "metrics", "log")
@@ -38,6 +39,7 @@ def _read_text(path: Path) -> str:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise WorldFileError(f"{path}: over {MAX_BYTES} bytes, which is no world file")
+        note_read(path)
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise WorldFileError(f"{path}: this is no text in UTF-8") from None

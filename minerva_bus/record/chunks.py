@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
+from minerva_bus.outputs import note_read
 from minerva_bus.record.channels import PROFILE
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.extra import check_installed
@@ -52,6 +53,7 @@ class Chunks:
         self.complete = False
         try:
             self._file = path.open("rb")
+            note_read(path)
             self.size = path.stat().st_size
         except OSError as error:
             raise RecordError(f"{path}: {error.strerror}") from None

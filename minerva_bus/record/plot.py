@@ -9,10 +9,9 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.record.drawing import Ground, draw_tracks, halo, limits
-from minerva_bus.record.errors import RecordError
 from minerva_bus.record.palette import Palette
 from minerva_bus.record.reader import Record
-from minerva_bus.record.style import DOTS, FAINT, INK, STYLE
+from minerva_bus.record.style import DOTS, FAINT, INK, STYLE, write_figure
 from minerva_bus.record.tracks import Story, story_of
 from minerva_bus.semantics.geometry import interpret
 
@@ -21,7 +20,7 @@ def plot(record: Record, into: Path) -> None:
     """Draw a record: the map with where its agents have been, and what there is over time.
 
     The ending of the file's name says the format: png, svg, pdf. Raises MisuseError where
-    matplotlib is not installed, RecordError where the picture cannot be written.
+    matplotlib is not installed, and where the picture may not or cannot be written.
     """
     try:
         import matplotlib as mpl
@@ -33,10 +32,7 @@ def plot(record: Record, into: Path) -> None:
         figure: Any = Figure(figsize=(12, 6.6), dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         _draw(figure, story, record)
-        try:
-            figure.savefig(into, facecolor="white")
-        except (OSError, ValueError) as error:
-            raise RecordError(f"{into}: the picture cannot be written: {error}") from None
+        write_figure(figure, into)
 
 
 def _draw(figure: Any, story: Story, record: Record) -> None:

@@ -13,6 +13,7 @@ from minerva_bus import __version__
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.outputs import check_output, check_replaceable
 from minerva_bus.record import channels as c
 from minerva_bus.record.checkpoints import Kept, encode_checkpoint
 from minerva_bus.record.description import Description, encode_description
@@ -276,6 +277,8 @@ def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
     try:
         if keep_old:
             _keep_old(path)
+        else:
+            check_output(path, "record")
         return path.open("wb")
     except OSError as error:
         raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
@@ -297,5 +300,8 @@ def take_name(path: Path, *, keep_old: bool) -> None:
 
 
 def _keep_old(path: Path) -> None:
+    check_replaceable(path, "record")
     if path.is_file():
-        path.replace(path.with_name(f"{path.stem}.old{path.suffix}"))
+        old = path.with_name(f"{path.stem}.old{path.suffix}")
+        check_replaceable(old, "record")
+        path.replace(old)

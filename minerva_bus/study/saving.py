@@ -11,6 +11,7 @@ from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
 from minerva_bus.launch.overrides import toml_value
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.outputs import check_output, write_output
 
 ENDINGS = (".mnv", ".toml")
 
@@ -28,6 +29,7 @@ def check_place(path: Path) -> None:
     """Raises MisuseError where a string cannot be saved in a file of this name."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: a string is saved in {' or '.join(ENDINGS)}")
+    check_output(path, "string")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
     if path.suffix == ".toml":
@@ -38,10 +40,7 @@ def save(scene: Scene, path: Path, file: WorldFile, given: Given) -> None:
     """Save a string. Raises MisuseError and WorldFileError."""
     lines = "\n· ".join([text(scene_of(node)) for node in scene.nodes]) or "ε"
     content = lines + "\n" if path.suffix == ".mnv" else _world(lines, file, given)
-    try:
-        path.write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise WorldFileError(f"{path}: {error.strerror}") from None
+    write_output(path, content.encode(), "string")
 
 
 def _world(lines: str, file: WorldFile, given: Given) -> str:

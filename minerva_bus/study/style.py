@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.record.style import DOTS, STYLE
+from minerva_bus.outputs import check_output
+from minerva_bus.record.style import DOTS, STYLE, write_figure
 
 PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"
@@ -21,6 +22,7 @@ def check_picture(path: Path) -> None:
     """Raises MisuseError where no picture can be drawn into a file of this name."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: a picture is a {', '.join(ENDINGS)}")
+    check_output(path, "picture")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
     try:
@@ -42,7 +44,4 @@ def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) ->
         figure: Any = Figure(figsize=size, dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         paint(figure)
-        try:
-            figure.savefig(path, facecolor="white")
-        except OSError as error:
-            raise MisuseError(f"{path}: the picture cannot be written: {error}") from None
+        write_figure(figure, path)

@@ -223,7 +223,7 @@ def test_the_files_are_those_of_a_map_server(tmp_path, some):
     keys = dict(re.findall(r"(\w+): (.+)", (tmp_path / "map.yaml").read_text()))
     assert {"image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"} <= {*keys}
     assert keys["image"] == '"map.pgm"'
-    magic, size, most = (tmp_path / "map.pgm").read_bytes().split(b"\n", 3)[:3]
+    magic, _, size, most = (tmp_path / "map.pgm").read_bytes().split(b"\n", 4)[:4]
     shape = drawn(some).grid.shape
     assert (magic, size, most) == (b"P5", f"{shape[0]} {shape[1]}".encode(), b"255")
 

@@ -136,8 +136,23 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path):
 def test_a_picture_where_a_folder_is_is_a_clear_error(tmp_path: Path):
     (tmp_path / "w.svg").mkdir()
     with pytest.raises(MinervaError, match="cannot write"):
-        joined(tmp_path / "w.svg", png=False).show(view(1, PRobot()))
+        joined(tmp_path / "w.svg", png=False)
     assert names(tmp_path) == ["w.svg"]
+
+
+def test_neither_picture_overwrites_a_users_file(tmp_path: Path):
+    (tmp_path / "plan.png").write_bytes(b"drawn by hand")
+    with pytest.raises(MinervaError, match=r"plan\.png exists"):
+        joined(tmp_path / "plan.svg")
+    joined(tmp_path / "plan.svg", png=False).show(view(1, PRobot()))
+    assert (tmp_path / "plan.png").read_bytes() == b"drawn by hand"
+
+
+def test_a_numbered_picture_does_not_overwrite_a_users_file(tmp_path: Path):
+    (tmp_path / "w-000001.svg").write_bytes(b"drawn by hand")
+    device = joined(tmp_path / "w.svg", frames=True, png=False)
+    with pytest.raises(MinervaError, match=r"w-000001\.svg exists"):
+        device.show(view(1, PRobot()))
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.going import Place
 from minerva_bus.errors import MisuseError
+from minerva_bus.record.style import write_figure
 
 Reals: TypeAlias = NDArray[np.float64]
 
@@ -111,7 +112,4 @@ def save_plot(drift: Drift, path: Path) -> None:
         axis.spines[["top", "right"]].set_visible(False)
         axis.yaxis.set_major_formatter("{x:g}")
     upper.legend(frameon=False, loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
-    try:
-        figure.savefig(path, facecolor="white")
-    except OSError as error:
-        raise MisuseError(f"{path}: cannot be written: {error}") from None
+    write_figure(figure, path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ from minerva_agents.robot.drift import save_plot
 from minerva_agents.robot.mapping import Drawn, draw_map
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output, write_output
 from minerva_bus.world.recordings import MapChoice, Progress, Recording
 
 if TYPE_CHECKING:
@@ -36,11 +38,8 @@ def save_map(made: OccupancyMap, image: Path) -> Path:
     shades = _shades(made.cells)
     header = f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode()
     yaml = image.with_suffix(".yaml")
-    try:
-        image.write_bytes(header + shades.tobytes())
-        yaml.write_text(_yaml(made, image.name), encoding="utf-8")
-    except OSError as error:
-        raise MisuseError(f"{image}: cannot be written: {error.strerror}") from None
+    write_output(image, header + shades.tobytes(), "map")
+    write_output(yaml, _yaml(made, image.name).encode(), "map")
     return yaml
 
 
@@ -63,10 +62,9 @@ def save_picture(drawn: Drawn, path: Path) -> None:
         radius = max(3, image.width // 200)
         pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=colour, outline="white")
     _draw_scale(pen, image.size, scale)
-    try:
-        image.save(path)
-    except OSError as error:
-        raise MisuseError(f"{path}: cannot be written: {error}") from None
+    content = io.BytesIO()
+    image.save(content, "png")
+    write_output(path, content.getvalue(), "picture")
 
 
 def check_name(image: Path) -> None:
@@ -124,6 +122,8 @@ def draw(
 ) -> list[str]:
     """Draw the map of a recording into files, a `Mapper`. Raises MinervaError."""
     check_name(into)
+    for suffix in (".pgm", ".yaml", ".png"):
+        check_output(into.with_suffix(suffix), "map")
     picture = into.with_suffix(".png")
     drawn = draw_map(open, choice, progress)
     yaml = save_map(drawn.map, into)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, Marker, OccupancyMap, Pose
+from minerva_bus.outputs import note_read
 
 _MOST_CELLS = 100_000_000
 _MOST_IMAGE_BYTES = 800_000_000
@@ -249,6 +250,7 @@ def _read(path: Path, most: int) -> bytes:
         size = path.stat().st_size
         if size > most:
             raise MapError(f"{path}: has {size} bytes; expected at most {most}")
+        note_read(path)
         return path.read_bytes()
     except OSError as error:
         raise MapError(f"{path}: cannot be read: {error.strerror}; check its permissions") from None
@@ -332,6 +334,7 @@ def _read_with_pillow(path: Path) -> _Image:
     except ImportError:
         raise MapError(f"{path}: is no PGM image, which needs Pillow; {_INSTALL}") from None
     try:
+        note_read(path)
         with Image.open(path) as image:
             _check_size(path, *image.size)
             deep = image.mode.startswith("I")

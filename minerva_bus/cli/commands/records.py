@@ -11,6 +11,7 @@ from minerva_bus.cli.options import (
     UNKNOWN_TOO,
     Audit,
     Connect,
+    Force,
     Insecure,
     Json,
     Keys,
@@ -77,6 +78,7 @@ def replay(
     record: Annotated[str, typer.Option(help="With --swap: record that run, .mcap.")] = "",
     json: Json = False,
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Play a record again, into any view; pause, step, rate and seek work as for a world.
 
@@ -143,6 +145,7 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="A .png, .svg or .pdf.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Draw where the agents of a run have been, and how its frames went."""
     from minerva_bus.cli.recording import draw_plot
@@ -160,6 +163,7 @@ def conversation(
         Path | None, typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid.")
     ] = None,
     json: Json = False,
+    force: Force = False,
 ) -> None:
     """Show which messages agents have sent one another, as a sequence diagram (Mermaid)."""
     from minerva_bus.cli.conversing import show_conversation
@@ -182,6 +186,7 @@ def map_(
     poses: Annotated[
         str, typer.Option(help="Where the robot was: published, odometry or matched.")
     ] = "published",
+    force: Force = False,
 ) -> None:
     """Draw the map of a recording, as a robot would have it: .pgm and .yaml, and a picture."""
     from minerva_bus.cli.mapping import map_recording

@@ -11,6 +11,7 @@ from minerva_bus.cli.options import (
     UNKNOWN_TOO,
     Audit,
     Connect,
+    Force,
     Insecure,
     Json,
     KeepTrying,
@@ -85,6 +86,7 @@ def run(
     profile_member: Annotated[
         str, typer.Option(help="Sample this member's code; a page WORLD-MEMBER.html shows it.")
     ] = "",
+    force: Force = False,
 ) -> None:
     """Run a world. A world's own options, as its [options] say, are options here too.
 
@@ -179,6 +181,7 @@ def attach(
         str, typer.Option(help="SPEC is a world file: be this process of it, under its name.")
     ] = "",
     keep_trying: KeepTrying = None,
+    force: Force = False,
 ) -> None:
     """Add agents, a generator or a view to a running world, from here, until Ctrl-C.
 
@@ -203,6 +206,7 @@ def bridge(
         str, typer.Option(help="The new member's name; default: its certificate's, or made up.")
     ] = "",
     keep_trying: KeepTrying = None,
+    force: Force = False,
 ) -> None:
     """Bring real or recorded sensors into a running world, from here, until Ctrl-C.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli.options import UNKNOWN_TOO, Json, Quiet, Settings
+from minerva_bus.cli.options import UNKNOWN_TOO, Force, Json, Quiet, Settings
 from minerva_bus.cli.words import options_of
 
 app = typer.Typer()
@@ -56,6 +56,7 @@ def evolve(
     in_process: InProcess = False,
     json: Json = False,
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Let a world's string evolve: strings mutate and cross, worlds run, the fittest stay.
 
@@ -102,6 +103,7 @@ def sweep(
     in_process: InProcess = False,
     json: Json = False,
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Run a world with all combinations of some options; what is in the table is not run again.
 

@@ -14,10 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import MARK, check_output
 from minerva_services.sound.synthesis import Samples
 
 _CHANNELS, _WIDTH, _PCM = 2, 2, 1
-_HEADER = struct.Struct("<4sI4s4sIHHIIHH4sI")
+_HEADER = struct.Struct("<4sI4s4sIHHIIHH")
+_DATA = struct.Struct("<4sI")
+_TEXT = MARK.encode() + b"\0"  # 20 bytes; chunks have even lengths
+_ABOUT = struct.pack("<4sI4s4sI", b"LIST", 12 + len(_TEXT), b"INFO", b"ISFT", len(_TEXT)) + _TEXT
+"""The program's mark as a chunk LIST of the kind INFO."""
 _FULL = 2**32 - 2**16
 """Bytes: lengths in a WAV file have 32 bits."""
 
@@ -32,6 +37,7 @@ class WavFile:
         self.path, self.rate = path, rate
         self._bytes = 0
         self._is_full = False
+        check_output(path, "sound")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
@@ -52,7 +58,7 @@ class WavFile:
             sys.stderr.write(f"sound: {self.path} is full (4 GiB); the rest is not written\n")
             return
         try:
-            self._put(_HEADER.size + self._bytes, data)
+            self._put(_BEGIN + self._bytes, data)
             self._bytes += len(data)
             self._put(0, self._header())
         except OSError as error:
@@ -72,13 +78,18 @@ class WavFile:
     def _header(self) -> bytes:
         frame = _CHANNELS * _WIDTH
         about = 16, _PCM, _CHANNELS, self.rate, self.rate * frame, frame, 8 * _WIDTH
-        length = _HEADER.size - 8 + self._bytes
-        return _HEADER.pack(b"RIFF", length, b"WAVE", b"fmt ", *about, b"data", self._bytes)
+        length = _BEGIN - 8 + self._bytes
+        riff = _HEADER.pack(b"RIFF", length, b"WAVE", b"fmt ", *about)
+        return riff + _ABOUT + _DATA.pack(b"data", self._bytes)
 
     def _unwritable(self, reason: str) -> MisuseError:
         return MisuseError(
             f"sound: cannot write {self.path}: {reason}; set path to a place that can"
         )
+
+
+_BEGIN = _HEADER.size + len(_ABOUT) + _DATA.size
+"""Where the samples begin, bytes."""
 
 
 def wav_path(path: str) -> Path:

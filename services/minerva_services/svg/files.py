@@ -1,10 +1,8 @@
-"""Picture files: whoever opens one sees a whole picture, the one before or the new one."""
+"""Picture files: their names and folders."""
 
 from __future__ import annotations
 
-import contextlib
 import os
-import secrets
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
@@ -30,19 +28,6 @@ def prepare_folder(path: Path) -> None:
         raise _unwritable(path, error.strerror or "") from None
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise _unwritable(path, "its folder is not writable")
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file beside its place, then put it there in one step. Raises MisuseError."""
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        with draft.open("xb") as file:
-            file.write(content)
-        draft.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        raise _unwritable(path, error.strerror or "") from None
 
 
 def _unwritable(path: Path, reason: str) -> MisuseError:

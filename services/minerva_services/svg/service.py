@@ -8,11 +8,12 @@ from pathlib import Path
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.outputs import check_output, write_output
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.listing import event_types
 from minerva_services.svg.document import svg_document
-from minerva_services.svg.files import numbered, prepare_folder, svg_path, write_whole
+from minerva_services.svg.files import numbered, prepare_folder, svg_path
 from minerva_services.svg.page import Page, frame_of
 from minerva_services.svg.tracing import Tracer
 
@@ -58,6 +59,15 @@ class Svg(Device, draws=("ePicture",)):
         self._frame: Bounds | None = None
         self._tracer = Tracer()
         self._written: Path | None = None
+        self._check_outputs()
+
+    def _check_outputs(self) -> None:
+        """Complain of a file that may not be overwritten before the world runs."""
+        if self._keeps_all:
+            return  # The names are known when there is something to write.
+        check_output(self._path, "picture")
+        if self._makes_png:
+            check_output(self._path.with_suffix(".png"), "picture")
 
     def joined(self, world: WorldInfo) -> None:
         self._world = world
@@ -67,7 +77,7 @@ class Svg(Device, draws=("ePicture",)):
         self._views[view.event_type] = view.scene
         document = self._draw(view.frame)
         path = numbered(self._path, view.frame) if self._keeps_all else self._path
-        write_whole(path, document.encode())
+        write_output(path, document.encode(), "picture")
         self._written = path
         if self._makes_png:
             self._write_png(path.with_suffix(".png"), document)
@@ -91,5 +101,5 @@ class Svg(Device, draws=("ePicture",)):
             self._makes_png = False
             sys.stderr.write("picture: no PNG, only SVG; pip install 'minerva-bus[picture]'\n")
             return
-        write_whole(path, png(document))
+        write_output(path, png(document), "picture")
         self._written = path

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from minerva_services.svg.files import numbered, prepare_folder, write_whole
+from minerva_bus.outputs import write_output
+from minerva_services.svg.files import numbered, prepare_folder
 from minerva_services.window.painter import Pixels
 
 
@@ -21,7 +22,7 @@ class Pictures:
     def add(self, frame: int, pixels: Pixels) -> None:
         """A picture of shape (height, width, 3)."""
         path = numbered(self._path, frame) if self._keeps_all else self._path
-        write_whole(path, png(pixels))
+        write_output(path, png(pixels), "picture")
         self.written = path
 
 

@@ -8,8 +8,10 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output
 
 _SIDES = range(100, 7681)
 _VIDEOS = (".mp4", ".gif")
@@ -64,6 +66,7 @@ class Showing:
             raise self._wrong("fps must be 0 to 120 and speed above 0")
         self._check_installed()
         self._check_display()
+        self._check_output()
 
     @property
     def medium(self) -> Medium:
@@ -103,6 +106,12 @@ class Showing:
                 "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not"
                 " set); write pictures with path=FILE.png, or a video with video=FILE.mp4"
             )
+
+    def _check_output(self) -> None:
+        """Complain of a file that may not be overwritten before the world runs."""
+        file = self.video or ("" if self.frames else self.path)
+        if file:
+            check_output(Path(file), self.service)
 
     def _wrong(self, problem: str) -> MisuseError:
         return MisuseError(f"{self.service}: {problem}")

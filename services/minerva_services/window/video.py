@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import MARK, check_output, gif_comment
 from minerva_services.svg.files import prepare_folder
 from minerva_services.window.painter import Pixels
 
@@ -63,6 +64,7 @@ class Film:
         self._rate = Fraction(fps).limit_denominator(_THINNEST)
         self._palette: Any = None
         prepare_folder(self._path)
+        check_output(self._path, "video")
         try:
             self._path.write_bytes(b"")
         except OSError as error:
@@ -91,6 +93,8 @@ class Film:
         self._write(None)
         try:
             self._file.close()
+            if self._palette is not None:  # The library writes no comments into a GIF.
+                self._path.write_bytes(gif_comment(self._path.read_bytes()))
         except OSError as error:
             raise self._unwritable(error) from None
 
@@ -102,6 +106,7 @@ class Film:
             self._file: Any = av.open(self._path, "w", format=kind, options=_OPTIONS[kind])
         except OSError as error:
             raise self._unwritable(error) from None
+        self._file.metadata["comment"] = MARK
         self._stream: Any = self._file.add_stream(_ENCODERS[kind], rate=self._rate)
         self._stream.width, self._stream.height = self._size
         if kind == "gif":

@@ -1,0 +1,230 @@
+"""Output files: nothing that a user made, and nothing that this run has read, is overwritten.
+
+Every file that the program writes carries a mark, so a later run recognises it without a list of
+its own: a comment, a text chunk or a tag, as its format allows. In text formats the mark has a
+checksum, so a file that somebody has edited since is that person's.
+
+The rules hold per process; processes that are forked later inherit what was read and allowed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import stat
+import struct
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from minerva_bus.errors import MisuseError
+
+MARK: Final = "Made by Minerva Bus"
+
+_Identity: TypeAlias = tuple[int, int]
+_EDGE: Final = 1 << 16
+"""Bytes at the beginning and the end of a file in which its mark is."""
+
+
+class _Policy:
+    """What holds for the files of this process."""
+
+    def __init__(self) -> None:
+        self.read: set[_Identity] = set()
+        self.forced = False
+
+
+_policy = _Policy()
+
+
+def force_overwriting(forced: bool) -> None:
+    """Allow (`--force`) or forbid to overwrite any file."""
+    _policy.forced = forced
+
+
+def note_read(path: str | Path) -> None:
+    """Remember a file as an input, which no output may overwrite."""
+    with contextlib.suppress(OSError):
+        _policy.read.add(_identity(Path(path).stat()))
+
+
+def check_output(path: Path, kind: str = "output") -> None:
+    """Raises MisuseError where writing `path` would destroy an input or a user's own file.
+
+    `kind` says in the message what was about to be written. A missing file, an empty one and one
+    with the program's mark may be written, as may a pipe or a device.
+    """
+    _check(path, kind, inputs=True)
+
+
+def check_replaceable(path: Path, kind: str = "output") -> None:
+    """As `check_output`, for a file whose old content is kept under another name."""
+    _check(path, kind, inputs=False)
+
+
+def _check(path: Path, kind: str, *, inputs: bool) -> None:
+    if _policy.forced:
+        return
+    try:
+        status = path.stat()
+    except OSError:
+        return  # There is none, or the attempt to write it says why it cannot be reached.
+    if stat.S_ISDIR(status.st_mode):
+        raise MisuseError(f"{kind}: cannot write {path}: it is a folder; choose a file's name")
+    if not stat.S_ISREG(status.st_mode):
+        return
+    if inputs and _identity(status) in _policy.read:
+        raise MisuseError(
+            f"{kind}: {path} is an input of this run and is not overwritten; choose another path,"
+            " or give --force"
+        )
+    if status.st_size and not is_own(path):
+        raise MisuseError(
+            f"{kind}: {path} exists and was not written by Minerva Bus, or was edited since; choose"
+            " another path, move the file away, or give --force"
+        )
+
+
+def write_output(path: Path, content: bytes, kind: str = "output") -> None:
+    """Write a file with the program's mark, in one step: whoever opens it finds a whole one.
+
+    Raises MisuseError where the file is not the program's to overwrite, or cannot be written.
+    """
+    check_output(path, kind)
+    if path.exists() and not path.is_file():
+        _write(path, kind, lambda: _write_into(path, content))  # a pipe or a device stays one
+        return
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        _write(path, kind, lambda: _replace(draft, marked(content, path.suffix), path))
+    except MisuseError:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+
+
+def _write(path: Path, kind: str, write: Callable[[], None]) -> None:
+    try:
+        write()
+    except OSError as error:
+        reason = error.strerror or error
+        raise MisuseError(
+            f"{kind}: cannot write {path}: {reason}; set path to a place that can"
+        ) from None
+
+
+def _write_into(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+
+
+def _replace(draft: Path, content: bytes, path: Path) -> None:
+    with draft.open("xb") as file:
+        file.write(content)
+    draft.replace(path)
+
+
+def marked(content: bytes, suffix: str) -> bytes:
+    """The content of a file with the program's mark, as the format of its suffix allows.
+
+    A format without a place for a mark is returned unchanged.
+    """
+    add = _MARKERS.get(suffix.lower())
+    return add(content) if add else content
+
+
+def is_own(path: Path) -> bool:
+    """Whether a file carries the program's mark, and, in a text format, is unchanged since."""
+    try:
+        if path.suffix.lower() in _COMMENTS:
+            return _is_unchanged(path.read_bytes())
+        with path.open("rb") as file:
+            edges = file.read(_EDGE)
+            file.seek(max(0, os.fstat(file.fileno()).st_size - _EDGE))
+            edges += file.read()
+    except OSError:
+        return False
+    return MARK.encode() in edges or _is_record(edges)
+
+
+def _is_record(head: bytes) -> bool:
+    """Whether a file begins as an MCAP file whose header names this library."""
+    return head.startswith(b"\x89MCAP") and b"minerva-bus" in head[:256]
+
+
+def _identity(status: os.stat_result) -> _Identity:
+    return status.st_dev, status.st_ino
+
+
+# --- marks --------------------------------------------------------------------------------------
+
+_COMMENTS: Final[Mapping[str, tuple[str, str]]] = {
+    ".svg": ("<!-- ", " -->"),
+    ".html": ("<!-- ", " -->"),
+    ".yaml": ("# ", ""),
+    ".toml": ("# ", ""),
+    ".mnv": ("// ", ""),
+    ".mmd": ("%% ", ""),
+}
+"""How a comment begins and ends in text formats."""
+
+_LAST_LINE: Final = re.compile(
+    rb"(?:<!--|#|//|%%) " + MARK.encode() + rb", checksum ([0-9a-f]{8})(?: -->)?\n\Z"
+)
+
+
+def _commented(suffix: str) -> Callable[[bytes], bytes]:
+    begin, end = _COMMENTS[suffix]
+
+    def add(content: bytes) -> bytes:
+        text = content if content.endswith(b"\n") else content + b"\n"
+        mark = f"{begin}{MARK}, checksum {zlib.crc32(text):08x}{end}\n"
+        return text + mark.encode()
+
+    return add
+
+
+def _is_unchanged(content: bytes) -> bool:
+    mark = _LAST_LINE.search(content[-200:])
+    if mark is None:
+        return False
+    line = len(mark.group(0))
+    return f"{zlib.crc32(content[:-line]):08x}".encode() == mark.group(1)
+
+
+_PNG_HEADER: Final = 33
+"""Bytes of the signature and the first chunk, IHDR."""
+
+
+def _png_chunk(content: bytes) -> bytes:
+    """A PNG with a text chunk after its header (PNG specification, 11.3.3.2, keyword Software)."""
+    chunk = b"tEXtSoftware\0" + MARK.encode()
+    framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    return content[:_PNG_HEADER] + framed + content[_PNG_HEADER:]
+
+
+def _pgm_comment(content: bytes) -> bytes:
+    """A PGM with a comment line after its magic number."""
+    return content[:3] + f"# {MARK}\n".encode() + content[3:]
+
+
+def _pdf_comment(content: bytes) -> bytes:
+    return content + f"% {MARK}\n".encode()
+
+
+def gif_comment(content: bytes) -> bytes:
+    """A GIF with a comment extension before its trailer (GIF89a, section 24)."""
+    text = MARK.encode()
+    return content[:-1] + b"\x21\xfe" + bytes([len(text)]) + text + b"\0" + content[-1:]
+
+
+_MARKERS: Final[Mapping[str, Callable[[bytes], bytes]]] = {
+    **{suffix: _commented(suffix) for suffix in _COMMENTS},
+    ".png": _png_chunk,
+    ".pgm": _pgm_comment,
+    ".pdf": _pdf_comment,
+    ".gif": gif_comment,
+}

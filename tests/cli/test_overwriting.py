@@ -1,0 +1,84 @@
+"""Commands do not overwrite files that the program did not write, also not by derived names."""
+
+import signal
+import sys
+
+import pytest
+
+from minerva_bus import outputs
+from minerva_bus.cli.main import main
+
+pytest.importorskip("PIL")
+
+MAP = "image: house.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\n"
+MAP += "occupied_thresh: 0.65\nfree_thresh: 0.196\nmarkers: {A: [2.5, 1.5]}\nstart: [1, 1, 0]\n"
+
+
+@pytest.fixture
+def house(tmp_path, monkeypatch):
+    """The folder of a map that a user has drawn."""
+    from PIL import Image, ImageDraw
+
+    monkeypatch.setattr(outputs, "_policy", outputs._Policy())
+    monkeypatch.chdir(tmp_path)
+    drawn = Image.new("L", (40, 30), 254)
+    ImageDraw.Draw(drawn).rectangle((0, 0, 39, 29), outline=0)
+    drawn.save("house.png")
+    (tmp_path / "house.yaml").write_text(MAP)
+    return tmp_path
+
+
+def minerva(*words):
+    """Run a command in this process; returns its exit code."""
+    argv, handler = sys.argv, signal.getsignal(signal.SIGTERM)
+    sys.argv = ["minerva", *words]
+    try:
+        main()
+    except SystemExit as end:
+        return end.code or 0
+    finally:
+        sys.argv = argv
+        signal.signal(signal.SIGTERM, handler)
+    return 0
+
+
+def run(*words):
+    return minerva("run", "robot", "--in-process", "--frames", "3", *words)
+
+
+def test_the_picture_beside_a_view_is_not_the_map(house, capfd):
+    before = (house / "house.png").read_bytes()
+    words = ("--map", "house.yaml", "--objective", "A", "--view", "svg:path=house.svg,every=1")
+    assert run(*words) == 2
+    assert "house.png" in (told := capfd.readouterr().err)
+    assert "--force" in told
+    assert len(told.splitlines()) == 1
+    assert (house / "house.png").read_bytes() == before
+    assert not (house / "house.svg").exists()
+    assert run(*words, "--force") == 0
+    assert (house / "house.png").read_bytes() != before
+
+
+def test_a_run_overwrites_what_an_earlier_run_wrote(house):
+    for _ in range(2):
+        assert run("--view", "svg:path=out.svg,every=1", "--record", "out.mcap") == 0
+    assert minerva("plot", "out.mcap") == 0
+    assert minerva("plot", "out.mcap") == 0
+
+
+@pytest.mark.parametrize("name", ["mine.mcap", "mine.old.mcap"])
+def test_a_record_takes_no_users_file_away(house, capfd, name):
+    assert run("--record", "mine.mcap") == 0
+    (house / name).write_bytes(b"another tool's")
+    assert run("--record", "mine.mcap") != 0
+    assert f"{name} exists" in capfd.readouterr().err
+    assert (house / name).read_bytes() == b"another tool's"
+
+
+def test_a_plot_does_not_overwrite_a_users_picture(house, capfd):
+    assert run("--record", "house.mcap") == 0
+    before = (house / "house.png").read_bytes()
+    assert minerva("plot", "house.mcap") != 0
+    assert "house.png exists" in capfd.readouterr().err
+    assert (house / "house.png").read_bytes() == before
+    assert minerva("plot", "house.mcap", "--force") == 0

@@ -1,0 +1,110 @@
+"""No output overwrites an input, or a file that the program did not write."""
+
+import pytest
+
+from minerva_bus import outputs
+from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output, check_replaceable, is_own, note_read, write_output
+
+TEXTS = (".svg", ".html", ".yaml", ".toml", ".mnv", ".mmd")
+SVG = b"<svg xmlns='http://www.w3.org/2000/svg'/>\n"
+
+
+@pytest.fixture(autouse=True)
+def _a_process_of_its_own(monkeypatch):
+    monkeypatch.setattr(outputs, "_policy", outputs._Policy())
+
+
+def image(suffix):
+    from io import BytesIO
+
+    from PIL import Image
+
+    content = BytesIO()
+    Image.new("L", (3, 2), 200).save(content, {".pgm": "ppm"}.get(suffix, suffix[1:]))
+    return content.getvalue()
+
+
+def test_a_users_file_is_not_overwritten(tmp_path):
+    path = tmp_path / "house.svg"
+    path.write_bytes(SVG)
+    with pytest.raises(MisuseError, match=r"house\.svg exists and was not written by .*--force"):
+        write_output(path, b"<svg/>", "picture")
+    assert path.read_bytes() == SVG
+    assert [file.name for file in tmp_path.iterdir()] == ["house.svg"]
+
+
+@pytest.mark.parametrize("suffix", TEXTS)
+def test_a_text_file_is_the_programs_until_it_is_edited(tmp_path, suffix):
+    path = tmp_path / f"out{suffix}"
+    for content in (b"first\n", b"second, without an end of line"):
+        write_output(path, content)
+        assert path.read_bytes().startswith(content)
+    path.write_bytes(path.read_bytes().replace(b"second", b"my own"))
+    with pytest.raises(MisuseError, match="edited since"):
+        check_output(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pgm", ".gif"])
+def test_a_marked_image_reads_as_the_same_image_and_may_be_replaced(tmp_path, suffix):
+    from PIL import Image
+
+    path = tmp_path / f"out{suffix}"
+    for _ in range(2):
+        write_output(path, image(suffix))
+    with Image.open(path) as read:
+        assert (read.size, read.convert("L").getpixel((0, 0))) == ((3, 2), 200)
+    path.write_bytes(image(suffix))
+    assert not is_own(path)
+
+
+def test_a_pdf_is_recognised(tmp_path):
+    pyplot = pytest.importorskip("matplotlib.figure")
+    from minerva_bus.record.style import write_figure
+
+    path = tmp_path / "plot.pdf"
+    for _ in range(2):
+        write_figure(pyplot.Figure(), path)
+    assert path.read_bytes().startswith(b"%PDF")
+
+
+def test_an_input_is_not_overwritten_even_if_the_program_wrote_it(tmp_path):
+    path, link = tmp_path / "best.toml", tmp_path / "link.toml"
+    write_output(path, b"[world]\n")
+    link.symlink_to(path)
+    note_read(path)
+    for name in (path, link, tmp_path / "." / "best.toml"):
+        with pytest.raises(MisuseError, match="is an input of this run"):
+            check_output(name)
+    check_replaceable(path)  # its content is kept under another name
+
+
+def test_force_overwrites(tmp_path):
+    path = tmp_path / "house.svg"
+    path.write_bytes(SVG)
+    note_read(path)
+    outputs.force_overwriting(True)
+    write_output(path, b"<svg/>\n")
+    assert path.read_bytes().startswith(b"<svg/>")
+
+
+def test_missing_and_empty_files_and_devices_may_be_written(tmp_path):
+    check_output(tmp_path / "new.svg")
+    (tmp_path / "empty.svg").touch()
+    check_output(tmp_path / "empty.svg")
+    write_output(tmp_path / "empty.svg", SVG)
+    device = tmp_path / "null.svg"
+    device.symlink_to("/dev/null")
+    write_output(device, SVG)
+    assert device.is_symlink()
+
+
+def test_a_folder_is_no_output(tmp_path):
+    with pytest.raises(MisuseError, match="is a folder"):
+        check_output(tmp_path)
+
+
+def test_a_file_that_cannot_be_written_says_why_and_leaves_nothing(tmp_path):
+    with pytest.raises(MisuseError, match=r"picture: cannot write .*No such file"):
+        write_output(tmp_path / "nowhere" / "a.svg", SVG, "picture")
+    assert not any(tmp_path.iterdir())
