@@ -3,19 +3,27 @@
 Two kinds. `stream` is a numpy Generator with all its distributions, for who draws much. `Chance`
 draws for one agent and `Chances` a number for each of many at once, the same numbers either way:
 SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the three.
+
+Normal and exponential draws use `minerva_bus.portable`: numpy's logarithm depends on the processor.
+Of a numpy Generator's draws, those of `random`, `uniform` and `integers` do not; `normals` makes
+normal numbers of them.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 from hashlib import blake2b
-from math import floor
+from math import floor, sqrt
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.portable import log
+from minerva_bus.portable.circle import cos_turns_many, cos_turns_one
+from minerva_bus.portable.forms import binary
+from minerva_bus.portable.logarithms import log_many, log_one
 
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.float64]
@@ -60,6 +68,27 @@ def answer_key(seed: int, frame: int, event_type: str) -> int:
     return int.from_bytes(blake2b(told.encode(), digest_size=8).digest(), "little")
 
 
+def _standard_normal_one(first: float, second: float) -> float:
+    """A standard normal number of two uniform ones in [0, 1); Box and Muller (1958)."""
+    return sqrt(-2.0 * log_one(1.0 - first)) * cos_turns_one(second)
+
+
+def _standard_normal_many(first: Numbers, second: Numbers) -> Numbers:
+    return np.sqrt(-2.0 * log_many(1.0 - first)) * cos_turns_many(second)
+
+
+standard_normal = binary(_standard_normal_one, _standard_normal_many)
+
+
+def normals(random: np.random.Generator, count: int) -> Numbers:
+    """Standard normal numbers from a Generator, (count,), the same ones on every processor.
+
+    Two uniform numbers are drawn for each.
+    """
+    first, second = random.random((2, count))
+    return _standard_normal_many(first, second)
+
+
 _B = TypeVar("_B", bool, NDArray[np.bool_])
 _I = TypeVar("_I", int, NDArray[np.int64])
 _R = TypeVar("_R", float, Numbers)
@@ -77,7 +106,7 @@ class _Draws(Generic[_B, _I, _R]):
     def _whole(self, least: Any, number: _R) -> _I:
         raise NotImplementedError
 
-    def _kept(self, numbers: Numbers) -> _R:
+    def _kept(self, number: Any) -> _R:
         raise NotImplementedError
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0) -> _R:
@@ -101,13 +130,11 @@ class _Draws(Generic[_B, _I, _R]):
 
     def exponential(self, mean: Any = 1.0) -> _R:
         """Exponentially distributed, with this mean."""
-        return self._kept(-mean * np.log(1.0 - np.atleast_1d(self.random())))
+        return self._kept(-mean * log(1.0 - self.random()))
 
     def normal(self, mean: Any = 0.0, deviation: Any = 1.0) -> _R:
         """Normally distributed, by the method of Box and Muller (1958); two draws."""
-        radius = np.sqrt(-2.0 * np.log(1.0 - np.atleast_1d(self.random())))
-        turn = np.cos(2.0 * np.pi * np.atleast_1d(self.random()))
-        return self._kept(mean + deviation * (radius * turn))
+        return self._kept(mean + deviation * standard_normal(self.random(), self.random()))
 
 
 class Chance(_Draws[bool, int, float]):
@@ -138,8 +165,8 @@ class Chance(_Draws[bool, int, float]):
     def _whole(self, least: int, number: float) -> int:
         return least + floor(number)
 
-    def _kept(self, numbers: Numbers) -> float:
-        return numbers.item()
+    def _kept(self, number: Any) -> float:
+        return float(number)
 
 
 class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
@@ -174,8 +201,8 @@ class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
     def _whole(self, least: Any, number: Numbers) -> NDArray[np.int64]:
         return least + number.astype(np.int64)
 
-    def _kept(self, numbers: Numbers) -> Numbers:
-        return numbers
+    def _kept(self, number: Numbers) -> Numbers:
+        return number
 
 
 def _mixed(words: Words) -> Words:

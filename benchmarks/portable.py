@@ -1,0 +1,141 @@
+"""What functions cost that have the same bits everywhere, beside those of numpy and `math`.
+
+    python -m benchmarks.portable [--sizes N ...] [--repeat N] [--json]
+
+Machines are noisy: each pair takes turns in this one process, and the ratio of the shortest turns
+is what to read. Draws are compared with the same method over numpy's logarithm and cosine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+
+import numpy as np
+
+from minerva_bus import portable
+from minerva_bus.world.chance import Chance, Chances, Numbers
+
+NAMES = "sin cos tan asin acos atan exp expm1 tanh log log2 log10 log1p"
+PAIRS = "atan2 hypot power"
+OTHERS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
+ONE_BY_ONE = 2_000
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """One function over so many numbers; 1: one by one, in Python."""
+
+    function: str
+    count: int
+    portable_ns: float
+    other_ns: float
+    ratio: float
+
+
+def numpy_normal(draws: Chances) -> Numbers:
+    """Normal numbers by the method of `Chances.normal`, over numpy's functions."""
+    radius = np.sqrt(-2.0 * np.log(1.0 - draws.random()))
+    return radius * np.cos(2.0 * np.pi * draws.random())
+
+
+def numpy_exponential(draws: Chances) -> Numbers:
+    """Exponential numbers by the method of `Chances.exponential`, over numpy's logarithm."""
+    return -np.log(1.0 - draws.random())
+
+
+def math_normal(draws: Chance) -> float:
+    radius = math.sqrt(-2.0 * math.log(1.0 - draws.random()))
+    return radius * math.cos(math.tau * draws.random())
+
+
+def compared(
+    name: str,
+    count: int,
+    each: int,
+    ours: Callable[[], object],
+    others: Callable[[], object],
+    n: int,
+) -> Cost:
+    """Both take turns n times; nanoseconds for each of the numbers that a turn is about."""
+    best = [math.inf, math.inf]
+    for _ in range(n):
+        for side, function in enumerate((ours, others)):
+            start = time.perf_counter()
+            function()
+            best[side] = min(best[side], time.perf_counter() - start)
+    ours_ns, others_ns = (seconds / each * 1e9 for seconds in best)
+    return Cost(name, count, round(ours_ns, 1), round(others_ns, 1), round(ours_ns / others_ns, 2))
+
+
+def arrays(count: int, repeat: int) -> list[Cost]:
+    x, y = np.random.default_rng(1).uniform(0.01, 0.99, (2, count))
+    costs = []
+    for name in f"{NAMES} {PAIRS}".split():
+        given = (x, y) if name in PAIRS.split() else (x,)
+        ours, theirs = getattr(portable, name), getattr(np, OTHERS.get(name, name))
+        costs.append(
+            compared(name, count, count, partial(ours, *given), partial(theirs, *given), repeat)
+        )
+    draws = Chances(Chances.begin(np.arange(count, dtype=np.uint64), 1))
+    for name, theirs in (("normal", numpy_normal), ("exponential", numpy_exponential)):
+        ours = getattr(draws, name)
+        costs.append(compared(f"chance.{name}", count, count, ours, partial(theirs, draws), repeat))
+    return costs
+
+
+def numbers(repeat: int) -> list[Cost]:
+    costs = []
+    for name in f"{NAMES} {PAIRS}".split():
+        given = (0.7, 0.3) if name in PAIRS.split() else (0.7,)
+        ours, theirs = getattr(portable, name), getattr(math, "pow" if name == "power" else name)
+
+        def turn(function: Callable[..., float], given: tuple[float, ...] = given) -> None:
+            for _ in range(ONE_BY_ONE):
+                function(*given)
+
+        costs.append(
+            compared(name, 1, ONE_BY_ONE, partial(turn, ours), partial(turn, theirs), repeat)
+        )
+    draws = Chance(1)
+
+    def drawn(function: Callable[[], float]) -> None:
+        for _ in range(ONE_BY_ONE):
+            function()
+
+    costs.append(
+        compared(
+            "chance.normal", 1, ONE_BY_ONE, lambda: drawn(draws.normal),
+            lambda: drawn(lambda: math_normal(draws)), repeat,
+        )
+    )  # fmt: skip
+    return costs
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--sizes", type=int, nargs="+", default=[10_000, 1_000_000])
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--json", action="store_true")
+    asked = parser.parse_args()
+    costs = numbers(asked.repeat)
+    for count in asked.sizes:
+        costs += arrays(count, asked.repeat)
+    if asked.json:
+        print(json.dumps([asdict(cost) for cost in costs]))
+        return
+    print(f"{'function':18} {'numbers':>9} {'portable ns':>12} {'other ns':>9} {'ratio':>6}")
+    for cost in costs:
+        print(
+            f"{cost.function:18} {cost.count:9,} {cost.portable_ns:12.1f}"
+            f" {cost.other_ns:9.1f} {cost.ratio:6.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""One function for a number and for an array, made of the form for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, Protocol, TypeVar, cast, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[np.float64]
+Bits = NDArray[np.int64]
+
+F = TypeVar("F", float, Numbers)
+"""A kernel works on a number and on an array alike: it uses + - * / only."""
+
+_BLOCK: Final = 4096
+"""Arrays are worked on in blocks whose intermediate results stay in the processor's cache."""
+
+_HEAD: Final = 2.0**32 + 1
+
+
+class Unary(Protocol):
+    """A function of a number, or of each number of an array."""
+
+    @overload
+    def __call__(self, x: float, /) -> float: ...
+    @overload
+    def __call__(self, x: NDArray[Any], /) -> Numbers: ...
+
+
+class Binary(Protocol):
+    """A function of two numbers, or of two arrays that are broadcast against each other."""
+
+    @overload
+    def __call__(self, x: float, y: float, /) -> float: ...
+    @overload
+    def __call__(self, x: NDArray[Any], y: NDArray[Any] | float, /) -> Numbers: ...
+    @overload
+    def __call__(self, x: float, y: NDArray[Any], /) -> Numbers: ...
+
+
+def unary(one: Callable[[float], float], many: Callable[[Numbers], Numbers]) -> Unary:
+    """The function with a form for one number and a form for an array of one axis."""
+
+    def function(x: Any, /) -> Any:
+        if isinstance(x, np.ndarray):
+            return in_blocks(many, cast("NDArray[Any]", x))
+        return one(float(x))
+
+    return cast("Unary", _named(function, one))
+
+
+def binary(
+    one: Callable[[float, float], float], many: Callable[[Numbers, Numbers], Numbers]
+) -> Binary:
+    """The function of two with a form for numbers and a form for arrays of one axis."""
+
+    def function(x: Any, y: Any, /) -> Any:
+        if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
+            return in_blocks(many, *np.broadcast_arrays(cast("Any", x), cast("Any", y)))
+        return one(float(x), float(y))
+
+    return cast("Binary", _named(function, one))
+
+
+def _named(function: Callable[..., Any], one: Callable[..., Any]) -> Callable[..., Any]:
+    function.__name__ = function.__qualname__ = one.__name__.removesuffix("_one").removeprefix("_")
+    function.__doc__, function.__module__ = one.__doc__, one.__module__
+    return function
+
+
+def in_blocks(many: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
+    """The results of a form for arrays of one axis; arrays of one shape, block by block."""
+    flat = [np.asarray(array, np.float64).ravel() for array in arrays]
+    count = len(flat[0])
+    made = np.empty(count)
+    with np.errstate(all="ignore"):
+        for start in range(0, count, _BLOCK):
+            end = start + _BLOCK
+            made[start:end] = many(*(array[start:end] for array in flat))
+    return made.reshape(arrays[0].shape)
+
+
+def head(x: F) -> F:
+    """The upper 21 bits of numbers below 2^990: products of two heads are exact."""
+    wide = x * _HEAD
+    return wide - (wide - x)
