@@ -3,10 +3,18 @@
 import signal
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 # How long an example takes says more about the machine than about the code.
 settings.register_profile("minerva", deadline=None)
+# For mutation testing (tools/mutation.py): the first failure decides, the smallest does not matter.
+settings.register_profile(
+    "mutation",
+    deadline=None,
+    derandomize=True,
+    database=None,
+    phases=(Phase.explicit, Phase.generate),
+)
 settings.load_profile("minerva")
 
 

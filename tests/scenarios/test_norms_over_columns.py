@@ -1,0 +1,285 @@
+"""Norms over agents in columns give what they give over the same agents one by one, row by row.
+
+Nobody is born and nobody dies here, so that rows stay rows: each frame's columns are judged as
+columns. The runs with births in test_norms.py judge them as strings of their own.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pond import host, service
+from street import Light, Steps, eBoo, eFine, eShout, eStep
+
+from minerva_bus import Agent, Vocabulary, on
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.stimuli import Begin, FrameDone
+from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.world.norms import Norm, Then
+from minerva_bus.world.order import Order
+
+COUNT = 20
+"""Fewer agents of a shape than the engine packs into columns by itself."""
+
+
+class Walker(Agent, symbol="AWalker"):
+    """Walks by chance to the right of 0 and shouts how fast; it rests to the left."""
+
+    x: float = 0.0
+    speed: float = 1.0
+    fined: int = 0
+
+    @on("eStep")
+    def step(self, step, moment):
+        if self.x >= 0:
+            self.speed += moment.chance.uniform(-1.0, 1.5)
+            self.x += self.speed
+            moment.emit(eShout(self.speed))
+
+    @on("eFine")
+    def pay(self, fine, moment):
+        self.fined += fine.amount
+
+
+class Walkers(Agent, symbol="AWalker"):
+    """The same for all rows at once."""
+
+    x: float = 0.0
+    speed: float = 1.0
+    fined: int = 0
+
+    @on("eStep", population=True)
+    def step(self, step, moment):
+        walks = self.x >= 0
+        self.speed += moment.chance.uniform(-1.0, 1.5) * walks
+        self.x += self.speed * walks
+        moment.emit(eShout(self.speed), walks)
+
+    @on("eFine", population=True)
+    def pay(self, fine, moment):
+        self.fined += fine.amount
+
+
+VOCABULARY = vocabulary = Vocabulary.of(eStep, eBoo, eShout, eFine, Walker, Light)
+PLACES = np.arange(COUNT) * 2.0 - 6.0
+WALKERS = Walker.many("w", COUNT, x=PLACES, speed=np.arange(COUNT) % 4 - 1.0)
+RESTING = [f"w{row}" for row in np.flatnonzero(PLACES < 0)]
+LIGHT = VOCABULARY.read("ALight#light")
+
+
+def run(scene, norms, kind=Walker, frames=4):
+    """Each frame's string and events, and how often each norm was broken."""
+    members = {"walkers": host("walkers", kind, Light), "steps": service("steps", Steps)}
+    order = Order(("eFine", "eShout", "eBoo", "eStep"))
+    expected = frozenset(members)
+    algorithm = FrameAlgorithm(
+        World(
+            "street", scene, VOCABULARY,
+            expected=expected, norms=norms, frames=frames, seed=5, order=order,
+        )
+    )  # fmt: skip
+    scenes, events = [], []
+
+    def watch(instruction):
+        if isinstance(instruction, FrameDone):
+            scenes.append(algorithm.scene)
+            events.append(list(single(instruction.events)))
+
+    runner = InProcess(algorithm, [make() for make in members.values()], watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(Begin())
+    return scenes, events, runner.ended.figures
+
+
+def in_columns(norms, kind=Walker, **rest):
+    result = run(WALKERS + LIGHT, norms, kind, **rest)
+    assert all(isinstance(scene.pieces[0], Columns) for scene in result[0])
+    return result
+
+
+def one_by_one(norms, **rest):
+    result = run(Scene(WALKERS.nodes) + LIGHT, norms, **rest)
+    assert not any(isinstance(piece, Columns) for scene in result[0] for piece in scene.pieces)
+    return result
+
+
+def walkers(scene):
+    return {agent.id: dict(agent.state) for agent in agents(scene) if agent.symbol == "AWalker"}
+
+
+def light(scene):
+    return next(agent.state["green"] for agent in agents(scene) if agent.symbol == "ALight")
+
+
+both_ways = pytest.mark.parametrize("held", [in_columns, one_by_one])
+
+
+@pytest.mark.parametrize("kind", [Walker, Walkers])
+def test_what_a_row_was_before_the_frame_counts(kind):
+    """Nobody crosses a line; who has been behind it goes on."""
+    line = Norm("line", when="was.x < 10 and x >= 10")
+    free, _, _ = in_columns((), kind)
+    scenes, _, figures = in_columns((line,), kind)
+    start, end = walkers(WALKERS), walkers(scenes[-1])
+    before = {who for who, state in start.items() if state["x"] < 10}
+    crossed = {who for who in before if walkers(free[-1])[who]["x"] >= 10}
+    assert crossed
+    assert crossed < before
+    assert all(end[who]["x"] < 10 for who in before)
+    assert all(end[who] != start[who] for who in start if start[who]["x"] >= 10)
+    assert figures["norm_line"] >= len(crossed)
+
+
+def fines(events, norm=""):
+    """The ids of those who were fined in a frame, by one norm or by any."""
+    found = [event for event in events if event.type == "eFine" and norm in ("", event.norm)]
+    return sorted(who for event in found for who in event.receivers)
+
+
+@both_ways
+@pytest.mark.parametrize("then", [Then.SANCTION, Then.REFUSE])
+def test_all_who_break_a_norm_in_one_frame_are_sanctioned(held, then):
+    """Also by several norms at once: each gets an event of every norm that it breaks."""
+    fast = Norm("fast", when="was.speed >= 1", then=then, sanction=eFine(2, "fast"))
+    far = Norm("far", when="x > 20", then=Then.SANCTION, sanction=eFine(3, "far"))
+    _, events, _ = held((far, fast), frames=2)
+    start = walkers(WALKERS)
+    moved = [who for who in start if who not in RESTING]
+    assert fines(events[1], "fast") == sorted(who for who in moved if start[who]["speed"] >= 1)
+    assert len(fines(events[1], "far")) > 5
+
+
+@both_ways
+def test_a_sanction_follows_once(held):
+    """Who crosses a line is fined in the next frame, and never again for that."""
+    line = Norm(
+        "line", when="was.x < 10 and x >= 10", then=Then.SANCTION, sanction=eFine(1, "line")
+    )
+    scenes, _, figures = held((line,), frames=8)
+    xs = [walkers(WALKERS), *map(walkers, scenes)]
+    crossed = {
+        who: sum(a[who]["x"] < 10 <= b[who]["x"] for a, b in pairwise(xs[:-1])) for who in xs[0]
+    }
+    assert {who: state["fined"] for who, state in xs[-1].items()} == crossed
+    assert sum(crossed.values()) > 2
+    assert figures["norm_line"] >= sum(crossed.values())
+
+
+@both_ways
+def test_all_whose_events_break_a_norm_in_one_frame_are_sanctioned(held):
+    loud = Norm("loud", on=("eShout",), then=Then.SANCTION, sanction=eFine(1, "loud"))
+    _, events, figures = held((loud,))
+    shouts = [sorted(e.sender for e in frame if e.type == "eShout") for frame in events]
+    assert [fines(frame) for frame in events] == [[], *shouts[:-1]]
+    assert all(len(frame) > COUNT // 2 for frame in shouts[1:])
+    assert figures["norm_loud"] == sum(map(len, shouts))
+
+
+@both_ways
+def test_the_state_of_the_sender_counts_and_nobody_elses(held):
+    """Only some rows send: each event is judged by its own sender's row."""
+    _, free, _ = held(())
+    slow = Norm("slow", on=("eShout",), when="x > 12 and event.loud < 2")
+    scenes, events, figures = held((slow,))
+    refused = []
+    for scene, all_events, left in zip(scenes, free[1:], events[1:], strict=False):
+        states = walkers(scene)
+        shouts = [e.sender for e in all_events if e.type == "eShout"]
+        slow_ones = [who for who in shouts if states[who]["x"] > 12 and states[who]["speed"] < 2]
+        assert shouts != slow_ones != []
+        assert {e.sender for e in left if e.type == "eShout"} == {*shouts} - {*slow_ones}
+        refused += slow_ones
+    assert figures == {"norm_slow": len(refused)}
+
+
+@both_ways
+def test_who_does_not_change_is_not_judged(held):
+    """Of those to the left of 0 nobody moves, whatever the others in the same columns do."""
+    left = Norm("left", when="was.x < 0", then=Then.COUNT)
+    right = Norm("right", when="was.x >= 0", then=Then.COUNT)
+    assert held((left, right), frames=1)[2] == {"norm_right": COUNT - len(RESTING)}
+    assert RESTING
+
+
+@both_ways
+def test_the_first_norm_that_refuses_a_row_leaves_the_other_rows_to_the_others(held):
+    norms = (Norm("fast", when="was.speed >= 1"), Norm("all", when="was.speed >= 0"))
+    speeds = [s["speed"] for w, s in walkers(WALKERS).items() if w not in RESTING]
+    fast, slow = sum(s >= 1 for s in speeds), sum(0 <= s < 1 for s in speeds)
+    assert held(norms, frames=1)[2] == {"norm_fast": fast, "norm_all": slow}
+    assert fast
+    assert slow
+
+
+@both_ways
+def test_a_norm_applies_to_its_kinds_alone(held):
+    dark = Norm("dark", ("ALight",), where="green == false", then=Then.COUNT)
+    any_light = Norm("light", ("ALight",), then=Then.COUNT)
+    assert held((dark, any_light), frames=4)[2] == {"norm_dark": 1, "norm_light": 1}
+
+
+@both_ways
+def test_another_agents_state_counts_as_each_frame_began(held):
+    """Nobody moves where the light was red as the frame began."""
+    red = Norm("red", ("AWalker",), when="#light.green == false")
+    scenes, _, _ = held((red,), frames=9)
+    lights = [True, *(light(scene) for scene in scenes[:-1])]
+    strings = [walkers(WALKERS), *map(walkers, scenes)]
+    assert [a != b for a, b in pairwise(strings)] == lights
+    assert lights.count(False) > 2
+
+
+# --- a law over random norms ---
+
+NUMBERS = st.integers(-6, 24).map(lambda n: f"{n / 2}")
+SIGNS = st.sampled_from(["<", "<=", ">", ">=", "==", "!="])
+OWN = st.sampled_from(
+    ["x", "speed", "fined", "was.x", "was.speed", "was.fined", "#w9.x", "#w0.speed"]
+)
+AGENTS = st.builds("{} {} {}".format, OWN, SIGNS, NUMBERS) | st.just("#light.green == true")
+SHOUTS = st.builds(
+    "{} {} {}".format, st.sampled_from(["x", "speed", "event.loud"]), SIGNS, NUMBERS
+) | st.just("#light.green == false")
+
+
+def conditions(atoms):
+    joined = st.builds(
+        "({}) {} ({})".format, atoms, st.sampled_from(["and", "or", "and not"]), atoms
+    )
+    return atoms | joined | st.just("")
+
+
+@st.composite
+def norm(draw, name):
+    on_events = draw(st.booleans())
+    texts = conditions(SHOUTS if on_events else AGENTS)
+    most = draw(st.sampled_from([0, 0, 1, 2]))
+    return Norm(
+        name,
+        applies=draw(st.sampled_from([(), ("AWalker",), ("ALight",)])),
+        on=("eShout",) if on_events else (),
+        when=draw(texts),
+        where=draw(texts),
+        most=most,
+        per=draw(st.integers(1, 4)),
+        then=draw(st.sampled_from(Then)),
+        sanction=draw(st.none() | st.just(eFine(1, name))),
+    )
+
+
+@given(norms=st.tuples(norm("first"), norm("second"), norm("third")))
+@settings(max_examples=60)
+def test_rows_are_judged_as_agents_one_by_one_are(norms):
+    scenes, events, figures = in_columns(norms)
+    other_scenes, other_events, other_figures = one_by_one(norms)
+    assert [walkers(one) for one in scenes] == [walkers(one) for one in other_scenes]
+    assert [one.digest for one in scenes] == [one.digest for one in other_scenes]
+    assert events == other_events
+    assert figures == other_figures
