@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from minerva_agents.robot import jumps, planning, windows
 from minerva_agents.robot.distances import clearance, inflate
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.planning import Path, nearest, shortest_path
@@ -216,6 +217,64 @@ def test_clearance_and_inflate_agree_with_every_pair_of_cells(problem, radius):
     exact = np.where(squared == 10**9, np.inf, np.sqrt(squared))
     assert np.array_equal(clearance(obstacles), exact)
     assert np.array_equal(inflate(obstacles, radius), squared <= radius * radius)
+
+
+@settings(max_examples=200, deadline=None)
+@given(problems(), st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_small_windows_change_no_length(problem, margin, seed):
+    blocked, start, goal = problem
+    targets = np.random.default_rng(seed).random(blocked.shape) < 0.05
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(windows, "_MARGIN", margin)
+        patch.setattr(windows, "_GROWTH", 2)
+        found = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
+    expected = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
+    assert [path and path.length for path in found] == [path and path.length for path in expected]
+
+
+@pytest.mark.parametrize("length", [253, 254, 255, 256, 509, 1000])
+@pytest.mark.parametrize("turn", [0, 1, 2, 3])
+def test_rays_of_any_length_end_where_they_should(length, turn):
+    """A corridor that turns once, in each direction: a table entry is a byte."""
+    blocked = np.ones((length + 1, length + 1), np.bool_)
+    blocked[0, :] = blocked[:, length] = False
+    blocked = np.ascontiguousarray(np.rot90(blocked, turn))
+    ends = [(0, 0), (length, length)]
+    for _ in range(turn):
+        ends = [(length - column, row) for row, column in ends]
+    path = shortest_path(blocked, ends[0], ends[1])
+    assert path.length == 2 * length
+    check_path(blocked, path, ends[0])
+
+
+@pytest.mark.parametrize("size", [254, 255, 256, 700])
+def test_diagonals_of_any_length_end_where_they_should(size):
+    blocked = np.zeros((size + 1, size + 1), np.bool_)
+    for ends in (((0, 0), (size, size)), ((size, 0), (0, size)), ((size, size), (0, 0))):
+        assert shortest_path(blocked, *ends) == nearest(blocked, ends[0], only(blocked, ends[1]))
+        assert shortest_path(blocked, *ends).length == size * ROOT2
+
+
+def test_a_near_goal_needs_no_table_of_the_whole_grid(monkeypatch):
+    sizes = []
+
+    def counted(blocked, targets):
+        sizes.append(blocked.size)
+        return jumps.jumps_of(blocked, targets)
+
+    monkeypatch.setattr(planning, "jumps_of", counted)
+    blocked = np.random.default_rng(2).random((1500, 1500)) < 0.2
+    blocked[700, 700] = blocked[740, 730] = False
+    assert shortest_path(blocked, (700, 700), (740, 730)).cells[-1] == (740, 730)
+    assert nearest(blocked, (700, 700), only(blocked, (740, 730))).cells[-1] == (740, 730)
+    assert sum(sizes) < 200_000
+
+
+def only(blocked, cell):
+    """A grid with one target."""
+    targets = np.zeros(blocked.shape, np.bool_)
+    targets[cell] = True
+    return targets
 
 
 # --- MovingAI -----------------------------------------------------------------------------------

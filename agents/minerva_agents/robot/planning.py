@@ -4,32 +4,22 @@ A grid is indexed [row, column]; row grows along world x, column along world y. 
 of the eight neighbours: it costs 1 straight and sqrt(2) diagonally, and a diagonal needs both
 cells that it passes between to be free, so that no corner is cut.
 
-The search is A* [Hart, Nilsson, Raphael 1968; the paper, 4.2.5] over jump points: of all the
-equally short paths only one that goes diagonally as early as it can is followed, so the queue
-holds only the cells where such a path may turn [Harabor, Grastien 2011, "Online Graph Pruning for
-Pathfinding on Grid Maps"]. Where each of the eight rays from a cell ends is looked up in tables
-that numpy fills for the whole grid at once [Harabor, Grastien 2014, "Improving Jump Point
-Search"]. This changes the time that a search takes, never the length of what it finds.
+The search is A* [Hart, Nilsson, Raphael 1968; the paper, 4.2.5] over the jump points of the
+module `jumps`, in the windows of the module `windows`. Both change the time and the memory that a
+search takes, never the length of its path.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import Cell, Grid, MapError, check_grid
-
-# Costs are whole numbers so that equal lengths compare equal however they were summed. Two
-# different lengths of n moves are at least about 1 / (3 n) apart, 60 bits are far finer than that.
-_STRAIGHT = 1 << 60
-_DIAGONAL = math.isqrt(2 << 120)
-
-# A direction is an index into this ring, counter-clockwise; the odd ones are diagonals.
-_RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+from minerva_agents.robot.jumps import DIAGONAL, LEAP, STRAIGHT, Jumps, jumps_of
+from minerva_agents.robot.windows import Window, windows
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +52,7 @@ def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> Path | None:
         return None
     targets = np.zeros(blocked.shape, np.bool_)
     targets[goal] = True
-    return _search(blocked, start, targets, _octile_to(goal, blocked.shape[1] + 2))
+    return _search(blocked, start, targets, goal)
 
 
 def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
@@ -80,7 +70,7 @@ def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
             f"nearest: targets is {targets.shape}, expected the shape of blocked, {blocked.shape}"
         )
     reachable = targets & ~blocked
-    return _search(blocked, start, reachable, lambda _: 0) if reachable.any() else None
+    return _search(blocked, start, reachable, None) if reachable.any() else None
 
 
 def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
@@ -95,167 +85,107 @@ def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
     return row, column
 
 
-@dataclass(frozen=True, slots=True)
-class _Tables:
-    """A grid with a blocked rim, flattened, and for each direction where the ray from a cell ends.
+def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> Path | None:
+    """A* to the goal, or Dijkstra's search for the nearest target where there is no goal.
 
-    `jumps[direction][cell]` is the first cell ahead where a path may turn or end, 0 (a cell of the
-    rim) if a wall comes first.
-    """
-
-    width: int
-    steps: tuple[int, ...]
-    free: bytes
-    targets: bytes
-    jumps: tuple[memoryview, ...]
-
-
-def _search(
-    blocked: Grid, start: Cell, targets: Grid, estimate: Callable[[int], int]
-) -> Path | None:
-    """A* over jump points to the cheapest target; with an estimate of 0 it is Dijkstra's search.
-
-    A state is a cell and the direction of arrival, because that decides which ways on are worth
-    a look: state = 8 * cell + direction.
+    What a search of a window finds holds if no path that leaves the window can be shorter.
     """
     if blocked[start]:
         return None
     if targets[start]:
         return Path((start,), 0.0)
-    tables = _tables(blocked, targets)
-    origin = (start[0] + 1) * tables.width + start[1] + 1
-    parents: dict[int, int] = {}
-    costs: dict[int, int] = {}
+    ends = [start] if goal is None else [start, goal]
+    path = None
+    for window in windows(blocked.shape, ends):
+        path = _search_window(window, blocked[window.cut], targets[window.cut], start, goal)
+        if path is not None and path.length <= window.way_out(ends):
+            break
+    return path
+
+
+def _search_window(
+    window: Window, blocked: Grid, targets: Grid, start: Cell, goal: Cell | None
+) -> Path | None:
+    if not targets.any():
+        return None
+    jumps = jumps_of(blocked, targets)
+    estimate = _nothing if goal is None else _octile_to(jumps, window.inside(goal))
+    turns = _turns(jumps, jumps.flat(window.inside(start)), estimate)
+    cells = [jumps.cell(turn) for turn in turns]
+    return _path([(row + window.top, column + window.left) for row, column in cells])
+
+
+def _turns(jumps: Jumps, origin: int, estimate: Callable[[int], int]) -> list[int]:
+    """A* over jump points: the flat cells where a shortest path turns, with both ends, or none.
+
+    A cell has one cost and one direction of arrival, that of the first path of this cost. For each
+    way on that only another direction would open, there is a path as short that avoids the cell.
+    """
+    arrivals: dict[int, int] = {}
+    costs = {origin: 0}
     queue: list[tuple[int, int, int]] = []
-
-    def push_successors(cell: int, state: int, cost: int, directions: tuple[int, ...]) -> None:
-        for direction in directions:
-            after = tables.jumps[direction][cell]
-            if not after:
+    cell, cost, ways = origin, 0, jumps.directions
+    while not jumps.targets[cell]:
+        for way in ways:
+            moves = way.jumps[cell]
+            if not moves:
                 continue
-            moves = (after - cell) // tables.steps[direction]
-            total = cost + moves * (_DIAGONAL if direction & 1 else _STRAIGHT)
-            key = after * 8 + direction
-            if key not in costs or total < costs[key]:
-                costs[key], parents[key] = total, state
+            if moves == LEAP:
+                moves = way.jump(cell)
+            after = cell + moves * way.step
+            total = cost + moves * way.cost
+            if after not in costs or total < costs[after]:
+                costs[after], arrivals[after] = total, 8 * cell + way.number
                 remaining = estimate(after)
-                heappush(queue, (total + remaining, remaining, key))
+                heappush(queue, (total + remaining, remaining, after))
+        cell, cost = _cheapest(queue, costs)
+        if cell < 0:
+            return []
+        ways = jumps.ways[arrivals[cell] % 8][jumps.corners[cell]]
+    return _back(arrivals, cell)
 
-    push_successors(origin, origin * 8, 0, tuple(range(8)))
+
+def _cheapest(queue: list[tuple[int, int, int]], costs: dict[int, int]) -> tuple[int, int]:
+    """The next cell of the queue and its cost, or (-1, 0) if there is none."""
     while queue:
-        bound, remaining, state = heappop(queue)
-        cell, direction = divmod(state, 8)
-        if tables.targets[cell]:
-            return _path(tables.width, origin, state, parents)
-        cost = bound - remaining
-        if cost == costs[state]:
-            push_successors(cell, state, cost, _ways_on(tables, cell, direction))
-    return None
+        bound, remaining, cell = heappop(queue)
+        if bound - remaining == costs[cell]:
+            return cell, bound - remaining
+    return -1, 0
 
 
-def _ways_on(tables: _Tables, cell: int, direction: int) -> tuple[int, ...]:
-    """The directions that an early-diagonal shortest path may take on from a cell.
-
-    From a diagonal: on, or straight to either side of it. From a straight move: on, and round the
-    corner on each side where the cell behind is blocked, for only then is there no shorter way.
-    """
-    left, right = (direction + 1) % 8, (direction - 1) % 8
-    if direction & 1:
-        return left, direction, right
-    ways = [direction]
-    behind = cell - tables.steps[direction]
-    for diagonal, side in ((left, (direction + 2) % 8), (right, (direction - 2) % 8)):
-        step = tables.steps[side]
-        if tables.free[cell + step] and not tables.free[behind + step]:
-            ways += [diagonal, side]
-    return tuple(ways)
+def _back(arrivals: dict[int, int], cell: int) -> list[int]:
+    """The cells up to this one; an arrival is 8 times the cell before plus the direction."""
+    turns = [cell]
+    while cell in arrivals:
+        cell = arrivals[cell] // 8
+        turns.append(cell)
+    return turns[::-1]
 
 
-def _tables(blocked: Grid, targets: Grid) -> _Tables:
-    width = blocked.shape[1] + 2
-    steps = tuple(row * width + column for row, column in _RING)
-    free = np.pad(~blocked, 1).ravel()
-    ends = np.pad(targets, 1).ravel()
-    jumps: list[NDArray[np.int32]] = [np.empty(0, np.int32)] * 8
-    for direction in (0, 2, 4, 6):
-        turns = ends | _corners(free, steps, direction)
-        is_open = free & _ahead(free, steps[direction])
-        jumps[direction] = _jumps(is_open, turns, steps[direction])
-    for direction in (1, 3, 5, 7):
-        sides = (direction - 1, (direction + 1) % 8)
-        turns = ends | (jumps[sides[0]] > 0) | (jumps[sides[1]] > 0)
-        is_open = free & _ahead(free, steps[direction])
-        for side in sides:
-            is_open &= _ahead(free, steps[side])
-        jumps[direction] = _jumps(is_open, turns, steps[direction])
-    views = tuple(memoryview(jump.tobytes()).cast("i") for jump in jumps)
-    return _Tables(width, steps, free.tobytes(), ends.tobytes(), views)
-
-
-def _ahead(flat: Grid, step: int) -> Grid:
-    """For each cell the value of the cell one step ahead.
-
-    What is rolled in from the other end lands on cells of the rim, which are blocked anyway.
-    """
-    return np.roll(flat, -step)
-
-
-def _corners(free: Grid, steps: tuple[int, ...], direction: int) -> Grid:
-    """Cells where a straight move has just passed a corner: free beside, blocked beside-behind."""
-    found = np.zeros(free.shape, np.bool_)
-    for side in ((direction + 2) % 8, (direction - 2) % 8):
-        beside = _ahead(free, steps[side])
-        found |= beside & ~_ahead(beside, -steps[direction])
-    return found & free & _ahead(free, -steps[direction])
-
-
-def _jumps(is_open: Grid, turns: Grid, step: int) -> NDArray[np.int32]:
-    """For each cell the next turn along the steps, if every move up to it is open; else 0."""
-    stop = np.roll(_first_along(turns | ~is_open, step), -step)
-    return np.where(is_open & turns[stop], stop, 0).astype(np.int32)
-
-
-def _first_along(stops: Grid, step: int) -> NDArray[np.int32]:
-    """For each flat cell the index of the first stop along the steps, itself included; else 0.
-
-    Cells that are a step apart stand one above the other once the flat grid is folded into rows
-    as long as the step; so diagonals become columns, and one accumulation answers for all of them.
-    """
-    fold, size = abs(step), stops.size
-    rows = -(-size // fold)
-    index = np.arange(rows * fold, dtype=np.int32)
-    mark = np.zeros(rows * fold, np.bool_)
-    mark[:size] = stops
-    if step < 0:
-        column = np.where(mark, index, 0).reshape(rows, fold)
-        return np.maximum.accumulate(column, axis=0).ravel()[:size]
-    beyond = np.int32(rows * fold)
-    column = np.where(mark, index, beyond).reshape(rows, fold)
-    first = np.minimum.accumulate(column[::-1], axis=0)[::-1].ravel()[:size]
-    return np.where(first == beyond, np.int32(0), first)
-
-
-def _octile_to(goal: Cell, width: int) -> Callable[[int], int]:
+def _octile_to(jumps: Jumps, goal: Cell) -> Callable[[int], int]:
     """The cost from a flat cell to the goal if nothing were blocked."""
     row, column = goal[0] + 1, goal[1] + 1
-    saved = 2 * _STRAIGHT - _DIAGONAL
+    width, saved = jumps.width, 2 * STRAIGHT - DIAGONAL
 
     def estimate(cell: int) -> int:
         across, along = abs(cell // width - row), abs(cell % width - column)
-        return _STRAIGHT * (across + along) - saved * min(across, along)
+        return STRAIGHT * (across + along) - saved * (across if across < along else along)
 
     return estimate
 
 
-def _path(width: int, origin: int, state: int, parents: dict[int, int]) -> Path:
-    corners = [state // 8]
-    while corners[-1] != origin:
-        state = parents[state]
-        corners.append(state // 8)
-    points = [(flat // width - 1, flat % width - 1) for flat in reversed(corners)]
-    cells = [points[0]]
+def _nothing(cell: int) -> int:
+    return 0
+
+
+def _path(turns: Sequence[Cell]) -> Path | None:
+    """The path along its turns; none of them is no path."""
+    if not turns:
+        return None
+    cells = [turns[0]]
     diagonals = 0
-    for (row, column), (to_row, to_column) in pairwise(points):
+    for (row, column), (to_row, to_column) in pairwise(turns):
         down, along = to_row - row, to_column - column
         moves = max(abs(down), abs(along))
         diagonals += min(abs(down), abs(along))

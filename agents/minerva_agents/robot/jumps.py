@@ -1,0 +1,206 @@
+"""Tables of a grid's jumps: for each cell and each of the eight directions, how far a search goes.
+
+Of all the equally short paths only one that goes diagonally as early as it can is followed, so a
+search stops only where such a path may turn [Harabor, Grastien 2011, "Online Graph Pruning for
+Pathfinding on Grid Maps"]. numpy finds the next such cell for all cells of a grid at once
+[Harabor, Grastien 2014, "Improving Jump Point Search"].
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot.grids import Grid
+
+# A direction is an index into this ring, counter-clockwise; the odd ones are diagonals.
+_RING: Final = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+_LINES_AT_ONCE: Final = 512
+
+# Costs are whole numbers so that equal lengths compare equal however they were summed. Two
+# different lengths of n moves are at least about 1 / (3 n) apart, 60 bits are far finer than that.
+STRAIGHT: Final = 1 << 60
+DIAGONAL: Final = math.isqrt(2 << 120)
+
+LEAP: Final = 255
+"""An entry for a jump that no byte holds: go `LEAP - 1` cells and look again."""
+
+Bytes: TypeAlias = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """One of the eight: its number, what a move adds to a flat cell, its cost, and all jumps.
+
+    `jumps[cell]` is the number of cells to the next one where a path may turn or end, 0 if a wall
+    comes first, or LEAP.
+    """
+
+    number: int
+    step: int
+    cost: int
+    jumps: bytes
+
+    def jump(self, cell: int) -> int:
+        """The number of cells to the next turn, however far; 0 if a wall comes first."""
+        moves = 0
+        while self.jumps[cell] == LEAP:
+            cell += (LEAP - 1) * self.step
+            moves += LEAP - 1
+        return moves + self.jumps[cell]
+
+
+@dataclass(frozen=True, slots=True)
+class Jumps:
+    """A grid with a blocked rim, flattened, and the jumps in each direction.
+
+    `corners` has for each cell the walls behind it that a straight path has just passed, see
+    `_corners`; `ways[direction][corners[cell]]` are the directions on which a path may go from a
+    cell in which it has arrived in a direction.
+    """
+
+    width: int
+    targets: bytes
+    corners: bytes
+    directions: tuple[Direction, ...]
+    ways: tuple[tuple[tuple[Direction, ...], ...], ...]
+
+    def flat(self, cell: tuple[int, int]) -> int:
+        """The index of a cell."""
+        return (cell[0] + 1) * self.width + cell[1] + 1
+
+    def cell(self, flat: int) -> tuple[int, int]:
+        """The cell of an index."""
+        row, column = divmod(flat, self.width)
+        return row - 1, column - 1
+
+
+def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
+    """The tables of a grid, where paths may end in targets; both bool, of one shape.
+
+    The memory is about 12 bytes a cell and, while it is computed, 20.
+    """
+    width = blocked.shape[1] + 2
+    steps = [row * width + column for row, column in _RING]
+    free = np.pad(~blocked, 1).ravel()
+    ends = np.pad(targets, 1).ravel()
+    corners = _corners(free, steps)
+    tables: list[Bytes] = [np.empty(0, np.uint8)] * 8
+    for number in (0, 2, 4, 6):
+        turns = ends | (corners & (3 << number) != 0)
+        tables[number] = _table(_open(free, steps, number), turns, steps[number], width)
+    for number in (1, 3, 5, 7):
+        turns = ends | (tables[number - 1] > 0) | (tables[(number + 1) % 8] > 0)
+        tables[number] = _table(_open(free, steps, number), turns, steps[number], width)
+    directions = tuple(
+        [
+            Direction(number, step, DIAGONAL if number & 1 else STRAIGHT, table.tobytes())
+            for number, (step, table) in enumerate(zip(steps, tables, strict=True))
+        ]
+    )
+    return Jumps(width, ends.tobytes(), corners.tobytes(), directions, _ways(directions))
+
+
+def _ahead(flat: Grid, step: int) -> Grid:
+    """For each cell the value of the cell one step ahead.
+
+    What is rolled in from the other end lands on cells of the rim, which are blocked anyway.
+    """
+    return np.roll(flat, -step)
+
+
+def _open(free: Grid, steps: Sequence[int], number: int) -> Grid:
+    """Cells from which a move in a direction is allowed; a diagonal needs both cells beside it."""
+    is_open = free & _ahead(free, steps[number])
+    if number & 1:
+        is_open &= _ahead(free, steps[number - 1]) & _ahead(free, steps[(number + 1) % 8])
+    return is_open
+
+
+def _corners(free: Grid, steps: Sequence[int]) -> Bytes:
+    """Where a straight move has just passed a corner: free beside, blocked beside-behind.
+
+    A bit for each: bit d for direction d (0, 2, 4, 6) with the corner on its left, bit d + 1 on
+    its right.
+    """
+    corners = np.zeros(free.shape, np.uint8)
+    for number in (0, 2, 4, 6):
+        passed = free & _ahead(free, -steps[number])
+        for bit, side in ((number, (number + 2) % 8), (number + 1, (number - 2) % 8)):
+            beside = _ahead(free, steps[side])
+            corner = passed & beside & ~_ahead(beside, -steps[number])
+            corners |= corner.astype(np.uint8) << bit
+    return corners
+
+
+def _ways(directions: Sequence[Direction]) -> tuple[tuple[tuple[Direction, ...], ...], ...]:
+    """The directions that an early-diagonal shortest path may take on, by arrival and corners."""
+    return tuple(
+        [
+            tuple(
+                [tuple([directions[way] for way in _ways_on(number, bits)]) for bits in range(256)]
+            )
+            for number in range(8)
+        ]
+    )
+
+
+def _ways_on(number: int, corners: int) -> list[int]:
+    """From a diagonal: on, or straight to either side of it.
+
+    From a straight move: on, and round the corner on each side where there is one, for only then
+    is there no shorter way.
+    """
+    left, right = (number + 1) % 8, (number - 1) % 8
+    if number & 1:
+        return [left, number, right]
+    ways = [number]
+    if corners >> number & 1:
+        ways += [left, (number + 2) % 8]
+    if corners >> number & 2:
+        ways += [right, (number - 2) % 8]
+    return ways
+
+
+def _table(is_open: Grid, turns: Grid, step: int, width: int) -> Bytes:
+    """For each flat cell the number of cells to the next turn, if every move up to it is open."""
+    opens, ends = _lines(is_open, step, width), _lines(turns, step, width)
+    table = np.empty(opens.shape, np.uint8)
+    for first in range(0, opens.shape[1], _LINES_AT_ONCE):
+        lines = np.s_[:, first : first + _LINES_AT_ONCE]
+        table[lines] = _along(opens[lines], ends[lines], step > 0)
+    flat = (table.T if abs(step) == 1 else table).ravel()
+    return flat[: is_open.size]
+
+
+def _lines(flat: Grid, step: int, width: int) -> Grid:
+    """The flat grid as (places, lines), where cells that are a step apart stand below one another.
+
+    For a step of 1 these are the rows of the grid; else it is folded into rows as long as the step,
+    so diagonals become columns too.
+    """
+    fold = abs(step)
+    if fold == 1:
+        return flat.reshape(-1, width).T
+    padded = np.zeros(-(-flat.size // fold) * fold, np.bool_)
+    padded[: flat.size] = flat
+    return padded.reshape(-1, fold)
+
+
+def _along(is_open: Grid, turns: Grid, forward: bool) -> Bytes:
+    """The table of some lines, (places, lines), down or up them.
+
+    A stop is twice its place, and one more where it is no turn.
+    """
+    if not forward:
+        return _along(is_open[::-1], turns[::-1], True)[::-1]
+    places = np.arange(0, 2 * len(is_open), 2, dtype=np.int32)[:, np.newaxis]
+    beyond = np.int32(2 * len(is_open) + 1)
+    stops = np.full((len(is_open) + 1, is_open.shape[1]), beyond)
+    stops[:-1] = np.where(turns, places, np.where(is_open, beyond, places + np.int32(1)))
+    ahead = np.minimum.accumulate(stops[::-1], axis=0)[::-1][1:]
+    distances = np.minimum((ahead - places) >> 1, LEAP)
+    return np.where(is_open & (ahead & 1 == 0), distances, 0).astype(np.uint8)
