@@ -30,6 +30,7 @@ from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import Member
 from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.people import refusal_of_order
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
@@ -178,8 +179,8 @@ def _fragment(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _order(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     reader = Reader(running.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
-    if not isinstance(event, Event):
-        raise ProtocolError("an order is one event")
+    if not isinstance(event, Event) or event.sender:
+        raise ProtocolError("an order is one event, of people: it has no sender")
     return _send(running, event)
 
 
@@ -188,6 +189,9 @@ def _send(running: Running, event: Event) -> dict[str, Any]:
     for receiver in event.receivers:
         if algorithm.composition.agent(receiver) is None:
             raise ProtocolError(f"there is no agent #{receiver[:64]}")
+    refusal = refusal_of_order(algorithm, event.type)
+    if refusal:
+        raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.roster.takers(event.type)]
     running.tell(s.Order(event))
     return {"frame": algorithm.frame, "event": str(event), "through": takers}

@@ -10,7 +10,7 @@ over is in an order that does not depend on who answered first.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
@@ -19,16 +19,15 @@ from minerva_bus.frame.attendance import Attendance
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
+from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.membership import Change, Member, State
 from minerva_bus.frame.showing import check_all, patch_all
+from minerva_bus.frame.steps import HANDED_OVER
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene, agents
-
-ORDERS: Final = "~order"
-"""The source of people's events that no generator takes."""
 
 STRANGERS_NAMED = 3
 MOST_WAITING = 100_000
@@ -133,7 +132,9 @@ class FrameAlgorithm(Attendance):
         self._out = []
         self._begin_frame_state()
         self._inbox = {source: list(events) for source, events in course.taken.items()}
-        self._ticked = dict(course.ticked)
+        self._handed_over = tuple(self._inbox.pop(HANDED_OVER, ()))
+        self._orders_allowed(self._handed_over)
+        self._ticked, self._people = dict(course.ticked), course.people
         self._gather(course.due)
         try:
             self.composition.lay_out(course.layout)
@@ -150,9 +151,13 @@ class FrameAlgorithm(Attendance):
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """The events that no whole frame has, by source, if people's are among them."""
-        evolving = self.phase is Phase.EVOLVE
-        taken: Mapping[str, Sequence[AnyEvent]] = self._taken if evolving else {}
-        if ORDERS not in taken and ORDERS not in self._inbox:
+        taken: dict[str, Sequence[AnyEvent]] = {}
+        if self.phase is Phase.EVOLVE:
+            taken |= self._taken
+        if self.in_frame and self._handed_over:
+            taken[PEOPLE] = [*self._handed_over, *taken.get(PEOPLE, ())]
+        taken.pop(HANDED_OVER, None)
+        if PEOPLE not in taken and PEOPLE not in self._inbox:
             return {}
         sources = sorted({*taken, *self._inbox})
         return {one: [*taken.get(one, ()), *self._inbox.get(one, ())] for one in sources}
@@ -184,12 +189,28 @@ class FrameAlgorithm(Attendance):
         self.phase = Phase.TICK
         attending = self.roster.attending
         self._ticked, self._early = self._early, {}
+        self._hand_over_orders()
         self._pending = set(attending.tickers - self._ticked.keys())
         if attending.anyone_ticks:
             self._send(s.TICKED, m.TickRequest(self.frame))
         self._ask_ahead(self.frame)
         if not self._pending:
             self._collect()
+
+    def _hand_over_orders(self) -> None:
+        """Judge those orders that a generator takes, and give it what may be.
+
+        They are people's; what the generator makes of them counts as its own.
+        """
+        given = [one for one in self._inbox.get(PEOPLE, ()) if self.roster.takers(one.type)]
+        if not given:
+            return
+        left = [one for one in self._inbox.pop(PEOPLE) if not self.roster.takers(one.type)]
+        self._inbox |= {PEOPLE: left} if left else {}
+        self._handed_over = tuple(given)
+        self._permitted = self._orders_allowed(self._handed_over)
+        for member in self.roster.here():
+            self._give_orders(member)
 
     def _on_tick_reply(self, reply: m.TickReply) -> None:
         member = self.roster.get(reply.member)
@@ -246,11 +267,7 @@ class FrameAlgorithm(Attendance):
         member.dropped += count
 
     def _on_order(self, order: s.Order) -> None:
-        takers = self.roster.takers(order.event.type)
-        for taker in takers:
-            self._send(taker.name, m.Orders((order.event,)))
-        if not takers:
-            self._inbox.setdefault(ORDERS, []).append(order.event)
+        self._inbox.setdefault(PEOPLE, []).append(order.event)
 
     def _on_drain(self, told: s.Drain) -> None:
         member = self.roster.get(told.member)

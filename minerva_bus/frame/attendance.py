@@ -74,9 +74,18 @@ class Attendance(Steps):
             for publisher in self._sources.get(topic, ()):
                 self._send(publisher, m.Repeat(topic))
         if self.phase is Phase.TICK and member.name in self._pending:
+            self._give_orders(member)
             self._send(member.name, m.TickRequest(self.frame))
         if self._stranded and hello.kinds:
             self._ask_again(sorted(self._stranded))
+
+    def _give_orders(self, member: Member) -> None:
+        """Tell a generator what people order in this frame of the types that it takes."""
+        taken = member.hello.orders if member.hello is not None else ()
+        orders = tuple([one for one in self._permitted if one.type in taken])
+        if orders:
+            after = self._asked_ahead.get(member.name, -1) + 1
+            self._send(member.name, m.Orders(max(self.frame, after), orders))
 
     def _tell_sources(self, newcomer: Member) -> None:
         sources = self.roster.sources()

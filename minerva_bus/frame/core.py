@@ -82,6 +82,9 @@ class Core:
         self._pending: set[str] = set()
         self._ticked: dict[str, m.TickReply] = {}
         self._taken: Mapping[str, Sequence[AnyEvent]] = {}
+        self._people: tuple[str, ...] = ()
+        self._handed_over: tuple[AnyEvent, ...] = ()
+        self._permitted: tuple[AnyEvent, ...] = ()
         self._due: tuple[str, ...] = ()
         self._layout: Layout = ()
         self._replies: list[m.EvolveReply] = []

@@ -17,7 +17,7 @@ class Course:
     `due` are the visual event types of which devices wanted a view by themselves, `ticked` the
     answers of lockstep members by name, `taken` the events of others by source, `layout` how
     populations were cut, `replies` the answers of hosts in their order. `waiting` are events by
-    source that came meanwhile, for the frame after it.
+    source that came meanwhile, for the frame after it. The sources `people` stood for people.
     """
 
     frame: int
@@ -27,3 +27,4 @@ class Course:
     layout: Layout
     replies: Sequence[EvolveReply]
     waiting: Mapping[str, Sequence[AnyEvent]]
+    people: tuple[str, ...] = ()

@@ -20,7 +20,8 @@ class World:
 
     `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
     limit), when its string is ε, or when every agent of the kinds that send `until` has sent it.
-    `norms` say what nobody may do. `placement` says where agents may live; it cannot reach the
+    `norms` say what nobody may do. `people` are the event types that people may send although a
+    generator makes them. `placement` says where agents may live; it cannot reach the
     string unless some find no place.
 
     One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
@@ -38,6 +39,7 @@ class World:
     until: str = ""
     expected: frozenset[str] = frozenset()
     norms: tuple[Norm, ...] = ()
+    people: tuple[str, ...] = ()
     placement: Placement = field(default_factory=Placement)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])

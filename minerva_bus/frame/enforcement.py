@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, cast
 
@@ -48,6 +48,7 @@ class Enforcement:
         self._composition = composition
         self._book = Book(saved)
         self._frame = 0
+        self._people = frozenset[str]()
         self._seen: dict[str, Any] = {}
         self._told: list[str] = []
         self._sanctions: list[Event] = []
@@ -76,15 +77,17 @@ class Enforcement:
 
     # --- events ---
 
-    def events(self, frame: int, sources: Sources) -> Sources:
+    def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
         """What is left of a frame's events, by source, where w is the string that it begins with.
 
-        Raises nothing: an event whose sender is no more is judged by its data alone.
+        The generators `people` stand for people. Raises nothing: an event whose sender is no more
+        is judged by its data alone.
         """
         judged = [name for name in sorted(sources) if not name.startswith("~") or name == PEOPLE]
         if not self._on_events or not judged:
             return sources
         self._begin(frame)
+        self._people = frozenset((PEOPLE, *people))
         left = {name: list(sources[name]) for name in judged}
         for norm in self._on_events:
             for event_type in norm.on:
@@ -122,7 +125,7 @@ class Enforcement:
 
     def _forbids(self, norm: Norm, event: Event, source: str) -> bool:
         sender = self._composition.kind(event.sender) if event.sender else ""
-        if not norm.concerns(sender, source):
+        if not norm.concerns(sender, *self._known_as(source)):
             return False
         state: dict[str, Any] = dict(self._state(event.sender)) if sender else {}
         state |= {EVENT + name: value for name, value in event.data.items()}
@@ -132,7 +135,7 @@ class Enforcement:
     def _forbids_of_many(self, norm: Norm, events: Events, source: str) -> NDArray[np.bool_]:
         found = np.zeros(events.count, np.bool_)
         if events.senders is None:
-            found[:] = norm.concerns(source)
+            found[:] = norm.concerns(*self._known_as(source))
             for condition in norm.conditions:
                 found &= condition.holds_of_many(self._many(norm, events), events.count)
             return found
@@ -141,7 +144,7 @@ class Enforcement:
             at = part.ids.rows_of(events.senders) if part.ids is not None else found - 1
             rows = np.flatnonzero(at >= 0)
             alone[rows] = False
-            if not len(rows) or not norm.concerns(part.symbol, source):
+            if not len(rows) or not norm.concerns(part.symbol, *self._known_as(source)):
                 continue
             state = self._many(norm, events.take(rows))
             state |= {name: part.column(name)[at[rows]] for name in part.names}
@@ -152,6 +155,10 @@ class Enforcement:
         for row in np.flatnonzero(alone).tolist():
             found[row] = self._forbids(norm, events.event(row), source)
         return found
+
+    def _known_as(self, source: str) -> tuple[str, ...]:
+        """The names by which norms apply to a source."""
+        return (source, PEOPLE) if source in self._people else (source,)
 
     def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
         state: dict[str, Any] = {EVENT + name: events.data(name) for name in events.names}
@@ -201,8 +208,9 @@ class Enforcement:
             return False
         here = self._composition.home(who) is not None
         if self._book.broken[norm.name] == 1:
+            whom = "people" if who == PEOPLE else f"#{who}" if here else who
             self._told.append(
-                f"{norm.name} is broken by {'#' if here else ''}{who} in frame {self._frame}"
+                f"{norm.name} is broken by {whom} in frame {self._frame}"
                 f"{what[:_SHOWN]}: {_FOLLOWS[norm.then]}; from now on this is only counted"
             )
         if norm.sanction is not None and here:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from minerva_bus.frame.core import Core
-from minerva_bus.frame.enforcement import Sources
+from minerva_bus.frame.enforcement import PEOPLE, Sources
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.norms import SOURCE
 
 
@@ -14,9 +17,23 @@ class Enforcing(Core):
         """Steps 2 to 4: the events that happen."""
         due, self._sanctions = self._sanctions, []
         if self._enforcement:
-            sources = self._enforcement.events(self.frame, sources)
+            sources = self._enforcement.events(self.frame, sources, self._people)
             self._follow_up()
         return {**sources, SOURCE: due} if due else sources
+
+    def _standing_for_people(self, sources: Sources) -> tuple[str, ...]:
+        """The sources of a frame that stand for people; who they are matters to norms alone."""
+        if not self._enforcement:
+            return ()
+        return tuple(sorted(self.roster.stand_for_people().intersection(sources)))
+
+    def _orders_allowed(self, orders: Sequence[AnyEvent]) -> tuple[AnyEvent, ...]:
+        """What the norms leave of people's orders, before a generator takes them."""
+        if not self._enforcement or not orders:
+            return tuple(orders)
+        left = self._enforcement.events(self.frame, {PEOPLE: orders})
+        self._follow_up()
+        return tuple(left[PEOPLE])
 
     def _enforce(self) -> tuple[str, ...]:
         """Step 5: what agents become; the fragments that are not what their hosts have made."""

@@ -41,6 +41,8 @@ class Hello:
     publishes: tuple[str, ...] = ()
     pid: int = 0
     host: str = ""
+    people: bool = False
+    """Whether what it generates counts as sent by people, as norms see it."""
 
     @property
     def ticks(self) -> bool:
@@ -235,8 +237,9 @@ class ViewShown:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What people have sent for a generator's event types."""
+    """What people have sent for a generator's event types, to count in a frame."""
 
+    frame: int
     events: tuple[AnyEvent, ...]
 
 

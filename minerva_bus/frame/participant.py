@@ -79,7 +79,8 @@ class Participant:
         self._sources: dict[str, tuple[str, ...]] = {}
         self._intake = Intake() if service is None else Intake(service.takes, service.nth)
         self._published: dict[str, m.Readings] = {}
-        self._orders: list[AnyEvent] = []
+        self._orders: dict[int, tuple[AnyEvent, ...]] = {}
+        self._obeyed: dict[int, int] = {}
         self._pictures: dict[str, _Picture] = {}
         self._unshown: dict[str, int] = {}
         self._out: list[Outgoing] = []
@@ -140,6 +141,7 @@ class Participant:
             publishes=service.publishes if service is not None else (),
             pid=os.getpid(),
             host=platform.node(),
+            people=generator is not None and generator.people,
         )
 
     def _on_greet(self, _: m.Greet) -> None:
@@ -201,7 +203,16 @@ class Participant:
     # --- generators ---
 
     def _on_orders(self, orders: m.Orders) -> None:
-        self._orders.extend(orders.events)
+        """Keep what people order for a frame.
+
+        A successor of the coordinator gives the orders of a frame once more: those that count
+        already are left out.
+        """
+        frame, obeyed = orders.frame, self._obeyed.get(orders.frame)
+        if obeyed is None:
+            self._orders[frame] = orders.events
+        elif orders.events[obeyed:]:
+            self._orders[frame + 1] = orders.events[obeyed:]
 
     def _on_sources(self, sources: m.Sources) -> None:
         if not isinstance(self.service, Generator):
@@ -245,13 +256,21 @@ class Participant:
                 self._out.append(m.TickReply(self.name, frame))
             return
         tick = Tick(
-            self._frame(frame), self.name, readings=self._intake.taken(), orders=tuple(self._orders)
+            self._frame(frame),
+            self.name,
+            readings=self._intake.taken(),
+            orders=self._ordered(frame),
         )
-        self._orders.clear()
         events = self._checked(service.generate(tick))
         if service.publishes or tick.published:
             self._publish(service, tick)
         self._out.append(m.TickReply(self.name, frame, events, service.save()))
+
+    def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
+        """What people have ordered for a frame, and for earlier ones in which it was not asked."""
+        due = {one: self._orders.pop(one) for one in sorted(self._orders) if one <= frame}
+        self._obeyed = {frame: len(due.get(frame, ()))}
+        return tuple([event for events in due.values() for event in events])
 
     def missing(self) -> Iterator[str]:
         """The publishers whose readings of the frame that is asked for are not there yet."""

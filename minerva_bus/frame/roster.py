@@ -46,6 +46,7 @@ class Roster:
         self._members = {
             name: Member(name, expected=True, state=State.LOST) for name in sorted(expected)
         }
+        self._named = frozenset(self._members)
         self._departed: dict[str, None] = {}
         self._attending: Attending | None = None
 
@@ -177,6 +178,28 @@ class Roster:
         """The devices that draw a visual event type."""
         found = [(member, member.hello) for member in self.here()]
         return [(member, h) for member, h in found if h is not None and event_type in h.draws]
+
+    def stand_for_people(self) -> frozenset[str]:
+        """The generators whose events count as sent by people.
+
+        They say so themselves, as a keyboard does, or somebody has attached them to the world.
+        """
+        named, here = self._named, self.here()
+        return frozenset(
+            m.name for m in here if m.name not in named or (m.hello is not None and m.hello.people)
+        )
+
+    def makers(self, event_type: str) -> list[str]:
+        """The generators, other than people's hands, that make events of a type by themselves.
+
+        Those that take orders for the type are left out, those that are away for a moment are not.
+        """
+        hellos = [m.hello for m in self if m.hello is not None and (m.here or m.expected)]
+        return [
+            hello.member
+            for hello in hellos
+            if event_type in hello.generates and event_type not in hello.orders and not hello.people
+        ]
 
     def takers(self, event_type: str) -> list[Member]:
         """The generators that take people's orders for an event type."""

@@ -11,11 +11,15 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.course import Course
+from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.enforcing import Enforcing
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.order import collect
+
+HANDED_OVER: Final = "~handed"
+"""The name under which a course has the orders of people that generators have taken."""
 
 AGENTS: Final = "#"
 """The source of all that agents send; no generator can have this name."""
@@ -37,9 +41,10 @@ class Steps(Enforcing):
 
     def _gather(self, due: tuple[str, ...]) -> None:
         """The frame's events; `due` are the types of which a device wants a view by itself."""
-        self._taken = self._inbox
+        taken = self._take_inbox()
+        self._taken = {**taken, HANDED_OVER: self._handed_over} if self._handed_over else taken
         self._due = due
-        sources: dict[str, Sequence[AnyEvent]] = {**self._inbox}
+        sources: dict[str, Sequence[AnyEvent]] = {**taken}
         if self._emitted:
             sources[AGENTS] = self._emitted
         for member, reply in self._ticked.items():
@@ -47,12 +52,23 @@ class Steps(Enforcing):
                 sources[member] = [*reply.events, *sources.get(member, ())]
             if reply.saved is not None:
                 self._saved[member] = reply.saved
-        self._inbox, self._held = {}, {}
+        self._held = {}
         if due:
             sources["~device"] = self._visual_events(due)
+        self._people = self._people or self._standing_for_people(sources)
         allowed = self._allowed(sources)
         if allowed:
             self._sort_events(collect(self.world.order, allowed))
+
+    def _take_inbox(self) -> dict[str, list[AnyEvent]]:
+        """What waits for this frame; orders that a generator takes came too late for it."""
+        taken, self._inbox = self._inbox, {}
+        late = [one for one in taken.get(PEOPLE, ()) if self.roster.takers(one.type)]
+        if late:
+            self._inbox[PEOPLE] = late
+            in_time = [one for one in taken.pop(PEOPLE) if not self.roster.takers(one.type)]
+            taken |= {PEOPLE: in_time} if in_time else {}
+        return taken
 
     def _ask_ahead(self, frame: int) -> None:
         """Ask generators that do not depend on the world before the frame begins, once each."""
@@ -228,6 +244,7 @@ class Steps(Enforcing):
             self._layout,
             self._replies,
             self._inbox,
+            self._people,
         )
 
     def _record(self, frame: int) -> Callable[[], m.FrameRecord]:

@@ -42,6 +42,7 @@ def read_description(
         seed=_seed(own_seed if given.seed is None else given.seed, path),
         dt=table.number("dt", 1.0 / own_rate if own_rate else 0.1, 1e-9),
         order=Order(_event_types(table, "order", vocabulary)),
+        people=_event_types(table, "people", vocabulary),
         policy=Policy(table.choice("policy", ("sequential", "literal"))),
         frames=own_frames if given.frames is None else given.frames,
         until=_until(table, vocabulary, given.until),

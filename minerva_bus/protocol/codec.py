@@ -62,6 +62,7 @@ def _write_hello(h: m.Hello) -> list[Any]:
             "lockstep": h.lockstep,
             "ahead": h.ahead,
             "orders": list(h.orders),
+            "people": h.people,
             "draws": list(h.draws),
             "coupled": h.coupled,
             "every": h.every,
@@ -125,7 +126,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
     m.Fragments: ("fragments", lambda f: [_plain_parts(f.given), list(f.dropped)]),
     m.EvolveRequest: ("evolve", _write_evolve),
     m.ViewShown: ("view", lambda v: [v.event_type, *_write_view(v)]),
-    m.Orders: ("orders", lambda o: [_plain_events(o.events)]),
+    m.Orders: ("orders", lambda o: [o.frame, _plain_events(o.events)]),
     m.Repeat: ("repeat", lambda r: [r.topic]),
     m.Stop: ("stop", lambda s: [s.reason]),
     m.FrameRecord: (
@@ -242,6 +243,7 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
             _texts(h["publishes"], "publishes"),
             whole(h["pid"], "the pid"),
             text(h["host"], "the host"),
+            truth(h.get("people", False), "people"),
         )
     except KeyError as missing:
         raise ProtocolError(f"a hello needs {missing}") from None
@@ -345,7 +347,7 @@ _TO_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.ToMember]]
     ),
     "evolve": (6, _read_evolve),
     "view": (5, _read_view),
-    "orders": (1, lambda r, who, i: m.Orders(r.events(i[1]))),
+    "orders": (2, lambda r, who, i: m.Orders(whole(i[1], "the frame"), r.events(i[2]))),
     "repeat": (1, lambda r, who, i: m.Repeat(text(i[1], "the topic"))),
     "stop": (1, lambda r, who, i: m.Stop(text(i[1], "the reason"))),
 }

@@ -4,7 +4,7 @@
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data
     data  = ["begin", format, key of the world, epoch]            first of all
           | ["string", string, checkpoint, [view, ...]]          views as on the bus, whole
-          | ["frame", number, due, ticked, taken, layout, replies, waiting]
+          | ["frame", number, due, ticked, taken, layout, replies, waiting, people]
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
 A string stands first, then the course of each frame since, as members sent it: so a frame costs
@@ -41,7 +41,7 @@ from minerva_bus.record.checkpoints import Kept, decode_checkpoint, encode_check
 from minerva_bus.record.description import LIMITS
 from minerva_bus.record.errors import RecordError
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 ANEW_AFTER: Final = 8
 """The journal is written anew when its frames are so many times as long as its string."""
 
@@ -185,7 +185,8 @@ def _plain_course(course: Course) -> list[Any]:
     ]
     replies = [[reply.member, reply.heard or encode(reply)] for reply in course.replies]
     taken, waiting = _plain_events(course.taken), _plain_events(course.waiting)
-    return ["frame", course.frame, course.due, ticked, taken, course.layout, replies, waiting]
+    head = ["frame", course.frame, course.due, ticked, taken, course.layout]
+    return [*head, replies, waiting, course.people]
 
 
 def _plain_events(events: Waiting) -> dict[str, list[Any]]:
@@ -267,7 +268,7 @@ def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) 
 
 
 def _course(entry: list[Any], reader: Reader, decoder: Decoder) -> Course:
-    _, frame, due, ticked, taken, layout, replies, waiting = entry
+    _, frame, due, ticked, taken, layout, replies, waiting, people = entry
     ticks = [decoder.from_member(text(name, "a name"), data) for name, data in ticked]
     hosts = [decoder.from_member(text(name, "a name"), data) for name, data in replies]
     return Course(
@@ -278,6 +279,7 @@ def _course(entry: list[Any], reader: Reader, decoder: Decoder) -> Course:
         _layout(layout),
         [one for one in hosts if isinstance(one, m.EvolveReply)],
         _events(waiting, reader),
+        tuple(text(one, "a source") for one in listed(people, "sources")),
     )
 
 

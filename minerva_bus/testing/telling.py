@@ -67,7 +67,7 @@ def _sent(message: m.ToMember) -> str:
         case m.ViewShown(frame, event_type, sequence, parts, skeleton):
             whole = "all of " if skeleton is not None else ""
             return f"view {frame} of {event_type}, number {sequence}: {whole}{_ids(parts)}"
-        case m.Orders(events):
+        case m.Orders(_, events):
             return f"orders: {_events(events)}"
         case m.Repeat(topic):
             return f"repeat {topic}"

@@ -156,6 +156,8 @@ class Generator(Service):
     events: ClassVar[tuple[str, ...]] = ()
     lockstep: ClassVar[bool] = True
     ahead: ClassVar[bool] = False
+    people: bool = False
+    """What it emits is what people do with their hands: norms take it for theirs."""
 
     def __init_subclass__(
         cls,

@@ -140,6 +140,8 @@ def test_pub_reaches_the_agents_through_the_generator_that_takes_it(world):
     (["eStep", "count=1, other=2"], "count"),
     (["eStep", "count=1> · PDot<x=3"], "count"),
     (["eStep", "count="], "count"),
+    (["eStep", "count=3"], 'eStep comes from steps, so people may not send it'),
+    (["eStep", "count=3"], 'write people = ["eStep"] under [world]'),
 ])  # fmt: skip
 def test_a_wrong_event_is_named_and_the_world_goes_on(world, words, problem):
     done = ask(world, "pub", *words, code=2)
@@ -151,6 +153,9 @@ def test_a_wrong_event_is_named_and_the_world_goes_on(world, words, problem):
 
 def test_questions_that_make_no_sense_are_answered_with_an_error(world):
     import msgpack
+    from yard import eNoise, eStep
+
+    from minerva_bus.protocol.values import plain_event
 
     with world.client() as asked:
         for payload in (
@@ -161,6 +166,8 @@ def test_questions_that_make_no_sense_are_answered_with_an_error(world):
             msgpack.packb({"ask": "pub", "type": "eNoise", "condition": 5}),
             msgpack.packb({"ask": "pub", "type": "eStep", "data": {"count": 3}}),
             msgpack.packb({"ask": "pub", "type": "eWish", "data": {"x": "[" * 100_000, "name": "n"}}),
+            msgpack.packb({"ask": "order", "event": plain_event(eStep(3))}),
+            msgpack.packb({"ask": "order", "event": plain_event(eNoise(sender="a"))}),
             b"\x91" * 5000, b"\0" * (1 << 20),
         ):  # fmt: skip
             replies = list(asked._session.get(asked._control, payload=payload, timeout=10.0))

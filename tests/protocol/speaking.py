@@ -72,7 +72,7 @@ def from_member(vocabulary):
                 lambda found: tuple(vocabulary.kinds[one] for one in found)
             ),
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
-            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(),
+            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(),
         ),
         st.builds(m.TickReply, members, numbers, some, saved),
         st.builds(
@@ -113,7 +113,7 @@ def to_member(vocabulary):
         st.builds(
             m.ViewShown, numbers, names(), numbers, views, st.none() | strings.map(with_slots)
         ),
-        st.builds(m.Orders, some),
+        st.builds(m.Orders, numbers, some),
         st.builds(m.Repeat, names()),
         st.builds(m.Stop, texts()),
     )  # fmt: skip

@@ -61,7 +61,7 @@ HEARD = {
     "fragments": [{"a": DOT, "b": MANY}, []],
     "evolve": [1, [], [EVENT], [EVENT], 0, []],
     "view": ["eAll", 1, 0, DRAWN, DOT],
-    "orders": [[EVENT]],
+    "orders": [3, [EVENT]],
 }
 READINGS = [
     ["scan", "r", 0.5, bytes(8), 0.0, 1.0, 8.0, [0.0, 0.0, 0.0]],

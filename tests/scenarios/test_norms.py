@@ -8,7 +8,10 @@ import pytest
 from pond import host, service
 from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eShout, states, street
 
+from minerva_bus import Generator
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.enforcement import PEOPLE
+from minerva_bus.frame.messages import Emitted
 from minerva_bus.frame.stimuli import Begin, FrameDone, Order
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
@@ -279,3 +282,95 @@ def test_a_host_that_dies_changes_nothing(alone):
         bus.restart("runners-0")
     bus.run()
     assert bus.digests == [one.hex() for one in alone[0]]
+
+
+# --- people ---
+
+
+class Passes(Generator, events=("eShout",)):
+    """Takes orders to shout, and shouts twice as loud."""
+
+    def takes_orders(self):
+        return self.events
+
+    def generate(self, tick):
+        return [eShout(2 * one.loud) for one in tick.orders]
+
+
+class Keys(Generator, events=("eShout",), lockstep=False):
+    """What somebody does with hands."""
+
+    people = True
+
+
+HUSH = Norm("hush", (PEOPLE,), on=("eShout",), when="event.loud > 5")
+
+
+def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
+    """The shouts of a world in which people have ordered some, and the algorithm."""
+    members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS), **members}
+    bus = MemoryBus(street("APasser#p", norms, expected or members, frames=0), members)
+    bus.start()
+    bus.run(1)
+    for event in orders:
+        bus.tell(Order(event))
+    for name, event in emitted:
+        bus.tell(Emitted(name, (event,)))
+    bus.run(2)
+    return [str(e) for one in bus.records for e in single(one.events) if e.type == "eShout"], bus
+
+
+def test_a_norm_for_people_covers_what_a_generator_takes():
+    passes = {"passes": service("passes", Passes)}
+    shouts, bus = ordered(passes, [eShout(4.0), eShout(5.5)])
+    assert shouts == ["eShout<loud=8>"]
+    assert bus.algorithm._enforcement.broken == {"hush": 1}
+    assert any("hush is broken by people in frame 1" in line for line in bus.trace)
+    own = replace(HUSH, applies=("passes",))
+    assert ordered(passes, [eShout(2.0), eShout(4.0)], (own,))[0] == ["eShout<loud=4>"]
+
+
+def test_a_norm_for_people_covers_keys_and_whoever_is_attached():
+    keys = {"keys": service("keys", Keys)}
+    told = [("keys", eShout(1.0)), ("keys", eShout(9.0))]
+    assert ordered(keys, [], emitted=told)[0] == ["eShout<loud=1>"]
+
+    class Guest(Keys):
+        people = False
+
+    guest = {"keys": service("keys", Guest)}
+    assert ordered(guest, [], emitted=told)[0] == ["eShout<loud=1>", "eShout<loud=9>"]
+    attached = ordered(guest, [], emitted=told, expected=("steps", "runners"))[0]
+    assert attached == ["eShout<loud=1>"]
+
+
+def test_what_people_may_not_send_is_known_to_a_coordinator_that_goes_on():
+    """It judges orders and keys anew, though nobody is there yet who took them."""
+    members = {"passes": service("passes", Passes), "keys": service("keys", Keys)}
+    _, bus = ordered(members, [eShout(4.0), eShout(5.5)], emitted=[("keys", eShout(7.0))])
+    before = bus.algorithm
+    bus.kill_coordinator()
+    assert bus.algorithm is not before
+    assert bus.algorithm._enforcement.broken == before._enforcement.broken == {"hush": 2}
+    assert bus.algorithm.checkpoint == before.checkpoint
+    assert bus.algorithm.scene.digest == before.scene.digest
+
+
+@pytest.mark.parametrize("steps", range(8))
+def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_dies(steps):
+    members = {"steps": service("steps", Steps), "runners": host("runners", *KINDS)}
+    members["passes"] = service("passes", Passes)
+    bus = MemoryBus(street("ARunner#r<speed=-9>", (HUSH,), members, frames=0), members)
+    bus.start()
+    bus.run(1)
+    bus.tell(Order(eShout(4.0)))
+    for _ in range(steps):
+        bus.step(bus.ready()[0])
+    waits, whole = bus.algorithm.ordered, len(bus.records)
+    bus.kill_coordinator()
+    if waits:
+        bus.algorithm.wait_with(waits)
+    bus.settle()
+    bus.run(3)
+    shouts = [e.loud for one in bus.records for e in single(one.events) if e.type == "eShout"]
+    assert shouts.count(8.0) == 1, whole

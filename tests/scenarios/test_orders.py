@@ -30,8 +30,8 @@ def test_an_order_goes_through_the_generator_that_takes_it():
         bus,
         """
         > order: eAdd<n=3>
-            add ← orders: eAdd<n=3>
         > begin
+            add ← orders: eAdd<n=3>
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=6>
             host ← fragments #a #b
@@ -105,7 +105,7 @@ def test_many_orders_keep_their_order_and_each_counts():
 
 
 def test_an_order_whose_taker_is_away_is_not_lost():
-    """Nobody takes it then, so it counts as it is."""
+    """It waits for the frame, and goes through a taker that is back by then."""
     bus = taking()
     bus.start()
     bus.run(1)
@@ -114,7 +114,32 @@ def test_an_order_whose_taker_is_away_is_not_lost():
     bus.tell(s.Order(eAdd(3)))
     bus.appear("add")
     bus.run(1)
+    assert "n=6" in str(bus.algorithm.scene)
+
+
+def test_an_order_whose_taker_has_gone_for_good_counts_as_it_is():
+    bus = taking()
+    bus.start()
+    bus.run(1)
+    bus.tell(s.Order(eAdd(3)))
+    bus.vanish("add")
+    bus.tell(s.GaveUp("add"))
+    bus.run(1)
     assert "n=3" in str(bus.algorithm.scene)
+
+
+def test_a_taker_that_is_started_anew_within_a_tick_is_given_the_orders_once_more():
+    bus = taking()
+    bus.start()
+    bus.run(1)
+    bus.hold(("up", "add"))
+    bus.tell(s.Order(eAdd(3)))
+    bus.frame()
+    bus.vanish("add")
+    bus.release()
+    bus.appear("add")
+    bus.run(1)
+    assert "n=6" in str(bus.algorithm.scene)
 
 
 def test_an_order_of_a_type_that_concerns_nobody_changes_nothing():

@@ -40,7 +40,7 @@ class Gamepad(Bridge):
     """
 
     source_option: ClassVar[str] = "pad"
-    interactive = True
+    interactive = people = True
 
     def __init__(
         self,

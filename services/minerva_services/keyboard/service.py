@@ -39,7 +39,7 @@ class Keyboard(Bridge):
 
     source_option: ClassVar[str] = "terminal"
     reconnects = False
-    interactive = True
+    interactive = people = True
 
     def __init__(
         self,

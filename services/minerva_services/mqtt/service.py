@@ -46,6 +46,8 @@ class Mqtt(Bridge, Device, lockstep=False):
         qos: of what is asked for and published, where a table does not say: 0, 1 or 2.
         status: a topic that says `online` while the bridge is there, and `offline` else.
         most: events a second, at most; more wait, and are dropped where too many wait. 0: any.
+        people: whether norms take what comes in for sent by people; false: they take it for the
+            bridge's own, as a sensor's.
 
     """
 
@@ -69,8 +71,10 @@ class Mqtt(Bridge, Device, lockstep=False):
         qos: int = 0,
         status: str = "",
         most: int = 1000,
+        people: bool = True,
     ) -> None:
         super().__init__()
+        self.people = people
         self._broker = Broker.at(broker)
         _check(keeps and not client, "keeps needs a client id; give the option client")
         _check(every < 0, f"every is {every}; expected a number of frames from 0")

@@ -1,0 +1,65 @@
+"""What people may send: not what a generator makes, unless the world file gives it to them."""
+
+import pytest
+from pond import Steps, counters, eAdd, service
+from test_orders import Taker, taking
+
+from minerva_bus.bus.control import refusal_of_order
+from minerva_bus.frame import stimuli as s
+
+
+def refusal(bus, event_type):
+    return refusal_of_order(bus.algorithm, event_type)
+
+
+def started(bus):
+    bus.start()
+    bus.run(1)
+    return bus
+
+
+def test_what_a_generator_makes_is_not_for_people():
+    bus = started(counters())
+    said = refusal(bus, "eAdd")
+    assert "eAdd comes from add, so people may not send it" in said
+    assert 'people = ["eAdd"] under [world]' in said
+    assert refusal(bus, "eCroak") == ""
+
+
+def test_nor_is_it_while_that_generator_is_away():
+    bus = started(counters())
+    bus.vanish("add")
+    bus.settle()
+    assert "comes from add" in refusal(bus, "eAdd")
+    bus.tell(s.GaveUp("add"))
+    assert refusal(bus, "eAdd") == ""
+
+
+def test_what_a_generator_takes_orders_for_is_for_people_whoever_makes_it_too():
+    assert refusal(started(taking()), "eAdd") == ""
+    also = started(taking(more=service("more", Taker), steps=service("steps", Steps)))
+    assert refusal(also, "eAdd") == ""
+    assert "comes from steps" in refusal(also, "eStep")
+
+
+def test_the_world_file_may_allow_it():
+    bus = started(counters(people=("eAdd",)))
+    assert refusal(bus, "eAdd") == ""
+    bus.tell(s.Order(eAdd(3)))
+    bus.run(1)
+    assert "n=5" in str(bus.algorithm.scene)
+
+
+def test_before_all_are_there_nobody_knows():
+    bus = counters()
+    assert "still gathers add" in refusal(bus, "eAdd")
+    assert refusal(counters(people=("eAdd",)), "eAdd") == ""
+
+
+@pytest.mark.parametrize("hands", [True, False])
+def test_what_a_keyboard_makes_people_may_send_too(hands):
+    class Hands(Steps):
+        people = hands
+
+    bus = started(counters(members={"steps": service("steps", Hands)}))
+    assert bool(refusal(bus, "eStep")) is not hands
