@@ -48,8 +48,10 @@ WATCHED_FOR = 5.0
 ANSWERED_WITHIN = 2.0
 SMOOTHING = 0.3
 BACK_WITHIN = 6.0
-REPORTS_WITHIN = 3.0
+REPORTS_WITHIN = 10.0
+"""Seconds that members have after the last frame to show their last view and to report."""
 HURRIED_REPORTS_WITHIN = 0.5
+"""The same where a person ends the world, or a failure."""
 _BEGIN = s.Begin()
 
 
@@ -333,13 +335,13 @@ class BusCoordinator:
 
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
-        if isinstance(stimulus, s.End):
-            self._hurry()
+        self._hurry(stimulus)
         for instruction in self.algorithm.receive(stimulus):
             self._do(instruction)
 
-    def _hurry(self) -> None:
-        self._reports_within = HURRIED_REPORTS_WITHIN
+    def _hurry(self, stimulus: s.Stimulus) -> None:
+        if isinstance(stimulus, s.End) and (stimulus.failed or stimulus.hurried):
+            self._reports_within = HURRIED_REPORTS_WITHIN
 
     def _do(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
@@ -425,8 +427,7 @@ class BusCoordinator:
         """Say for whom the world waits, ever more seldom; then do what is to be done."""
         if self.algorithm.phase is Phase.STOPPING:
             self.tell(s.Silent())
-            if self.waited >= self._reports_within:
-                self.tell(s.End("no report in time"))
+            self._wait_for_reports(now)
             return
         unsaid = self._waits.unsaid(now)
         if unsaid:
@@ -438,6 +439,20 @@ class BusCoordinator:
             self._let_go(waiting)
         for name, then in self._waits.overdue(now):
             self._wait_no_longer(name, then, now)
+
+    def _wait_for_reports(self, now: float) -> None:
+        """Log whose report is missing after the last frame; after the time-out go on without it."""
+        left = self._reports_within - self.waited
+        for name in self._waits.unsaid(now):
+            self._say(name, f"the world has ended; waiting for its last output for {left:.0f} s")
+        if left > 0:
+            return
+        for name in self.algorithm.waiting_for():
+            self._say(
+                name, "did not finish in time after the last frame; its output may be missing"
+            )
+            self._watch.stalled(name, self.waited)
+        self.tell(s.End("no report in time"))
 
     def _wait_no_longer(self, name: str, then: str, now: float) -> None:
         waited = self._waits.since(name, now)

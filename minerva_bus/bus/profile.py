@@ -150,8 +150,7 @@ class MeasuringCoordinator(BusCoordinator):
         if not self._measuring:
             super().tell(stimulus)
             return
-        if isinstance(stimulus, s.End):
-            self._hurry()
+        self._hurry(stimulus)
         phase, began = self.algorithm.phase, perf_counter()
         answers = isinstance(stimulus, m.TickReply | m.EvolveReply)
         if answers and stimulus.frame == self.algorithm.frame:

@@ -94,10 +94,14 @@ class Seek:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """The world shall end now; `failed`: before its time, because something went wrong."""
+    """The world shall end now; `failed`: before its time, because something went wrong.
+
+    `hurried`: its owner waits for the end, so members have little time for their last output.
+    """
 
     reason: str
     failed: bool = False
+    hurried: bool = False
 
 
 Stimulus: TypeAlias = (

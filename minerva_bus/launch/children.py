@@ -176,4 +176,4 @@ def _obey(commands: int, coordinator: BusCoordinator) -> None:
             elif word == "gave_up":
                 coordinator.inbox.put(s.GaveUp(rest))
             elif word == "stop":
-                coordinator.inbox.put(s.End("interrupted"))
+                coordinator.inbox.put(s.End("interrupted", hurried=True))

@@ -27,6 +27,8 @@ from minerva_bus.protocol.keys import COORDINATOR
 from minerva_bus.wording import counted
 
 GRACE = 1.0
+CLOSING = 10.0
+"""Seconds that members have after a world's regular end to close their files."""
 LAST_PAGE = 5.0
 LONGEST_LINE = 2000
 
@@ -102,6 +104,7 @@ class Supervisor:
             if watched.left_at is not None and now >= watched.left_at and not self._stopping:
                 self._on_failure(watched, 0)
         if self._deadline is not None and now >= self._deadline:
+            self._log_unfinished()
             self._kill_all()
 
     def _patience(self) -> float:
@@ -162,7 +165,8 @@ class Supervisor:
 
     def _on_stalled(self, member: str, waited: float) -> None:
         watched = self._members.get(member)
-        if watched is None and any(one.name == member for one in self._file.processes):
+        elsewhere = any(process.name == member for process in self._file.processes)
+        if watched is None and elsewhere and not self._stopping:
             self._log(member, f"has not answered for {waited:.0f} s: start it anew where it runs")
         if watched is None or watched.child is None:
             return
@@ -181,7 +185,8 @@ class Supervisor:
 
     def _on_ended(self, **ended: Any) -> None:
         self._ended = ended
-        self._deadline = time.monotonic() + self._last_words
+        regular = not (self._failure or self._interrupts or ended["failed"])
+        self._deadline = time.monotonic() + (CLOSING if regular else self._last_words)
 
     def _on_last_line(self, line: str) -> None:
         self._last_line = line
@@ -219,7 +224,9 @@ class Supervisor:
             self._console.log(COORDINATOR, f"{how} ({number} of {MOST_SUCCESSIONS})", "warning")
             self._coordinator.go_on()
             return
-        if self._ended is None and not self._failure:
+        if self._ended is not None:
+            return  # Its members' deadline is set.
+        if not self._failure:
             self._failure = self._last_line or f"the coordinator {how_ended(code)}"
         self._deadline = min(self._deadline or 1e18, time.monotonic() + self._last_words)
 
@@ -263,6 +270,15 @@ class Supervisor:
             self._deadline = 0.0
         elif self._deadline is None:
             self._stop("interrupted" if number == signal.SIGINT else "terminated")
+
+    def _log_unfinished(self) -> None:
+        """Name the members that are killed although the world ended regularly."""
+        if self._failure or self._interrupts:
+            return
+        for watched in self._members:
+            if watched.child is not None:
+                text = "is still running after the world's end: it is killed; its files may be cut"
+                self._console.log(watched.process.name, text, "warning")
 
     def _kill_all(self) -> None:
         """Nothing of a world is left when it is over, and nothing of it is started any more."""

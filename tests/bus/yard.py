@@ -130,6 +130,25 @@ class Screen(Device, draws=("eShow",)):
         return {"pictures": self.pictures}
 
 
+class Painter(Device, draws=("eShow",)):
+    """An observer that takes its time to draw a view and to close its file."""
+
+    every = 1000
+
+    def __init__(self, drawing: float = 0.0, closing: float = 0.0):
+        self.drawing = drawing
+        self.closing = closing
+        self.drawn = -1
+
+    def show(self, view):
+        time.sleep(self.drawing)
+        self.drawn = view.frame
+
+    def close(self):
+        time.sleep(self.closing)
+        Path("painted.txt").write_text(str(self.drawn), encoding="utf-8")
+
+
 class Noise(Generator, events=("eNoise",), lockstep=False):
     """Runs freely, and says what nobody listens to."""
 

@@ -1,0 +1,52 @@
+"""A view that needs time for its last picture has it, and one that is killed is named."""
+
+import os
+import signal
+
+import pytest
+from running import MEMBERS, Run, World, minerva, write_world
+
+PAINTER = '\n[process.painter]\nservice = "yard:Painter"\n'
+
+
+def test_a_slow_view_finishes_its_last_picture_and_its_file(tmp_path):
+    members = MEMBERS + PAINTER + "drawing = 2.0\nclosing = 1.0\n"
+    done = minerva(tmp_path, "run", write_world(tmp_path, members, frames=3), "--json")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "painted.txt").read_text() == "3"
+    assert "killed" not in done.stderr
+
+
+def test_whose_last_output_is_awaited_is_said(tmp_path):
+    path = write_world(tmp_path, MEMBERS + PAINTER + "drawing = 1.5\n", frames=3)
+    with Run(tmp_path, "run", path) as run:
+        run.says("painter │ the world has ended; waiting for its last output for")
+        assert run.ends() == 0
+
+
+def test_ctrl_c_does_not_wait_for_a_slow_view(tmp_path):
+    path = write_world(tmp_path, MEMBERS + PAINTER + "drawing = 30.0\n", frames=0)
+    with World(path) as world:
+        world.runs("steps", "walkers", "painter")
+        world.kill(signal.SIGINT)
+        world.ends(patience=5)
+    assert not (tmp_path / "painted.txt").exists()
+
+
+def test_a_view_that_does_not_finish_is_named(tmp_path):
+    path = write_world(tmp_path, MEMBERS + PAINTER, frames=0)
+    with World(path) as world:
+        os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
+        world.kill(signal.SIGINT)
+        world.says("painter │ did not finish in time after the last frame")
+        world.ends(patience=5)
+
+
+@pytest.mark.slow
+def test_a_view_that_never_finishes_is_killed(tmp_path):
+    path = write_world(tmp_path, MEMBERS + PAINTER, frames=0)
+    with World(path) as world:
+        os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
+        assert minerva(tmp_path, "stop", path.stem).returncode == 0
+        world.says("painter │ is still running after the world's end: it is killed")
+        assert world.ends(patience=5) == 0
