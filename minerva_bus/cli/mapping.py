@@ -31,13 +31,15 @@ def map_recording(
     begin: float,
     end: float | None,
     poses: str = "published",
+    time_offset: float = 0.0,
 ) -> None:
     """Draw the map of a recording into OUTPUT.pgm, .yaml and .png. Raises MinervaError.
 
     `cell` and `farthest` are metres (0: as recorded), `begin` and `end` seconds; for
-    `poses` see `MapChoice`.
+    `poses` and `time_offset` see `MapChoice`.
     """
-    choice = MapChoice(cell, farthest, begin, math.inf if end is None else end, poses)
+    last = math.inf if end is None else end
+    choice = MapChoice(cell, farthest, begin, last, poses, time_offset)
     into = output or Path(f"{file.name.partition('.')[0]}.pgm")
     draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))
     passed = _Passed()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from minerva_bus.protocol.plain import listed, number, text, whole
 from minerva_bus.world.readings import (
     ENCODINGS,
     Battery,
+    Displacement,
     Image,
     Mount,
     Odometry,
@@ -28,6 +30,8 @@ _DEPTHS: Final = {"rgb8": 3, "mono8": 1}
 def plain_reading(reading: Reading) -> list[Any]:
     """A reading as plain data: its kind, its robot, its time, and what it says."""
     kind, write = _WRITERS[type(reading)]
+    if isinstance(reading, Scan) and reading.beam_time:
+        return ["sweep", reading.robot, reading.time, *_write_sweep(reading)]
     return [kind, reading.robot, reading.time, *write(reading)]
 
 
@@ -42,6 +46,21 @@ def read_reading(plain: Any) -> Reading:
     if len(items) != count + 3:
         raise ProtocolError(f"a {items[0]} has {count + 3} items, not {len(items)}")
     return read(text(items[1], "the robot"), number(items[2], "the time"), items[3:])
+
+
+def _write_scan(scan: Scan) -> list[Any]:
+    return [
+        np.ascontiguousarray(scan.ranges, "<f4").tobytes(),
+        scan.first,
+        scan.step,
+        scan.range_max,
+        [scan.mount_x, scan.mount_y, scan.mount_angle],
+    ]
+
+
+def _write_sweep(scan: Scan) -> list[Any]:
+    path = [[place.seconds, place.x, place.y, place.angle] for place in scan.path]
+    return [*_write_scan(scan), scan.beam_time, path]
 
 
 def _write_image(image: Image) -> list[Any]:
@@ -71,6 +90,22 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
     if np.isnan(ranges).any():
         raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
     return Scan(robot, ranges, first, step, most, time, mount.x, mount.y, mount.angle)
+
+
+def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
+    beam_time = number(items[5], "the time of a beam")
+    path = tuple([_displacement(place) for place in listed(items[6], "the path of a scan")])
+    seconds = [place.seconds for place in path]
+    if sorted(set(seconds)) != seconds:
+        raise ProtocolError("the seconds of the path of a scan must rise")
+    return replace(_scan(robot, time, items), beam_time=beam_time, path=path)
+
+
+def _displacement(plain: Any) -> Displacement:
+    numbers = [number(item, "the path of a scan") for item in listed(plain, "the path of a scan")]
+    if len(numbers) != 4:
+        raise ProtocolError("a place of the path of a scan is [seconds, x, y, angle]")
+    return Displacement(*numbers)
 
 
 def _sightings(robot: str, time: float, items: Sequence[Any]) -> Sightings:
@@ -119,16 +154,7 @@ def _known_number(plain: Any, what: str) -> float | None:
 
 
 _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
-    Scan: (
-        "scan",
-        lambda s: [
-            np.ascontiguousarray(s.ranges, "<f4").tobytes(),
-            s.first,
-            s.step,
-            s.range_max,
-            [s.mount_x, s.mount_y, s.mount_angle],
-        ],
-    ),
+    Scan: ("scan", _write_scan),
     Sightings: ("sightings", lambda s: [[[o.marker, o.distance, o.angle] for o in s.seen]]),
     Image: ("image", _write_image),
     Odometry: ("odometry", lambda o: [o.x, o.y, o.angle, o.speed, o.turn]),
@@ -138,6 +164,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
 
 _READERS: dict[str, tuple[int, Callable[[str, float, Sequence[Any]], Reading]]] = {
     "scan": (5, _scan),
+    "sweep": (7, _sweep),
     "sightings": (1, _sightings),
     "image": (5, _image),
     "odometry": (5, _odometry),

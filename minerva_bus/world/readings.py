@@ -27,12 +27,29 @@ class Mount:
 CENTRE: Final = Mount()
 
 
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """Where a robot is so many seconds after a scan's first beam, as seen from its place then.
+
+    Metres ahead and to the left, degrees counter-clockwise.
+    """
+
+    seconds: float
+    x: float
+    y: float
+    angle: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """One turn of a laser range finder.
 
     `ranges[i]` is the distance from the sensor at `first + i·step` degrees from where it points;
     `range_max` or more, and 0 or less, mean that nothing was hit. Shape (n,), metres.
+
+    `time` is that of the first beam; beam i is measured `i·beam_time` seconds later, all beams at
+    once where that is 0. `path` is how the robot moved meanwhile, in the order of time, from the
+    earliest beam to the latest; empty where that is not known.
     """
 
     robot: str
@@ -44,6 +61,8 @@ class Scan:
     mount_x: float = 0.0
     mount_y: float = 0.0
     mount_angle: float = 0.0
+    beam_time: float = 0.0
+    path: tuple[Displacement, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,11 @@ Progress: TypeAlias = Callable[[float], None]
 """Told now and then how much of some work is done, from 0 to 1."""
 
 
+POSE: Final = "pose"
+CORRECTION: Final = "correction"
+"""Topics of a recording on which an `Odometry` is not what wheels measured; see `Recording`."""
+
+
 class RecordingError(MinervaError):
     """A recording cannot be read, or has not what is wanted of it."""
 
@@ -67,7 +72,8 @@ class MapChoice:
     `cell` is the side of a cell and `farthest` the longest range that counts (0: as recorded), in
     metres; `begin` and `end` are seconds after the first reading. `poses` says which places of
     the robot count: those that are `published` in it, those of the `odometry` alone, or those
-    that scans `matched` to the map correct.
+    that scans `matched` to the map correct. `time_offset` is added to the times of scans, in
+    seconds: the lidar's clock and that of the odometry may differ.
     """
 
     cell: float = 0.05
@@ -75,6 +81,7 @@ class MapChoice:
     begin: float = 0.0
     end: float = math.inf
     poses: str = "published"
+    time_offset: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0 < self.cell < math.inf:
@@ -86,6 +93,8 @@ class MapChoice:
                 f"from {self.begin:g} to {self.end:g} s there is nothing; expected from < to,"
                 " seconds after the beginning"
             )
+        if not math.isfinite(self.time_offset):
+            raise MisuseError(f"the time offset is {self.time_offset:g} s; expected seconds")
         if self.poses not in POSES:
             raise MisuseError(
                 f"there are no poses {self.poses!r}{nearest(self.poses, [*POSES])}; expected"

@@ -6,13 +6,14 @@ import math
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import dropwhile, tee
 from pathlib import Path
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.recordings import Recorded, Recording, RecordingError
 from minerva_bus.world.services import Emit
@@ -24,6 +25,12 @@ LONGEST_GAP: Final = 5.0
 
 ALONE: Final = 0.1
 """Recorded seconds from one reading to the next where all of a recording have one time."""
+
+
+NOT_CORRECTED: Final = "scans not corrected"
+WHY_NOT_CORRECTED: Final = (
+    "a scan is not corrected for the robot's motion, for there is no odometry of its time"
+)
 
 
 def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
@@ -86,12 +93,27 @@ class Mounting:
         )
 
 
+def checked_offset(seconds: float) -> float:
+    """The option `time_offset`. Raises MisuseError."""
+    if not math.isfinite(seconds):
+        raise MisuseError(f"time_offset is {seconds}; expected seconds")
+    return seconds
+
+
 class Player:
     """A source that plays a recording."""
 
-    def __init__(self, recording: Recording, pace: Pace) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        pace: Pace,
+        time_offset: float = 0.0,
+        uncorrected: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`time_offset` and `uncorrected` as a Compensator has them."""
         self._recording = recording
         self._pace = pace
+        self._compensation = time_offset, uncorrected
 
     def read(self, stop: threading.Event) -> Iterator[Said]:
         """The readings with their topics, each when it is due. Raises SourceError."""
@@ -107,7 +129,8 @@ class Player:
 
     def _round(self, stop: threading.Event) -> Generator[Said, None, float]:
         """Play it once; the seconds from its last reading to the first of another round."""
-        stamped, played = tee(_from(self._pace.offset, self._recording.readings()))
+        readings = Compensator(*self._compensation).all(self._recording.readings())
+        stamped, played = tee(_from(self._pace.offset, readings))
         stamps = (one.stamp for one in stamped)
         begun, due, number = time.monotonic(), 0.0, 0
         for due, one in zip(due_times(stamps, self._pace.speed), played, strict=True):
@@ -146,10 +169,11 @@ class Playing(Bridge):
     reconnects = False
     source_option: ClassVar[str] = "file"
 
-    def __init__(self, file: str, pace: Pace) -> None:
+    def __init__(self, file: str, pace: Pace, time_offset: float = 0.0) -> None:
         super().__init__()
         self.source = file
         self._pace = pace
+        self._time_offset = checked_offset(time_offset)
         if not Path(file).exists():
             raise MisuseError(f"there is no file {file!r}; expected a recording, check its name")
 
@@ -159,7 +183,7 @@ class Playing(Bridge):
 
     def open(self) -> Source:
         try:
-            return Player(self.recording(), self._pace)
+            return Player(self.recording(), self._pace, self._time_offset, self._uncorrected)
         except RecordingError as error:
             raise SourceError(str(error)) from None
 
@@ -171,6 +195,9 @@ class Playing(Bridge):
             self.failed = True
             self.count("failures")
             self._say(str(error))
+
+    def _uncorrected(self) -> None:
+        self.pass_over(NOT_CORRECTED, f"{self.source}: {WHY_NOT_CORRECTED}")
 
     def pass_over(self, what: str, line: str) -> None:
         """Count what is passed over, and tell of the first of its kind."""

@@ -18,6 +18,7 @@ from minerva_agents.robot.knowledge import (
 from minerva_agents.robot.posing import Posed, Unposed
 from minerva_bus import Cells
 from minerva_bus.errors import MisuseError
+from minerva_bus.world import beams
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import RecordingError
 
@@ -27,17 +28,8 @@ _MARGIN: Final = 2
 
 def hits(scan: Scan) -> Iterator[tuple[float, float]]:
     """Each beam that hit something: metres from the robot's centre, degrees from its heading."""
-    ranges = scan.ranges
-    beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    x, y, turn = scan.mount_x, scan.mount_y, scan.mount_angle
-    for beam, dist in zip(beams.tolist(), ranges[beams].tolist(), strict=True):
-        angle = scan.first + beam * scan.step + turn
-        if x or y:
-            heading = math.radians(angle)
-            ahead, left = x + dist * math.cos(heading), y + dist * math.sin(heading)
-            yield math.hypot(ahead, left), math.degrees(math.atan2(left, ahead))
-        else:
-            yield dist, angle
+    dist, angle = beams.hits(scan)
+    return zip(dist.tolist(), angle.tolist(), strict=True)
 
 
 @dataclass(slots=True)

@@ -20,11 +20,33 @@ from minerva_agents.robot.going import Place, Placed, gone
 from minerva_agents.robot.matching import Doubt, match
 from minerva_agents.robot.motion import Pose
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
+from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
 
 _ANYWHERE: Final = Doubt(0.15, 5.0)
 """Of a robot that has gone on since the scan before, nobody knows where to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where a robot was at times in seconds, which rise: its motion during scans, by matching."""
+
+    times: tuple[float, ...] = ()
+    places: tuple[Place, ...] = ()
+
+    @staticmethod
+    def of(located: Iterable[Located]) -> Motion:
+        """The motion of a robot from scan to scan."""
+        known = {one.scan.time: one.taken for one in located if one.taken is not None}
+        times = tuple(sorted(known))
+        return Motion(times, tuple([known[time] for time in times]))
+
+    def corrected(self, scan: Scan) -> Scan:
+        """A scan with its path, where no odometry says it and this motion covers it."""
+        if not needs_path(scan):
+            return scan
+        return replace(scan, path=path_of(scan, self.times, self.places))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +65,32 @@ class Located:
         return Unposed(self.scan) if at is None else Posed(self.scan, at.x, at.y, at.angle)
 
 
+NO_MOTION: Final = Motion()
+
+
 def located_scans(
-    recorded: Iterable[Recorded], *, cell: float, farthest: float, matched: bool
+    recorded: Iterable[Recorded],
+    *,
+    cell: float,
+    farthest: float,
+    matched: bool,
+    motion: Motion = NO_MOTION,
 ) -> Iterator[Located]:
-    """The scans in their order, each with its place; a grid for matching has cells of `cell` m."""
+    """The scans in their order, each with its place; a grid for matching has cells of `cell` m.
+
+    `motion` corrects scans that have beam times, but no path by odometry.
+    """
     one, other = tee(recorded)
     both = zip(posed_scans(one), posed_scans(other, odometry=True), strict=True)
-    chain, matcher = _Chain(), _Matcher(cell)
+    chain, matcher = _Chain(), _Matcher(cell, motion)
     for said, wheels in both:
         scan = shortened(said.scan, farthest)
         chained = chain.go(said, wheels)
-        taken = matcher.take(scan, said, wheels) if matched else chained
-        yield Located(scan, taken, _told(said), chained)
+        if not matched:
+            yield Located(scan, chained, _told(said), chained)
+            continue
+        posed = matcher.take(scan, said, wheels)
+        yield Located(posed.scan, place_of(posed), _told(said), chained)
 
 
 def shortened(scan: Scan, farthest: float) -> Scan:
@@ -80,18 +116,20 @@ class _Chain:
 class _Matcher:
     """A map that grows by the scans, and where on it the robot is."""
 
-    def __init__(self, cell: float) -> None:
+    def __init__(self, cell: float, motion: Motion) -> None:
         self._cell = cell
         self._canvas: Canvas | None = None
         self._extent = Extent()
         self._here = Place(0.0, 0.0, 0.0)
         self._wheels: Posed | None = None
+        self._motion = motion
 
-    def take(self, scan: Scan, said: Posed | Unposed, wheels: Posed | Unposed) -> Place:
+    def take(self, scan: Scan, said: Posed | Unposed, wheels: Posed | Unposed) -> Posed:
         """Where the scan was measured; the map has it now."""
+        scan = self._motion.corrected(scan)
         if self._canvas is None:
             known = [one for one in (said, wheels) if isinstance(one, Posed)]
-            here = Place(known[0].x, known[0].y, known[0].angle) if known else self._here
+            here = place_of(known[0]) if known else self._here
         else:
             guess, doubt = self._step(wheels)
             here = self._matched(self._canvas, scan, guess, doubt)
@@ -102,7 +140,7 @@ class _Matcher:
         self._canvas.make_room(self._extent)
         self._canvas.draw(posed)
         self._here, self._wheels = here, wheels if isinstance(wheels, Posed) else None
-        return here
+        return posed
 
     def _step(self, wheels: Posed | Unposed) -> tuple[Place, Doubt]:
         before, here = self._wheels, self._here
@@ -122,7 +160,12 @@ class _Matcher:
         return Place(canvas.x + found.row * cell, canvas.y + found.column * cell, found.angle)
 
 
+def place_of(posed: Posed) -> Place:
+    """Where a scan was measured."""
+    return Place(posed.x, posed.y, posed.angle)
+
+
 def _told(said: Posed | Unposed) -> Place | None:
     if isinstance(said, Unposed) or not said.told:
         return None
-    return Place(said.x, said.y, said.angle)
+    return place_of(said)

@@ -130,6 +130,11 @@ def draw(
     told = [_figures(drawn, yaml)]
     if drawn.left_out:
         told.append(f"{drawn.left_out} scans were left out: where the robot was is not known")
+    if drawn.uncorrected:
+        told.append(
+            f"{drawn.uncorrected} scans are not corrected for the robot's motion: there is no"
+            " odometry of their times; if the lidar has a clock of its own, give --time-offset"
+        )
     try:
         save_picture(drawn, picture)
         told.append(f"{picture}: the same as a picture")

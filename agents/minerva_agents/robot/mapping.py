@@ -18,10 +18,12 @@ from minerva_agents.robot.canvas import Extent, canvas_of
 from minerva_agents.robot.drift import Drift, Gone
 from minerva_agents.robot.going import Place
 from minerva_agents.robot.knowledge import free, obstacles
-from minerva_agents.robot.locating import Located, located_scans, shortened
+from minerva_agents.robot.locating import NO_MOTION, Located, Motion, located_scans, shortened
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
+from minerva_bus.world.compensation import Compensator, needs_path
+from minerva_bus.world.readings import Displacement
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
 
 
@@ -30,7 +32,8 @@ class Drawn:
     """A map that was drawn: what the robot knows, its way in metres (n, 2), what was left out.
 
     The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres. `drift` compares the way
-    with the one that was published, if it is another and there is one.
+    with the one that was published, if it is another and there is one. `uncorrected` counts scans
+    that are drawn as if their beams had been measured at once, for want of odometry.
     """
 
     grid: Cells
@@ -40,6 +43,7 @@ class Drawn:
     way: NDArray[np.float64]
     angle: float
     left_out: int
+    uncorrected: int
     drift: Drift | None = None
 
     @property
@@ -53,10 +57,11 @@ class Drawn:
 
 def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progress) -> Drawn:
     """Draw the map of a recording, which is opened twice. Raises MinervaError."""
-    extent, located = Extent(), _Located()
+    extent, located, uncorrected = Extent(), _Located(), 0
     with closing(open()) as recording:
         for posed in located.first(recording, choice, lambda part: progress(part / 2)):
             extent.take(posed)
+            uncorrected += needs_path(posed.scan)
     canvas = canvas_of(extent, choice.cell)
     with closing(open()) as recording:
         for posed in located.again(recording, choice, lambda part: progress(0.5 + part / 2)):
@@ -65,14 +70,16 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     progress(1.0)
     way, angle = np.array(canvas.way), canvas.first_angle
     left_out, drift = extent.unposed, located.drift
-    return Drawn(canvas.grid, choice.cell, canvas.x, canvas.y, way, angle, left_out, drift)
+    return Drawn(
+        canvas.grid, choice.cell, canvas.x, canvas.y, way, angle, left_out, uncorrected, drift
+    )
 
 
 class _Located:
     """The scans with their places, which need not be found out a second time."""
 
     def __init__(self) -> None:
-        self._taken: list[Place | None] = []
+        self._taken: list[tuple[Place | None, tuple[Displacement, ...]]] = []
         self._gone: list[Gone] = []
 
     @property
@@ -86,10 +93,10 @@ class _Located:
         if choice.poses == "published":
             yield from _published(recording, choice, progress)
             return
-        readings, matched = _between(recording, choice, progress), choice.poses == "matched"
-        for one in located_scans(
-            readings, cell=choice.cell, farthest=choice.farthest, matched=matched
-        ):
+        located = list(_located(recording, choice, progress, NO_MOTION))
+        if choice.poses == "matched" and any(needs_path(one.scan) for one in located):
+            located = list(_located(recording, choice, progress, Motion.of(located)))
+        for one in located:
             self._remember(one)
             yield one.posed
 
@@ -100,13 +107,26 @@ class _Located:
         if choice.poses == "published":
             yield from said
             return
-        for one, at in zip(said, self._taken, strict=True):
-            yield Located(one.scan, at, None, None).posed
+        for one, (at, path) in zip(said, self._taken, strict=True):
+            yield Located(replace(one.scan, path=path), at, None, None).posed
 
     def _remember(self, one: Located) -> None:
-        self._taken.append(one.taken)
+        self._taken.append((one.taken, one.scan.path))
         if one.taken is not None and one.published is not None:
             self._gone.append(Gone(one.scan.time, one.published, one.taken, one.chained))
+
+
+def _located(
+    recording: Recording, choice: MapChoice, progress: Progress, motion: Motion
+) -> Iterator[Located]:
+    """The scans at the places that the robot has found itself."""
+    return located_scans(
+        _between(recording, choice, progress),
+        cell=choice.cell,
+        farthest=choice.farthest,
+        matched=choice.poses == "matched",
+        motion=motion,
+    )
 
 
 def _published(
@@ -119,7 +139,7 @@ def _published(
 
 def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Iterator[Recorded]:
     """The readings from the one second to the other."""
-    readings = recording.readings()
+    readings = Compensator(choice.time_offset).all(recording.readings())
     first = next(readings, None)
     if first is None:
         return

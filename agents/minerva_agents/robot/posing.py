@@ -10,10 +10,8 @@ from typing import Final, TypeAlias
 
 from minerva_agents.robot.going import gone
 from minerva_bus.world.readings import Odometry, Scan
-from minerva_bus.world.recordings import Recorded
+from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
-POSE: Final = "pose"
-CORRECTION: Final = "correction"
 NEAR: Final = 1.0
 """Seconds from a scan to the next thing known of the robot's place, at most."""
 

@@ -186,9 +186,13 @@ def map_(
     poses: Annotated[
         str, typer.Option(help="Where the robot was: published, odometry or matched.")
     ] = "published",
+    time_offset: Annotated[
+        float,
+        typer.Option(help="Seconds added to the times of scans: the lidar's clock may differ."),
+    ] = 0.0,
     force: Force = False,
 ) -> None:
     """Draw the map of a recording, as a robot would have it: .pgm and .yaml, and a picture."""
     from minerva_bus.cli.mapping import map_recording
 
-    map_recording(file, output, cell, range_, from_, to, poses)
+    map_recording(file, output, cell, range_, from_, to, poses, time_offset)

@@ -14,6 +14,7 @@ from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.making import Maker
+from minerva_services.playing import checked_offset
 from minerva_services.ros2.driver import STILL, Care, Driver, State
 from minerva_services.ros2.geometry import Command, MotorGeometry, Ordered
 from minerva_services.ros2.link import Link, say
@@ -64,6 +65,8 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         stamped: velocities are TwistStamped messages, not Twist.
         base: the robot's own frame.
         mount: "x, y, degrees" of the laser on the robot; "": as /tf_static has it.
+        time_offset: seconds that are added to the times of scans, where the lidar's clock is not
+            that of the odometry.
         map_frame: if it is given, the transform from it to the frame of odometry is on /tf.
         speed: m/s at most.
         turn: degrees/s at most.
@@ -101,6 +104,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         stamped: bool = False,
         base: str = "base_link",
         mount: str = "",
+        time_offset: float = 0.0,
         map_frame: str = "",
         speed: float = 0.3,
         turn: float = 90.0,
@@ -128,6 +132,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._network.name(cmd_vel)
         self._robot, self._stamped, self._base = robot, stamped or bool(clock), base
         self._mount, self._map_frame = mount_of(mount), map_frame
+        self._time_offset = checked_offset(time_offset)
         self._limits = Limits(speed, turn, acceleration, turn_acceleration)
         self._care = Care(
             _positive("near", near), _positive("aligned", aligned),
@@ -146,7 +151,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._collisions = 0
         self._stepper = self._stepped() if self._topics.clock else None
         heard = self._stepper.heard if self._stepper else lambda: None
-        self._senses = Senses(self._base, self._mount, self._moved, heard)
+        self._senses = Senses(self._base, self._mount, self._moved, heard, self._time_offset)
         self._teller = Teller(self._driver, self._senses)
         self._motors = Motors(
             self._topics.cmd_vel, self._topics.clock, self._map_frame, self._base,

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
-from minerva_bus.world.readings import Mount, Scan, Sightings
+from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_services.ros2.messages import (
     DETECTIONS,
     LASER_SCAN,
@@ -42,7 +42,9 @@ class Senses:
         mount: Mount | None,
         moved: Callable[[float, Pose], None],
         heard: Callable[[], None] = lambda: None,
+        time_offset: float = 0.0,
     ) -> None:
+        self._time_offset = time_offset
         self._heard = heard
         self.odometry_frame = "odom"
         self.scanned = False
@@ -123,6 +125,7 @@ class Senses:
         frame = message.header.frame_id
         mounting = mounting_of(self._frames, self._base, frame, self._mount)
         scan = self._timed(readings.scan_of(message, "", mounting))
+        scan = replace(scan, time=scan.time + self._time_offset)
         with self._lock:
             self._scans.append(scan)
         self.scanned = True
@@ -152,4 +155,17 @@ def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
 def scanned_from(shift: Pose, scan: Scan, robot: str) -> Scan:
     """The scan of a robot that stood at `shift`, as one with another mount at the origin."""
     mount = shift.then(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
-    return replace(scan, robot=robot, mount_x=mount.x, mount_y=mount.y, mount_angle=mount.angle)
+    back = shift.seen(Pose())
+    path = [shift.then(Pose(place.x, place.y, place.angle)).then(back) for place in scan.path]
+    moved = [
+        Displacement(before.seconds, place.x, place.y, place.angle)
+        for before, place in zip(scan.path, path, strict=True)
+    ]
+    return replace(
+        scan,
+        robot=robot,
+        mount_x=mount.x,
+        mount_y=mount.y,
+        mount_angle=mount.angle,
+        path=tuple(moved),
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -10,11 +11,14 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Cells, Degrees, Metres
+from minerva_bus.world.compensation import Compensator
 from minerva_bus.world.readings import Mount, Reading
+from minerva_bus.world.recordings import Recorded
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import Said
 from minerva_services.making import Maker
+from minerva_services.playing import NOT_CORRECTED, checked_offset
 from minerva_services.ros2.messages import (
     BATTERY,
     COMPRESSED,
@@ -59,6 +63,8 @@ class Ros2(Bridge):
         detections: topic of Detection3DArray messages, whose classes are markers, on `sightings`.
         base: the robot's own frame.
         mount: "x, y, degrees" of the laser on the robot.
+        time_offset: seconds that are added to the times of scans, where the lidar's clock is not
+            that of the odometry.
         map: topic of OccupancyGrid messages; each is an event of the type `map_event`.
         map_event: its type, with `cells` as a robot's grid has them (0 unknown, 1 free, 9 an
             obstacle), and the width of a `cell`, `x`, `y` and `angle` of the corner.
@@ -86,6 +92,7 @@ class Ros2(Bridge):
         detections: str = "",
         base: str = "base_link",
         mount: str = "",
+        time_offset: float = 0.0,
         map: str = "",
         map_event: str = "eMap",
         authority: str = "",
@@ -99,6 +106,7 @@ class Ros2(Bridge):
         self._robot = robot
         self._base = base
         self._mount = mount_of(mount)
+        self._time_offset = checked_offset(time_offset)
         self._frames = Frames()
         self._wanted = self._makers(scan, odometry, image, compressed, battery, detections)
         for name, _, _ in self._wanted.values():
@@ -146,6 +154,10 @@ class Ros2(Bridge):
             session.subscribe(self._map, GRID, source.hears(GRID), lasting=True)
         return source
 
+    def compensator(self) -> Compensator:
+        """What corrects scans for the robot's motion; scans that it cannot correct are counted."""
+        return Compensator(self._time_offset, lambda: self.count(NOT_CORRECTED))
+
     def reading(self, message: str, data: bytes) -> Said | None:
         """What a message says; garbage, and what has no known place, is counted."""
         try:
@@ -184,6 +196,11 @@ class Ros2(Bridge):
         return mounting_of(self._frames, self._base, message.header.frame_id, given)
 
 
+def _said(ready: list[Recorded]) -> Iterator[Said]:
+    for recorded in ready:
+        yield recorded.topic, recorded.reading
+
+
 class _Listening:
     """Messages as they come, as many as may wait; Zenoh's threads put them here."""
 
@@ -208,6 +225,7 @@ class _Listening:
 
     def read(self, stop: threading.Event) -> Iterator[Said | None]:
         """Readings and maps; raises SourceError where the link is lost."""
+        compensator = self._bridge.compensator()
         while not stop.is_set():
             with self._news:
                 if not self._waiting:
@@ -217,9 +235,15 @@ class _Listening:
             if not waiting and not self._session.connected:
                 raise SourceError(f"{self._bridge.source} is lost")
             if not waiting:
+                yield from _said(compensator.rest())
                 yield None
             for message, data in waiting:
-                yield self._bridge.reading(message, data)
+                reading = self._bridge.reading(message, data)
+                if not isinstance(reading, tuple):
+                    yield reading
+                    continue
+                topic, measured = reading
+                yield from _said(compensator.add(Recorded(time.monotonic(), topic, measured)))
 
     def close(self) -> None:
         """Leave the network."""

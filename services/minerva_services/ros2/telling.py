@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from minerva_bus.world.compensation import span
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Tick
 from minerva_services.ros2.driver import Driver
@@ -24,6 +25,7 @@ class Teller:
         """Publish them."""
         scan = self._newest("scan", self._senses.scans)
         if isinstance(scan, Scan):
+            scan = self._driver.track.corrected(scan)
             tick.publish("scan", scanned_from(self._shift(scan.time), scan, robot))
         seen = self._newest("sightings", self._senses.sightings)
         if isinstance(seen, Sightings):
@@ -31,7 +33,8 @@ class Teller:
 
     def _newest(self, what: str, waiting: Sequence[Scan | Sightings]) -> Scan | Sightings | None:
         """The newest that odometry reaches up to, or else the newest; None if that was told."""
-        covered = [one for one in waiting if self._driver.track.covers(one.time)]
+        track = self._driver.track
+        covered = [one for one in waiting if all(map(track.covers, _span(one)))]
         if waiting and not covered:
             self._senses.count(f"{what} beside odometry's time")
         found = (covered or waiting or [None])[-1]
@@ -47,3 +50,8 @@ class Teller:
         pose = track.at(at) if track.covers(at) else track.newest
         shift = Pose() if pose is None or goal is None else goal.seen(pose)
         return Pose() if is_rounding(shift) else shift
+
+
+def _span(reading: Scan | Sightings) -> tuple[float, float]:
+    """The times of the first and the last that it measures."""
+    return span(reading) if isinstance(reading, Scan) else (reading.time, reading.time)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import deque
+from dataclasses import replace
 from typing import Final
 
+from minerva_bus.world.compensation import needs_path, path_of
+from minerva_bus.world.readings import Scan
 from minerva_services.ros2.plane import Pose
 
 _KEPT: Final = 500
@@ -64,6 +67,13 @@ class Track:
     def covers(self, time: float) -> bool:
         """Whether the time lies between the first and the last that are known."""
         return bool(self._times) and self._times[0] <= time <= self._times[-1]
+
+    def corrected(self, scan: Scan) -> Scan:
+        """A scan with the path of the robot during it, if that is known and not in it yet."""
+        if not needs_path(scan):
+            return scan
+        known = dict(zip(self._times, self._poses, strict=True))
+        return replace(scan, path=path_of(scan, [*known], [*known.values()]))
 
     def at(self, time: float) -> Pose | None:
         """The pose at a time, between the two around it; outside the nearest one."""

@@ -49,7 +49,14 @@ def scan_of(
     return Scan(
         robot, ranges.astype(np.float32), sign * first, sign * step, most,
         stamp_of(message) if time is None else time, mount.x, mount.y, mount.angle,
+        _beam_time(message),
     )  # fmt: skip
+
+
+def _beam_time(message: Any) -> float:
+    """Seconds from one beam to the next; 0 where the driver does not know them."""
+    seconds = float(message.time_increment)
+    return seconds if math.isfinite(seconds) else 0.0
 
 
 def degrees_of(radians: float) -> float:

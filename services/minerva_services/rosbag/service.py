@@ -26,6 +26,8 @@ class Rosbag(Playing, lockstep=False):
         mount_x: metres ahead, where the sensors sit; by default as /tf_static says.
         mount_y: metres to the left, likewise.
         mount_angle: degrees, likewise.
+        time_offset: seconds that are added to the times of scans, where the lidar's clock is not
+            that of the odometry.
 
     """
 
@@ -42,8 +44,9 @@ class Rosbag(Playing, lockstep=False):
         mount_x: float | None = None,
         mount_y: float | None = None,
         mount_angle: float | None = None,
+        time_offset: float = 0.0,
     ) -> None:
-        super().__init__(file, Pace(speed, loop, offset))
+        super().__init__(file, Pace(speed, loop, offset), time_offset)
         self._robot, self._topics = robot, _checked(topics)
         self._mounting = Mounting(mount_x, mount_y, mount_angle)
         if self._topics:

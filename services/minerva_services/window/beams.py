@@ -8,6 +8,7 @@ import numpy as np
 
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.plane import Pose
+from minerva_bus.world.beams import origins
 from minerva_bus.world.readings import Reading, Scan
 from minerva_services.window.painter import Beams
 from minerva_services.window.picking import spots_of
@@ -43,9 +44,12 @@ def _of_time(scans: deque[Scan], time: float) -> Scan:
 def beams_of(scan: Scan, robot: Pose) -> Beams:
     """A scan as seen from where its robot is."""
     sensor = robot.then(scan.mount_x, scan.mount_y, scan.mount_angle, 0.0)
+    x, y, degrees = origins(scan, np.arange(len(scan.ranges)))
     ranges = np.asarray(scan.ranges, np.float64)
     hits = ranges < scan.range_max  # nor is what is not a number
     ranges = np.where(hits, ranges, scan.range_max)
-    angle = np.radians(sensor.angle + scan.first + scan.step * np.arange(len(ranges)))
-    ends = np.stack([sensor.x + ranges * np.cos(angle), sensor.y + ranges * np.sin(angle)], axis=1)
+    angle, turn = np.radians(degrees + robot.angle), np.radians(robot.angle)
+    begin_x = robot.x + x * np.cos(turn) - y * np.sin(turn)
+    begin_y = robot.y + x * np.sin(turn) + y * np.cos(turn)
+    ends = np.stack([begin_x + ranges * np.cos(angle), begin_y + ranges * np.sin(angle)], axis=1)
     return Beams(sensor.x, sensor.y, ends, hits)

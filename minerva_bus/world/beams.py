@@ -1,0 +1,65 @@
+"""Where the beams of a scan end, as seen from where its robot was at the first beam.
+
+A lidar turns while its robot moves, so beam i starts from where the robot was `i·beam_time` seconds
+after the first beam. A scan whose `path` is known is corrected for that motion here, for everybody
+who uses its beams: generators, maps, scan matching and windows.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.world.readings import Scan
+
+Reals: TypeAlias = NDArray[np.float64]
+
+
+def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
+    """Metres from the robot's centre and degrees from its heading of each beam that hit, (n,) each.
+
+    `every` takes only each so many-th beam, beginning with the first.
+    """
+    ranges = scan.ranges[::every]
+    # The limit as float32 too, or a beam that reads just the limit might seem to be below it.
+    beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
+    dist: Reals = ranges[beams].astype(np.float64)
+    beams = beams * every
+    if not (scan.mount_x or scan.mount_y or scan.path):
+        return dist, _bearings(scan, beams)
+    x, y, degrees = origins(scan, beams)
+    heading = np.radians(degrees)
+    ahead, left = x + dist * np.cos(heading), y + dist * np.sin(heading)
+    angle: Reals = np.degrees(np.arctan2(left, ahead))
+    return np.hypot(ahead, left), angle
+
+
+def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
+    """Where beams start, in metres ahead and to the left, and where they point, in degrees.
+
+    Both are relative to the robot at the first beam; `beams` are their numbers, (n,).
+    """
+    if not scan.path:
+        zeros = np.zeros(len(beams))
+        return zeros + scan.mount_x, zeros + scan.mount_y, _bearings(scan, beams)
+    x, y, angle = _moved(scan, beams.astype(np.float64) * scan.beam_time)
+    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    ahead = x + cos * scan.mount_x - sin * scan.mount_y
+    left = y + sin * scan.mount_x + cos * scan.mount_y
+    return ahead, left, _bearings(scan, beams) + angle
+
+
+def _bearings(scan: Scan, beams: NDArray[np.intp]) -> Reals:
+    """Degrees from the robot's heading at which beams point."""
+    return scan.first + beams.astype(np.float64) * float(scan.step) + scan.mount_angle
+
+
+def _moved(scan: Scan, seconds: Reals) -> tuple[Reals, Reals, Reals]:
+    """Metres ahead, metres to the left and degrees by which the robot has moved, (n,) each."""
+    knots = np.array([place.seconds for place in scan.path])
+    x: Reals = np.interp(seconds, knots, np.array([place.x for place in scan.path]))
+    y: Reals = np.interp(seconds, knots, np.array([place.y for place in scan.path]))
+    angle: Reals = np.interp(seconds, knots, np.array([place.angle for place in scan.path]))
+    return x, y, angle

@@ -1,0 +1,185 @@
+"""Compensation of a robot's motion during a scan: finds each scan's `path` from the odometry.
+
+The standard name of the effect is motion distortion, or skew. Only the path is found here; `beams`
+applies it.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final, Protocol
+
+from minerva_bus.world.readings import Displacement, Odometry, Scan
+from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
+
+GAP_SECONDS: Final = 0.5
+"""Between two readings of odometry that a path may connect, and from the last one to a beam."""
+
+MAX_SPEED, MAX_TURN = 20.0, 1080.0
+"""Metres and degrees per second; odometry that is faster has jumped, and no robot moves so."""
+
+_KEPT: Final = 2000
+_HELD: Final = 1000
+
+
+class Place(Protocol):
+    """A place in the plane: metres and degrees."""
+
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+    @property
+    def angle(self) -> float: ...
+
+
+class Compensator:
+    """Adds paths to scans that pass through, by the odometry that passes through with them.
+
+    A scan, and what comes after it, is held until the odometry reaches its last beam, but no longer
+    than GAP_SECONDS of the recording. `offset` is added to the times of scans, in seconds.
+    `uncorrected` is called for each scan with beam times that gets no path: no odometry is near.
+    """
+
+    def __init__(self, offset: float = 0.0, uncorrected: Callable[[], None] = lambda: None) -> None:
+        self._offset, self._uncorrected = offset, uncorrected
+        self._odometry = deque[Odometry](maxlen=_KEPT)
+        self._topic = ""
+        self._held = deque[Recorded]()
+
+    def all(self, readings: Iterable[Recorded]) -> Iterator[Recorded]:
+        """All readings in their order."""
+        for recorded in readings:
+            yield from self.add(recorded)
+        yield from self.rest()
+
+    def add(self, recorded: Recorded) -> list[Recorded]:
+        """Take a reading; returns those that are ready, in the order in which they came."""
+        reading = recorded.reading
+        if isinstance(reading, Scan) and self._offset:
+            recorded = replace(recorded, reading=replace(reading, time=reading.time + self._offset))
+        elif isinstance(reading, Odometry) and recorded.topic not in (POSE, CORRECTION):
+            self._moved(recorded.topic, reading)
+        self._held.append(recorded)
+        return self._ready(recorded.stamp)
+
+    def rest(self) -> list[Recorded]:
+        """Everything that is still held."""
+        rest = [self._corrected(recorded) for recorded in self._held]
+        self._held.clear()
+        return rest
+
+    def _moved(self, topic: str, odometry: Odometry) -> None:
+        self._topic = self._topic or topic
+        if topic != self._topic:
+            return
+        if self._odometry and odometry.time < self._odometry[-1].time:
+            self._odometry.clear()
+        if not self._odometry or odometry.time > self._odometry[-1].time:
+            self._odometry.append(odometry)
+
+    def _ready(self, now: float) -> list[Recorded]:
+        ready: list[Recorded] = []
+        while self._held and not self._waits(self._held[0], now):
+            ready.append(self._corrected(self._held.popleft()))
+        return ready
+
+    def _waits(self, recorded: Recorded, now: float) -> bool:
+        scan = recorded.reading
+        if not isinstance(scan, Scan) or not needs_path(scan):
+            return False
+        if not self._odometry or len(self._held) > _HELD:
+            return False
+        begin, end = span(scan)
+        latest = self._odometry[-1].time
+        in_time = 0 <= now - recorded.stamp <= GAP_SECONDS
+        return begin - GAP_SECONDS <= latest < end and in_time
+
+    def _corrected(self, recorded: Recorded) -> Recorded:
+        scan = recorded.reading
+        if not isinstance(scan, Scan) or not needs_path(scan):
+            return recorded
+        odometry = list(self._odometry)
+        path = path_of(scan, [reading.time for reading in odometry], odometry)
+        if not path:
+            self._uncorrected()
+        return replace(recorded, reading=replace(scan, path=path))
+
+
+def needs_path(scan: Scan) -> bool:
+    """Whether the beams of a scan have different times, and the motion meanwhile is not known."""
+    return bool(scan.beam_time) and len(scan.ranges) > 1 and not scan.path
+
+
+def span(scan: Scan) -> tuple[float, float]:
+    """The times of the earliest and the latest beam, in seconds."""
+    other = scan.time + scan.beam_time * (len(scan.ranges) - 1)
+    return min(scan.time, other), max(scan.time, other)
+
+
+def path_of(
+    scan: Scan, times: Sequence[float], places: Sequence[Place]
+) -> tuple[Displacement, ...]:
+    """The path of a robot during a scan; () where it is not known.
+
+    `times` rise strictly, in seconds of the scan's clock; `places` are where the robot was then.
+    From the last place on, and before the first, the robot is taken to go on as it did.
+    """
+    begin, end = span(scan)
+    first = max(0, min(bisect_left(times, begin) - 1, len(times) - 2))
+    last = max(bisect_left(times, end) + 1, first + 2)
+    times, places = times[first:last], places[first:last]
+    if not _covers(times, begin, end) or _jumps(times, places):
+        return ()
+    inner = [time for time in times if begin < time < end]
+    knots = [begin, *inner, end]
+    origin = _at(scan.time, times, places)
+    return tuple([_displacement(t - scan.time, origin, _at(t, times, places)) for t in knots])
+
+
+def _covers(times: Sequence[float], begin: float, end: float) -> bool:
+    if len(times) < 2:
+        return False
+    gaps = [after - before for before, after in pairwise(times)]
+    beyond = max(times[0] - begin, end - times[-1])
+    return max(gaps) <= GAP_SECONDS and beyond <= GAP_SECONDS
+
+
+def _jumps(times: Sequence[float], places: Sequence[Place]) -> bool:
+    for number in range(1, len(times)):
+        before, after = places[number - 1], places[number]
+        seconds = times[number] - times[number - 1]
+        dist = math.hypot(after.x - before.x, after.y - before.y)
+        turn = abs(math.remainder(after.angle - before.angle, 360.0))
+        if dist > MAX_SPEED * seconds or turn > MAX_TURN * seconds:
+            return True
+    return False
+
+
+def _at(time: float, times: Sequence[float], places: Sequence[Place]) -> Displacement:
+    """The place at a time, on the line through the two places around it, or next to it."""
+    after = min(max(bisect_left(times, time), 1), len(times) - 1)
+    begin, end = places[after - 1], places[after]
+    part = (time - times[after - 1]) / (times[after] - times[after - 1])
+    turn = math.remainder(end.angle - begin.angle, 360.0)
+    return Displacement(
+        time,
+        begin.x + part * (end.x - begin.x),
+        begin.y + part * (end.y - begin.y),
+        begin.angle + part * turn,
+    )
+
+
+def _displacement(seconds: float, origin: Place, place: Place) -> Displacement:
+    """A place as seen from another one."""
+    east, north = place.x - origin.x, place.y - origin.y
+    turn = math.radians(origin.angle)
+    ahead = math.cos(turn) * east + math.sin(turn) * north
+    left = math.cos(turn) * north - math.sin(turn) * east
+    angle = math.remainder(place.angle - origin.angle, 360.0)
+    return Displacement(seconds, ahead, left, angle)

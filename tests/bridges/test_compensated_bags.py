@@ -1,0 +1,150 @@
+"""Bags and ROS 2 robots with lidars that turn while they drive: what their bridges publish."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags")
+from recorded import messages, write_bag
+from sweeping import drive, place_at, spread, without_path
+
+from minerva_agents.robot.maps import OCCUPIED, load_map
+from minerva_bus.cli.mapping import map_recording
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.beams import hits
+from minerva_bus.world.readings import Odometry, Scan
+from minerva_services.bridging.testing import Running
+from minerva_services.ros2 import Ros2, Ros2Robot
+from minerva_services.ros2 import messages as types
+from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.sensors import _Listening
+from minerva_services.ros2.track import Track
+from minerva_services.rosbag import Rosbag
+
+PLACE = partial(place_at, speed=0.3, turn=80.0)
+
+
+def said_of(ros, recorded, late=0.0, turn=0.2):
+    """The messages of a drive.
+
+    The stamps of scans are so many seconds late; a turn of the lidar is said to take `turn`.
+    """
+    for one in recorded:
+        reading = one.reading
+        if isinstance(reading, Odometry):
+            message = ros.odometry(
+                reading.x, reading.y, math.radians(reading.angle), time=reading.time
+            )
+            yield one.stamp, "/odom", message
+            continue
+        message = ros.scan(
+            reading.ranges, reading.time + late, angle_min=math.radians(reading.first),
+            angle_max=0.0, angle_increment=math.radians(reading.step),
+            time_increment=turn / len(reading.ranges), range_max=reading.range_max,
+        )  # fmt: skip
+        yield one.stamp, "/scan", message
+
+
+def bag(folder, step=1.0, late=0.0, odometry=True, turn=0.2):
+    folder.mkdir(exist_ok=True)
+    ros, store = messages()
+    recorded = drive(PLACE, step=step, odometry=odometry)
+    return write_bag(folder / "drive.mcap", store, list(said_of(ros, recorded, late, turn)))
+
+
+def worst(scans):
+    """Centimetres by which hits lie beside the walls, before and after, of the worst scan."""
+    both = [
+        [spread(scan, PLACE(scan.time), *hits(seen)) for seen in (without_path(scan), scan)]
+        for scan in scans
+    ]
+    return np.max(both, axis=0).tolist()
+
+
+def played(path, **options):
+    with Running(Rosbag(str(path), speed=0.0, **options)) as running:
+        running.wait_for(running.ended, "the end of the bag")
+    return [one for _, one in running.published if isinstance(one, Scan)], running
+
+
+@pytest.mark.parametrize(("step", "late"), [(1.0, 0.0), (-1.0, 0.0), (1.0, 0.2)])
+def test_a_bag_is_played_with_sharp_walls(tmp_path, step, late):
+    scans, running = played(bag(tmp_path, step, late), time_offset=-late)
+    before, after = worst(scans)
+    assert (before > 15.0, after < 0.3) == (True, True)
+    assert running.counted("scans not corrected") == 0
+
+
+def test_a_bag_without_odometry_says_that_its_scans_are_not_corrected(tmp_path, capsys):
+    scans, running = played(bag(tmp_path, odometry=False))
+    assert running.counted("scans not corrected") == len(scans) > 3
+    assert (
+        "not corrected for the robot's motion, for there is no odometry" in capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize("poses", ["published", "odometry", "matched"])
+def test_a_map_of_a_bag_has_thin_walls(tmp_path, capsys, poses):
+    walls = []
+    for turn in (0.0, 0.2):
+        path = bag(tmp_path / f"{turn:g}", late=0.2, turn=turn)
+        map_recording(path, path.parent / "map.pgm", 0.05, 0.0, 0.0, None, poses, -0.2)
+        walls.append(int((load_map(path.parent / "map.yaml").cells == OCCUPIED).sum()))
+    assert walls[1] < 0.8 * walls[0]
+    assert "not corrected" not in capsys.readouterr().err
+
+
+def test_a_map_says_which_scans_it_cannot_correct(tmp_path, capsys):
+    path = bag(tmp_path, late=1.5)
+    map_recording(path, tmp_path / "map.pgm", 0.05, 0.0, 0.0, None, "odometry")
+    said = capsys.readouterr().err
+    assert "scans are not corrected for the robot's motion" in said
+    assert "--time-offset" in said
+
+
+class Session:
+    connected = True
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+def test_a_ros_2_robot_is_heard_with_sharp_walls(late):
+    """Messages as they come: a scan after its last beam, odometry 50 times a second."""
+    store = types.messages()
+    bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)
+    source, scans = _Listening(Session(), bridge), []
+    told = source.read(type("Never", (), {"is_set": lambda self: False})())
+    heard = {"/odom": source.hears(types.ODOMETRY), "/scan": source.hears(types.LASER_SCAN)}
+    ros, _ = messages()
+    for _, topic, message in said_of(ros, drive(PLACE), late):
+        heard[topic](_encoded(store, topic, message))
+        reading = next(told)
+        while reading is not None and not isinstance(reading[1], Odometry):
+            scans.append(reading[1])
+            reading = next(told)
+    before, after = worst(scans)
+    assert (before > 15.0, after < 0.3, len(scans) > 5) == (True, True, True)
+
+
+def _encoded(store, topic, message):
+    return store.encode(types.ODOMETRY if topic == "/odom" else types.LASER_SCAN, message)
+
+
+def test_the_track_of_a_robot_corrects_its_scans():
+    track = Track(fastest=2.0, turning=360.0)
+    recorded = drive(PLACE)
+    for one in recorded:
+        if isinstance(one.reading, Odometry):
+            at = one.reading
+            track.add(at.time, Pose(at.x, at.y, at.angle))
+            track.add(at.time, Pose(at.x, at.y, at.angle))
+    scans = [track.corrected(one.reading) for one in recorded if one.topic == "scan"]
+    before, after = worst(scans)
+    assert (before > 15.0, after < 0.3) == (True, True)
+
+
+@pytest.mark.parametrize("service", [Ros2, Ros2Robot])
+def test_a_time_offset_that_is_no_number(service):
+    with pytest.raises(MisuseError, match="time_offset is nan"):
+        service("tcp/127.0.0.1:1", time_offset=math.nan)

@@ -1,0 +1,221 @@
+"""Scans of a lidar that turns while its robot moves: the walls are where they are."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sweeping import drive, place_at, spread, swept, without_path
+
+from minerva_agents.robot.going import Place
+from minerva_agents.robot.locating import Motion, located_scans
+from minerva_agents.robot.mapping import draw_map
+from minerva_bus.protocol.readings import plain_reading, read_reading
+from minerva_bus.world.beams import hits
+from minerva_bus.world.compensation import Compensator, path_of
+from minerva_bus.world.readings import Odometry, Scan
+from minerva_bus.world.recordings import MapChoice, Recorded
+from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.senses import scanned_from
+
+FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)
+
+
+def scans_of(recorded, **options):
+    counted = []
+    ready = Compensator(uncorrected=lambda: counted.append(1), **options).all(recorded)
+    return [one.reading for one in ready if isinstance(one.reading, Scan)], len(counted)
+
+
+def spreads(scans, place):
+    """Before and after correction, in cm, of the worst scan."""
+    both = [
+        [spread(scan, place(scan.time), *hits(seen)) for seen in (without_path(scan), scan)]
+        for scan in scans
+    ]
+    return np.max(both, axis=0).tolist()
+
+
+@pytest.mark.parametrize("motion", [FORWARD, TURNING, BOTH], ids=["forward", "turning", "both"])
+@pytest.mark.parametrize("step", [1.0, -1.0], ids=["counter-clockwise", "clockwise"])
+@pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (0.2, -0.1, 90.0)])
+def test_walls_are_sharp(motion, step, mount):
+    place = partial(place_at, speed=motion[0], turn=motion[1])
+    scans, uncorrected = scans_of(drive(place, step=step, mount=mount))
+    before, after = spreads(scans, place)
+    assert (before > 5.0, after < 0.2, uncorrected) == (True, True, 0)
+
+
+def test_beams_in_the_reverse_order_of_time():
+    place = partial(place_at, speed=0.5, turn=90.0)
+    scan = swept(1.0, 360, 1.0, -0.2 / 360, place)
+    wheels = [place(time) for time in (0.6, 0.8, 1.0, 1.2)]
+    scan = replace(scan, path=path_of(scan, [0.6, 0.8, 1.0, 1.2], wheels))
+    before, after = spreads([scan], place)
+    assert (before > 5.0, after < 0.5) == (True, True)
+
+
+def test_a_sweep_over_many_readings_of_odometry_follows_each_of_them():
+    """A slow lidar on a robot that turns to one side, and then to the other."""
+
+    def place(time):
+        return Place(0.0, 0.0, 90.0 * (time if time < 1.0 else 2.0 - time))
+
+    scan = swept(0.5, 360, 1.0, 1.0 / 360, place)
+    wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in np.arange(0.0, 2.0, 0.1)]
+    at = [one for one in wheels if one.stamp < 1.6]
+    (corrected,), _ = scans_of([*at, Recorded(1.6, "scan", scan), *wheels[len(at) :]])
+    before, after = spreads([corrected], place)
+    assert (before > 20.0, after < 0.2) == (True, True)
+
+
+def _odometry(at, time):
+    return Odometry("r1", at.x, at.y, at.angle, 0.0, 0.0, time)
+
+
+def test_a_scan_that_comes_before_the_odometry_of_its_last_beams_waits_for_it():
+    place = partial(place_at, speed=0.0, turn=90.0)
+    scan = Recorded(1.01, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
+    wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.1, 1.2, 1.3)]
+    compensator = Compensator()
+    ready = [one for each in (*wheels[:2], scan) for one in compensator.add(each)]
+    assert ready == wheels[:2]
+    assert compensator.add(wheels[2]) == []
+    passed = compensator.add(wheels[3])
+    assert [one.topic for one in passed] == ["scan", "odometry", "odometry"]
+    assert spreads([passed[0].reading], place)[1] < 0.2
+
+
+@pytest.mark.parametrize(
+    "times",
+    [(), (0.9,), (0.1, 0.3), (0.9, 2.5), (3.0, 3.1)],
+    ids=["none", "one", "long ago", "far between", "later"],
+)
+def test_without_odometry_of_its_time_a_scan_is_counted_and_passed_on(times):
+    place = partial(place_at, speed=0.0, turn=90.0)
+    scan = Recorded(1.2, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
+    wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in times]
+    scans, uncorrected = scans_of(sorted([scan, *wheels], key=lambda one: one.stamp))
+    assert (len(scans), scans[0].path, uncorrected) == (1, (), 1)
+
+
+def test_odometry_that_jumps_moves_no_wall():
+    place = partial(place_at, speed=0.0, turn=0.0)
+    scan = Recorded(1.2, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
+    wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.05)]
+    wheels += [Recorded(t, "odometry", _odometry(Place(90.0, 0.0, 0.0), t)) for t in (1.1, 1.3)]
+    (scan,), uncorrected = scans_of(sorted([scan, *wheels], key=lambda one: one.stamp))
+    assert (scan.path, uncorrected) == ((), 1)
+
+
+def test_scans_whose_beams_are_of_one_time_are_left_as_they_are():
+    scan = Scan("r1", np.ones(9, np.float32), 0.0, 1.0, 8.0, 1.0)
+    recorded = Recorded(1.0, "scan", scan)
+    assert Compensator().add(recorded) == [recorded]
+
+
+def test_the_time_offset_of_a_lidar_that_stamps_its_last_beam():
+    place = partial(place_at, speed=0.0, turn=90.0)
+    late = [
+        replace(one, reading=replace(one.reading, time=one.reading.time + 0.2))
+        if one.topic == "scan"
+        else one
+        for one in drive(place)
+    ]
+    right, wrong = scans_of(late, offset=-0.2)[0], scans_of(late)[0]
+    assert spreads(right, place)[1] < 0.2
+    assert all(scan.path for scan in wrong)
+    assert [scan.time for scan in right] == pytest.approx([scan.time - 0.2 for scan in wrong])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(-1.5, 1.5), st.floats(-180, 180), st.sampled_from([1.0, -1.0]), st.floats(0.05, 0.3)
+)
+def test_corrected_hits_lie_on_the_walls(speed, turn, step, seconds):
+    place = partial(place_at, speed=speed, turn=turn, start=(0.0, 0.0, 20.0), begin=0.5)
+    times = np.arange(0.0, 1.5, 0.02).tolist()
+    scan = swept(0.5, 90, 4.0 * step, seconds / 90, place)
+    scan = replace(scan, path=path_of(scan, times, [place(time) for time in times]))
+    assert spread(scan, place(0.5), *hits(scan)) < 0.5
+
+
+# --- where scans go -------------------------------------------------------------------------------
+
+
+def test_a_sweep_travels():
+    place = partial(place_at, speed=0.5, turn=90.0)
+    (scan, *_), _ = scans_of(drive(place, beams=36, step=10.0))
+    plain = plain_reading(scan)
+    assert (plain[0], len(scan.path) > 2) == ("sweep", True)
+    again = read_reading(plain)
+    assert (again.beam_time, again.path) == (scan.beam_time, scan.path)
+    assert plain_reading(again) == plain
+
+
+def test_a_scan_of_an_older_record_has_no_beam_times():
+    plain = plain_reading(Scan("r1", np.ones(2, np.float32), 0.0, 1.0, 8.0, 1.0))
+    assert (plain[0], len(plain)) == ("scan", 8)
+    assert (read_reading(plain).beam_time, read_reading(plain).path) == (0.0, ())
+
+
+def test_a_scan_told_from_elsewhere_keeps_its_walls():
+    """What `ros2_robot` does to a scan of a robot that is not where the string has it."""
+    place, shift = partial(place_at, speed=0.5, turn=90.0), Pose(0.3, -0.2, 25.0)
+    (scan, *_), _ = scans_of(drive(place, mount=(0.2, 0.1, 30.0)))
+    other = scanned_from(shift, scan, "r1")
+    for number in (0, 100, 359):
+        ends = [_end(reading, number) for reading in (scan, other)]
+        assert shift.then(Pose(*ends[0])).x == pytest.approx(Pose(*ends[1]).x, abs=2e-3)
+        assert shift.then(Pose(*ends[0])).y == pytest.approx(Pose(*ends[1]).y, abs=2e-3)
+
+
+def _end(scan, number):
+    dist, angle = hits(scan)
+    turn = np.radians(angle[number])
+    return float(dist[number] * np.cos(turn)), float(dist[number] * np.sin(turn)), 0.0
+
+
+class Tape:
+    """A recording in memory."""
+
+    part = 0.5
+
+    def __init__(self, recorded):
+        self.recorded = recorded
+
+    def readings(self):
+        return iter(self.recorded)
+
+    def close(self):
+        pass
+
+
+def wall_cells(recorded, **choice):
+    made = draw_map(lambda: Tape(recorded), MapChoice(**choice), lambda part: None)
+    return int((made.grid > 1).sum()), made.uncorrected
+
+
+@pytest.mark.parametrize("poses", ["odometry", "matched"])
+def test_a_map_has_thin_walls(poses):
+    place = partial(place_at, speed=0.0, turn=90.0)
+    recorded = drive(place, seconds=4.0)
+    at_once = [
+        replace(one, reading=replace(one.reading, beam_time=0.0)) if one.topic == "scan" else one
+        for one in recorded
+    ]
+    sharp, uncorrected = wall_cells(recorded, poses=poses)
+    smeared, _ = wall_cells(at_once, poses=poses)
+    assert (sharp < 0.75 * smeared, uncorrected) == (True, 0)
+
+
+def test_without_odometry_matching_finds_the_motion_first():
+    place = partial(place_at, speed=0.3, turn=15.0)
+    recorded, options = drive(place, odometry=False), {"cell": 0.05, "farthest": 0.0}
+    located = list(located_scans(recorded, matched=True, **options))
+    again = located_scans(recorded, matched=True, motion=Motion.of(located), **options)
+    before, after = spreads([one.scan for one in again], place)
+    assert (before > 8.0, after < 1.0) == (True, True)
+    assert wall_cells(recorded, poses="matched")[1] == 0
