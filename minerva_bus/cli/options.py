@@ -6,6 +6,8 @@ from typing import Annotated, Final
 
 import typer
 
+from minerva_bus.errors import MisuseError
+
 UNKNOWN_TOO: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
 """Of a command that takes a world's or a service's own options, too (`words.options_of`)."""
 
@@ -43,7 +45,7 @@ Keys = Annotated[
         help="For tls/ endpoints: folder of your keys, or your certificate in it, NAME.pem.",
     ),
 ]
-World = Annotated[str, typer.Option(help="Name of the world, where there are several.")]
+World = Annotated[str, typer.Option(help="Name of the world, where several run.")]
 KeepTrying = Annotated[
     float | None,
     typer.Option(
@@ -73,3 +75,10 @@ Settings = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option(help="Say only what goes wrong.")]
+
+
+def chosen(name: str, world: str) -> str:
+    """The world that a command's only word or its --world names. Raises MisuseError for two."""
+    if name and world and name != world:
+        raise MisuseError(f"which world: {name!r} or --world {world!r}? Give one of them")
+    return name or world

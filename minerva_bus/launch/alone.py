@@ -44,7 +44,7 @@ class Alone:
         self._began = began
         self._status_at = began
         self._status_frame: int = 0
-        self._first_frame = 0.0
+        self._first_frame: float | None = None
         self._last_frame = 0.0
         self.algorithm = FrameAlgorithm(file.world)
         self.pace = Pace(file.rate)
@@ -240,7 +240,7 @@ class Alone:
             self._count(instruction, now - (self._last_frame or now))
             self._last_frame = now
             self.diary.frame(instruction.frame, instruction.events)
-            if not self._first_frame:
+            if self._first_frame is None:
                 self._first_frame = now
             if now - self._status_at >= 0.1:
                 self._show(now)
@@ -260,15 +260,15 @@ class Alone:
         )
 
     def _summary(self, runner: InProcess, reason: str) -> Summary:
-        ended = runner.ended
+        ended, first = runner.ended, self._first_frame
         return Summary(
             world=self._file.world.name,
             frames=self.algorithm.frame,
             digest=self.algorithm.scene.digest.hex(),
             reached=self.algorithm.reached,
             ended=reason or (ended.reason if ended is not None else ""),
-            wall_seconds=self._last_frame - self._first_frame,
-            first_frame_seconds=max(0.0, self._first_frame - self._began),
+            wall_seconds=0.0 if first is None else self._last_frame - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
             members=len(self._file.processes),
             seed=self._file.world.seed,
             startup={},

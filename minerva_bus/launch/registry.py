@@ -67,7 +67,7 @@ class Claim:
                 where = f" (process {other.pid}, {other.endpoint})" if other is not None else ""
                 raise BusError(
                     f"a world {self.world!r} runs here already{where}; attach to it, stop it"
-                    f" (minerva stop {self.world}), or give this one another name (--name)"
+                    f" (minerva stop --world {self.world}), or give this one another name (--name)"
                 ) from None
             if _same_file(file, self._path):
                 return file

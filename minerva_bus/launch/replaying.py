@@ -27,6 +27,7 @@ from minerva_bus.launch.resuming import completed, differing_vocabulary, find_fi
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.keys import checked_name
 from minerva_bus.protocol.plain import whole
+from minerva_bus.wording import frames_up_to
 from minerva_bus.world.kinds import Kinds
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def read_replay(
         if not film.end:
             raise MisuseError(f"{path}: there is no frame in it")
         if not 0 <= begin < film.end:
-            raise MisuseError(f"{path}: it has the frames 0 to {film.end - 1}, not {begin}")
+            raise MisuseError(f"{path}: it has {frames_up_to(film.end)}, not {begin}")
         played = replace(told.world, scene=film.wind(begin), past=Checkpoint(begin))
     played = replace(played, frames=film.end, until="", name=_name(overrides, told))
     views = file.processes[len(file.processes) - len(overrides.views) :]

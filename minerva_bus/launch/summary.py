@@ -32,7 +32,8 @@ class Laps:
 class Summary:
     """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...).
 
-    `before` is how many of the frames ran before this run, which went on from a record.
+    `before` is how many of the frames ran before this run, which went on from a record;
+    `first_frame_seconds` is None where no frame was completed.
     """
 
     world: str
@@ -41,7 +42,7 @@ class Summary:
     reached: bool
     ended: str
     wall_seconds: float
-    first_frame_seconds: float
+    first_frame_seconds: float | None
     members: int
     seed: int
     startup: Mapping[str, float]
@@ -59,6 +60,7 @@ class Summary:
 
     def plain(self) -> dict[str, Any]:
         """As one JSON object; a member's figure never takes the place of one of these."""
+        first = self.first_frame_seconds
         own: dict[str, Any] = {
             "world": self.world,
             "frames": self.frames,
@@ -66,7 +68,7 @@ class Summary:
             "reached": self.reached,
             "wall_seconds": round(self.wall_seconds, 3),
             "frames_per_second": round(self.frames_per_second, 1),
-            "first_frame_seconds": round(self.first_frame_seconds, 3),
+            "first_frame_seconds": first if first is None else round(first, 3),
             "startup_seconds": {name: round(value, 3) for name, value in self.startup.items()},
             "members": self.members,
             "seed": self.seed,
@@ -76,6 +78,10 @@ class Summary:
             own["profile"] = {name: dict(row) for name, row in self.profile.items()}
         figures = {name: _plain(value) for name, value in self.figures.items()}
         return own | {name: value for name, value in figures.items() if name not in own}
+
+    def _first_frame_shown(self) -> str:
+        seconds = self.first_frame_seconds
+        return "no frame was completed" if seconds is None else f"first frame after {seconds:.2f} s"
 
     def _startup_shown(self) -> str:
         parts = [f"{name} {value:.2f}" for name, value in self.startup.items()]
@@ -88,7 +94,7 @@ class Summary:
             f"{self.world}: {self.ended}",
             f"  {counted(self.frames, 'frame')}{earlier} in {self.wall_seconds:.1f} s"
             f" ({self.frames_per_second:.0f} per second), {counted(self.members, 'member')}",
-            f"  first frame after {self.first_frame_seconds:.2f} s" + self._startup_shown(),
+            f"  {self._first_frame_shown()}" + self._startup_shown(),
         ]
         for name, value in self.figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)

@@ -53,7 +53,7 @@ class Supervisor:
         self._members = Members(around, lambda name, line: self._log(name, line, "info"))
         self._claim: Claim | None = None
         self._last_line = ""
-        self._first_frame = 0.0
+        self._first_frame: float | None = None
         self._interrupts = 0
         self._stopping = False
         self._ended: dict[str, Any] | None = None
@@ -159,7 +159,7 @@ class Supervisor:
         self._console.live(live_line(world.name, status, world.frames, self._laps.began))
 
     def _on_first_frame(self) -> None:
-        if not self._first_frame:
+        if self._first_frame is None:
             self._laps.end("members and frame 0")
             self._first_frame = self._laps.total
 

@@ -12,6 +12,7 @@ from minerva_bus.record.errors import RecordError
 from minerva_bus.record.info import kinds_in
 from minerva_bus.record.messages import Frame
 from minerva_bus.record.reader import Record
+from minerva_bus.wording import frames_up_to
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ def moment_of(record: Record, number: int | None) -> Moment:
     if number is None or number == end:
         return Moment(end, end * dt, string, None)
     if not 0 <= number < end:
-        raise RecordError(f"{record.path}: it has the frames 0 to {end - 1}, not {number}")
+        raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {number}")
     string = record.string(number)
     frame, _ = next(record.play(number))
     return Moment(number, number * dt, string, frame if frame.number == number else None)

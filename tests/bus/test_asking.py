@@ -208,7 +208,19 @@ def test_two_worlds_are_listed_and_told_apart(tmp_path):
         assert done.returncode == 2
         assert "choose one with --world" in done.stderr
         assert here(tmp_path, "pub", "eNoise", "--world", second.name).returncode == 0
-        assert here(tmp_path, "stop", second.name).returncode == 0
+        for command in ("list", "pause", "resume", "top"):
+            answer = ("--json",) if command in ("list", "top") else ()
+            for form in (
+                (second.name,),
+                ("--world", second.name),
+                (second.name, "--world", second.name),
+            ):
+                done = here(tmp_path, command, *form, *answer)
+                assert done.returncode == 0, (command, form, done.stderr)
+                assert answer or done.stdout.startswith(second.name)
+            done = here(tmp_path, command, first.name, "--world", second.name)
+            assert (done.returncode, "which world" in done.stderr) == (2, True)
+        assert here(tmp_path, "stop", "--world", second.name).returncode == 0
         assert second.ends() == 0
         assert first.members()
         assert here(tmp_path, "stop", "--connect", first.endpoint()).returncode == 0

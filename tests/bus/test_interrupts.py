@@ -71,6 +71,8 @@ def test_also_before_the_first_frame(tmp_path):
     with World(write_world(tmp_path, members, bus="soft = 0.2")) as world:
         world.says("absent", "has been waiting for it")
         assert interrupted(world, signal.SIGINT) == 130
+        assert any("no frame was completed" in line for line in world.output)
+        assert "0.00 s (" not in "".join(world.output)
 
 
 def test_a_second_ctrl_c_ends_it_without_a_word(tmp_path):

@@ -1,19 +1,28 @@
-"""Words for people."""
+"""Words that several layers share."""
 
 import pytest
 
-from minerva_bus.wording import counted
+from minerva_bus.launch.summary import Summary
+from minerva_bus.wording import counted, frames_up_to
 
 
 @pytest.mark.parametrize(
-    ("number", "one", "shown"),
-    [
-        (1, "agent", "1 agent"),
-        (0, "agent", "0 agents"),
-        (1200, "agent", "1,200 agents"),
-        (1, "process", "1 process"),
-        (2, "process", "2 processes"),
-    ],
+    ("end", "text"),
+    [(0, "no frames"), (1, "frame 0 only"), (2, "the frames 0 to 1"), (60, "the frames 0 to 59")],
 )
-def test_what_there_is_of_something(number, one, shown):
-    assert counted(number, one) == shown
+def test_the_frames_of_a_record(end, text):
+    assert frames_up_to(end) == text
+
+
+@pytest.mark.parametrize(
+    ("number", "noun", "text"),
+    [(1, "agent", "1 agent"), (1200, "agent", "1,200 agents"), (2, "process", "2 processes")],
+)
+def test_counts(number, noun, text):
+    assert counted(number, noun) == text
+
+
+def test_a_run_without_a_frame_has_no_time_of_its_first_frame():
+    summary = Summary("w", 0, "d", False, "interrupted", 0.0, None, 1, 0, {}, {})
+    assert summary.plain()["first_frame_seconds"] is None
+    assert "  no frame was completed" in summary.lines()

@@ -6,19 +6,21 @@ from typing import Annotated
 
 import typer
 
-from minerva_bus.cli.options import Connect, Json, Keys, World
+from minerva_bus.cli.options import Connect, Json, Keys, World, chosen
 
 app = typer.Typer()
 
-Named = Annotated[str, typer.Argument(help="Name of the world; default: the only one.")]
+Named = Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")]
 
 
 @app.command("list")
-def list_(connect: Connect = "", keys: Keys = "", world: World = "", json: Json = False) -> None:
+def list_(
+    name: Named = "", connect: Connect = "", keys: Keys = "", world: World = "", json: Json = False
+) -> None:
     """Show who takes part in a running world; several worlds: show the worlds."""
     from minerva_bus.cli.asking import list_members
 
-    list_members(connect, world, json)
+    list_members(connect, chosen(name, world), json)
 
 
 @app.command()
@@ -54,39 +56,27 @@ def pub(
 
 
 @app.command()
-def stop(
-    world: Named = "",
-    connect: Connect = "",
-    keys: Keys = "",
-) -> None:
+def stop(name: Named = "", connect: Connect = "", keys: Keys = "", world: World = "") -> None:
     """End a running world."""
     from minerva_bus.cli.asking import stop_world
 
-    stop_world(connect, world)
+    stop_world(connect, chosen(name, world))
 
 
 @app.command()
-def pause(
-    world: Named = "",
-    connect: Connect = "",
-    keys: Keys = "",
-) -> None:
+def pause(name: Named = "", connect: Connect = "", keys: Keys = "", world: World = "") -> None:
     """Let a running world rest between two frames."""
     from minerva_bus.cli.operating import pause_world
 
-    pause_world(connect, world)
+    pause_world(connect, chosen(name, world))
 
 
 @app.command()
-def resume(
-    world: Named = "",
-    connect: Connect = "",
-    keys: Keys = "",
-) -> None:
+def resume(name: Named = "", connect: Connect = "", keys: Keys = "", world: World = "") -> None:
     """Let a paused world go on."""
     from minerva_bus.cli.operating import resume_world
 
-    resume_world(connect, world)
+    resume_world(connect, chosen(name, world))
 
 
 @app.command()
@@ -158,6 +148,7 @@ def logs(
 
 @app.command()
 def top(
+    name: Named = "",
     connect: Connect = "",
     keys: Keys = "",
     world: World = "",
@@ -166,11 +157,12 @@ def top(
     """Watch a running world in the terminal; pause it, step, restart a member."""
     from minerva_bus.cli.topping import watch_world
 
-    watch_world(connect, world, json)
+    watch_world(connect, chosen(name, world), json)
 
 
 @app.command()
 def metrics(
+    name: Named = "",
     listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
     connect: Connect = "",
     keys: Keys = "",
@@ -179,4 +171,4 @@ def metrics(
     """Serve a running world's /metrics, /live and /ready, from a process of its own."""
     from minerva_bus.cli.measuring import serve_metrics
 
-    serve_metrics(listen, connect, world)
+    serve_metrics(listen, connect, chosen(name, world))
