@@ -9,7 +9,7 @@ over is in an order that does not depend on who answered first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from minerva_bus.errors import ProtocolError
@@ -28,6 +28,8 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.lineage import copy_id
 
 STRANGERS_NAMED = 3
 MOST_WAITING = 100_000
@@ -114,8 +116,14 @@ class FrameAlgorithm(Attendance):
             return False
         attending = self.roster.attending
         unseen = self.frame - self._stirred < attending.every
-        busy = unseen or attending.tickers or attending.joining
+        busy = unseen or attending.tickers or attending.joining or self._fading
         return not (busy or self._inbox or self._emitted or self._sanctions)
+
+    @property
+    def _fading(self) -> bool:
+        """Whether a frame without events changes the string: to the letter, it leaves no agent."""
+        literal = self.world.policy is Policy.LITERAL
+        return literal and self._distribution.homeless < self.composition.count
 
     @property
     def scene(self) -> Scene:
@@ -331,7 +339,8 @@ class FrameAlgorithm(Attendance):
             part = self.composition.parts.get(name)
             if (name if part is not None else self.composition.home(name)) not in mine:
                 return f"it sent events of #{name}, not its own"
-            if not all(_from(event, name, part) for event in events):
+            senders = self._names_of(name)
+            if not all(_from(event, senders, part) for event in events):
                 return f"it sent events of #{name} in another's name"
         born = dict(self._born)
         for fragment, scene in sorted(reply.changed.items()):
@@ -341,6 +350,13 @@ class FrameAlgorithm(Attendance):
                 born[agent.id] = fragment
         self._born = born
         return ""
+
+    def _names_of(self, agent: str) -> frozenset[str]:
+        """The ids under which an agent sends; under the literal policy its copies' too."""
+        if self.world.policy is not Policy.LITERAL:
+            return frozenset((agent,))
+        copies = range(2, 1 + sum(map(_count, self._evolving)))
+        return frozenset((agent, *(copy_id(agent, self.frame, number) for number in copies)))
 
     # --- what may come at any time ---
 
@@ -384,10 +400,10 @@ def _count(event: AnyEvent) -> int:
     return event.count if isinstance(event, Events) else 1
 
 
-def _from(event: AnyEvent, sender: str, part: Columns | None) -> bool:
+def _from(event: AnyEvent, senders: Container[str], part: Columns | None) -> bool:
     """Whether events come from whom they are said to: one agent, or some of a part."""
     if part is None or part.ids is None:
-        return isinstance(event, Event) and event.sender == sender
+        return isinstance(event, Event) and event.sender in senders
     if isinstance(event, Event):
         return part.ids.row_of(event.sender) >= 0
     return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())

@@ -10,7 +10,7 @@ import numpy as np
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.column import CHUNK
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns, one_by_one, packed
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import (
@@ -39,11 +39,14 @@ class Composition:
 
     A fragment is what hosts evolve and what travels: an outermost agent with all of its scope,
     under its id; or a part of a population, agents in columns, under a name that begins with ~.
+    Without `columns` each agent is a fragment of its own, however the string is held: under the
+    literal policy a frame turns one row into several, which must not depend on the parts.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, columns: bool = True) -> None:
         self._named: int = 0
-        self._take_apart(packed(scene), {})
+        self._held = packed if columns else one_by_one
+        self._take_apart(self._held(scene), {})
 
     def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
         """`named` are the fragments as they were: parts that still are there keep their names."""
@@ -210,7 +213,7 @@ class Composition:
     def _replace(self, changes: Mapping[str, Scene]) -> bool:
         if not all(self._same_shape(name, scene) for name, scene in changes.items()):
             parts = {**self._as_strings(), **changes}
-            self._take_apart(packed(fill(self.skeleton, parts)), parts)
+            self._take_apart(self._held(fill(self.skeleton, parts)), parts)
             return True
         before: dict[str, Ids] = {}
         for name, scene in changes.items():
@@ -261,7 +264,7 @@ class Composition:
 
         Raises VocabularyError where two agents share an id.
         """
-        self._take_apart(packed(scene), self._as_strings())
+        self._take_apart(self._held(scene), self._as_strings())
 
     def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
         """Cut a population anew, in so many parts of these sizes; they get new names."""

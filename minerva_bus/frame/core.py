@@ -18,6 +18,7 @@ from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import SOURCE
 
 
@@ -42,7 +43,8 @@ class Core:
         past = world.past
         self.frame: int = past.frame
         self.roster = Roster(world.expected)
-        self.composition = Composition(world.scene)
+        literal = world.policy is Policy.LITERAL
+        self.composition = Composition(world.scene, columns=not literal)
         self._distribution = Distribution(
             world.vocabulary, self.composition, world.placement.agents_per_host
         )

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.checkpoint import Checkpoint, LastView
 from minerva_bus.frame.constraints import Placement
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy
+from minerva_bus.world.lineage import newest_copy
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order
 
@@ -26,6 +28,9 @@ class World:
 
     One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
     views of before, by visual event type, which coupled devices still have to act on.
+
+    Raises VocabularyError where, under the literal policy, an agent has the id of a copy that a
+    frame to come may make.
     """
 
     name: str
@@ -43,3 +48,14 @@ class World:
     placement: Placement = field(default_factory=Placement)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])
+
+    def __post_init__(self) -> None:
+        for agent in agents(self.scene) if self.policy is Policy.LITERAL else ():
+            frame = newest_copy((agent.id,))
+            if frame >= self.past.frame:
+                raise VocabularyError(
+                    f"{agent.symbol}#{agent.id} has the id of a copy that frame {frame} makes"
+                    ' under policy = "literal"',
+                    expected="an id without :FRAME-NUMBER",
+                    source=f"world {self.name}",
+                )

@@ -180,6 +180,11 @@ class Distribution:
         """The host of a fragment."""
         return self._host.get(fragment)
 
+    @property
+    def occupied(self) -> list[str]:
+        """The hosts that have any fragments, sorted."""
+        return sorted(set(self._host.values()))
+
     def concerned(self, events: Iterable[AnyEvent], visual: Iterable[AnyEvent]) -> list[str]:
         """The hosts that have an agent which one of the events may concern, sorted.
 

@@ -70,7 +70,10 @@ class Host:
     def answer(
         self, request: EvolveRequest, frame: Frame, policy: Policy, vocabulary: Vocabulary
     ) -> EvolveReply:
-        """η and π over the fragments that a request is about."""
+        """η and π over the fragments that a request is about.
+
+        Without events agents stay as they are, but under the literal policy nothing is left.
+        """
         concerned = request.only or tuple(self.fragments)
         missing = [one for one in concerned if one not in self.fragments]
         if missing:
@@ -82,7 +85,8 @@ class Host:
         events = Addressed(request.events)
         found = _Different()
         emitted: dict[str, tuple[AnyEvent, ...]] = {}
-        for fragment in concerned if request.events else ():
+        evolving = bool(request.events) or policy is Policy.LITERAL
+        for fragment in concerned if evolving else ():
             was = Scene((self.fragments[fragment],))
             result = evolve(was, events, self.kinds, frame, policy)
             emitted.update(_checked(fragment, result, vocabulary))

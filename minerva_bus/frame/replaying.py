@@ -21,6 +21,7 @@ from minerva_bus.frame.membership import Member
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.moment import Frame
 from minerva_bus.world.order import collect
@@ -114,7 +115,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         world = self.world
         request = m.EvolveRequest(self.frame, (_HERE,), visual=self._visual)
         moment = Frame(self.frame, world.dt, world.seed)
-        reply = host.answer(request, moment, world.policy, world.vocabulary)
+        reply = host.answer(request, moment, Policy.SEQUENTIAL, world.vocabulary)  # π alone
         self._views = {one: dict(parts) for one, parts in reply.views.items()}
         self._view_patches = {one: dict(some) for one, some in reply.view_patches.items()}
 

@@ -16,6 +16,7 @@ from minerva_bus.frame.enforcing import Enforcing
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import collect
 
 HANDED_OVER: Final = "~handed"
@@ -108,12 +109,7 @@ class Steps(Enforcing):
             self._count_homeless()
             self._name_unoffered()
         self._layout = self.composition.layout
-        events = self._evolving + self._visual
-        if events and self._distribution.unplaced:
-            self._strand(self._distribution.unplaced)
-        asked: tuple[str, ...] = ()
-        if events:
-            asked = tuple(self._distribution.concerned(self._evolving, self._visual))
+        asked = self._to_ask()
         for host in asked:
             self._parts[host, 0] = tuple(self._distribution.fragments_of(host))
             self._give(host)
@@ -121,6 +117,17 @@ class Steps(Enforcing):
             request = m.EvolveRequest(self.frame, asked, self._evolving, self._visual)
             self._send(s.HOSTS, request)
         self._finish_if_done()
+
+    def _to_ask(self) -> tuple[str, ...]:
+        """The hosts that answer in this frame; fragments without one wait or stand still."""
+        literal = self.world.policy is Policy.LITERAL and self.phase is Phase.EVOLVE
+        if not (literal or self._evolving or self._visual):
+            return ()
+        if self._distribution.unplaced:
+            self._strand(self._distribution.unplaced)
+        if literal:  # Equation 3 then changes every agent, whoever the events are for.
+            return tuple(self._distribution.occupied)
+        return tuple(self._distribution.concerned(self._evolving, self._visual))
 
     def offers(self) -> Offers:
         """What each host may evolve, as far as the world's placement allows."""
@@ -307,7 +314,7 @@ class Steps(Enforcing):
         for name, events in self._sent.items() if self.world.until else ():
             sent = [event for event in events if event.type == self.world.until]
             for event in sent:
-                senders = event.senders or () if isinstance(event, Events) else (name,)
+                senders = event.senders or () if isinstance(event, Events) else (event.sender,)
                 self._reached = self._reached.union(senders)
             if sent:
                 part = self.composition.parts.get(name)

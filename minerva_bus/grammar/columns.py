@@ -27,6 +27,7 @@ from minerva_bus.grammar.scene import (
     Scene,
     TransformationNode,
     Value,
+    of_pieces,
     walk,
     with_scope,
 )
@@ -246,6 +247,14 @@ def packed(scene: Scene) -> Scene:
     if len(made) == len(scene.pieces):
         return scene
     return Scene(tuple(made)) if made else EMPTY
+
+
+def one_by_one(scene: Scene) -> Scene:
+    """The same string with its agents as nodes; figures and transformations stay as they are."""
+    made: list[Piece] = []
+    for piece in scene.pieces:
+        made += piece.nodes() if isinstance(piece, Columns) and piece.ids is not None else (piece,)
+    return of_pieces(scene, made)
 
 
 def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tuple[bool, Node]]:

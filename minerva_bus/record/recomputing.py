@@ -14,6 +14,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.record.comparison import Difference, apart, same_events
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.reader import Record
+from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.moment import Frame
 
@@ -26,7 +27,8 @@ class _Again:
 
     def __init__(self, world: World, kinds: Kinds) -> None:
         self._world = world
-        self.composition = Composition(world.scene)
+        literal = world.policy is Policy.LITERAL
+        self.composition = Composition(world.scene, columns=not literal)
         self._host = Host(_HERE, kinds)
         self._enforcement = Enforcement(world.norms, self.composition, {})
 

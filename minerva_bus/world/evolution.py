@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import count
+from typing import Final
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
@@ -20,12 +21,13 @@ from minerva_bus.grammar.scene import (
     of_pieces,
     rebuild,
     rescoped,
-    scene_of,
+    walk,
 )
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.crowd import evolve_many
 from minerva_bus.world.kinds import Addressed, Kinds, addressed, kinds_of
 from minerva_bus.world.life import live
+from minerva_bus.world.lineage import copy_id, newest_copy
 from minerva_bus.world.moment import Frame, Moment
 
 
@@ -35,7 +37,9 @@ class Policy(Enum):
     SEQUENTIAL  the agent lives through its events one after another, in their order; without
                 events it stays as it is
     LITERAL     the letter of the equation: the concatenation of one copy of the agent for each
-                event; without events nothing is left. Copies after the first get ids `id-2`, ...
+                event of the frame, whether it concerns the agent or not; in a frame without
+                events nothing is left. The first copy keeps the id, the others have ids made
+                from it (world/lineage.py).
     """
 
     SEQUENTIAL = "sequential"
@@ -46,7 +50,8 @@ class Policy(Enum):
 class Evolved:
     """What η made of a string, and the events that λ emitted (for the next frame).
 
-    `emitted` has those of single agents by id, `many` those of agents in columns.
+    `emitted` has those of single agents by id, `many` those of agents in columns. Events of an
+    agent's copies stand under the agent's id; each has the copy's id as its sender.
     """
 
     scene: Scene
@@ -55,6 +60,8 @@ class Evolved:
 
 
 _FIRST = Frame()
+MOST_COPIES: Final = 1_000_000
+"""Agents that one frame may make of a fragment under the literal policy."""
 
 
 def evolve(
@@ -66,12 +73,16 @@ def evolve(
 ) -> Evolved:
     """η(w, e^v), equation 3: every agent lives through its events, scopes before their agents.
 
-    Agents whose kind is not among `kinds` stand still. Raises ActivityError where user code did.
+    Agents whose kind is not among `kinds` stand still. Under the literal policy copies get ids by
+    the frame's number; where a string has ids of later copies already, by the number after those.
+    Raises ActivityError where user code did, and MisuseError where that makes too many copies.
     """
     found = addressed(events)
     if policy is Policy.LITERAL:
         eta = _Eta(addressed(tuple(single(found.events))), kinds_of(kinds), frame)
-        eta.ids.update(agent.id for agent in agents(scene))
+        last = newest_copy(agent.id for agent in agents(scene))
+        eta.copying = max(frame.number, last + 1)
+        _check_few(scene, len(eta.addressed.events), frame)
         return Evolved(rebuild(scene, eta.copies), eta.emitted)
     eta = _Eta(found, kinds_of(kinds), frame)
     if not any(isinstance(piece, Columns) for piece in scene.pieces):
@@ -87,7 +98,7 @@ class _Eta:
     kinds: Kinds
     frame: Frame
     emitted: dict[str, tuple[Event, ...]] = field(default_factory=dict[str, tuple[Event, ...]])
-    ids: set[str] = field(default_factory=set[str])
+    copying: int = 0
 
     def once(self, node: Node, scope: Scene) -> Scene | Node:
         """An agent lives through its events, one after another."""
@@ -114,39 +125,67 @@ class _Eta:
 
     def copies(self, node: Node, scope: Scene) -> Scene | Node:
         """One copy of an agent for each event of the frame: the letter of equation 3."""
+        height = 1 + _nesting(node.scope) if isinstance(node, AgentNode) else 0
         node = rescoped(node, scope)
         if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
             return node
         places = self.addressed.places(node.id, self.kinds[node.symbol].activities)
         concerning = set(map(self.addressed.index, places))
-        result = EMPTY
+        made: list[Node] = []
         for index, event in enumerate(self.addressed.events):
-            copy = node if index == 0 else self.copy(node, index + 1)
+            copy = node if index == 0 else self.copy(node, index + 1, height)
+            if index not in concerning:
+                made.append(copy)
+                continue
             alone = Addressed((event,))  # whatever a copy becomes, it meets no other event
-            result += self.live(copy, [0], alone) if index in concerning else scene_of(copy)
-        return result
+            made += self.live(copy, [0], alone, node.id).nodes
+        return Scene(tuple(made)) if made else EMPTY
 
-    def copy(self, node: AgentNode, number: int) -> AgentNode:
+    def copy(self, node: AgentNode, number: int, height: int) -> AgentNode:
         """An agent and all that is in its scope under new ids, since no two may share one."""
 
         def renamed(each: Node, scope: Scene) -> Node:
             each = rescoped(each, scope)
             if not isinstance(each, AgentNode):
                 return each
-            return replace(each, id=self.fresh(each.id, number))
+            return replace(each, id=copy_id(each.id, self.copying, number, height))
 
-        return next(agents(rebuild(scene_of(node), renamed)))
+        scope = rebuild(node.scope, renamed)
+        return replace(node, id=copy_id(node.id, self.copying, number), scope=scope)
 
-    def fresh(self, agent_id: str, number: int) -> str:
-        """`id-2`, or the next number that no agent of the string has."""
-        name = next(name for n in count(number) if (name := f"{agent_id}-{n}") not in self.ids)
-        self.ids.add(name)
-        return name
-
-    def live(self, node: AgentNode, places: list[int], addressed: Addressed) -> Scene:
-        """λ of one agent by the events at these places."""
+    def live(
+        self, node: AgentNode, places: list[int], addressed: Addressed, original: str = ""
+    ) -> Scene:
+        """λ of one agent, or of a copy of one with the id `original`, by the events at places."""
         moment = Moment(self.frame, f"#{node.id}")
         result = live(node, places, addressed, self.kinds, moment)
         if moment.emitted:
-            self.emitted[node.id] = (*self.emitted.get(node.id, ()), *moment.emitted)
+            name = original or node.id
+            self.emitted[name] = (*self.emitted.get(name, ()), *moment.emitted)
         return result
+
+
+def _check_few(scene: Scene, events: int, frame: Frame) -> None:
+    """Raise MisuseError before a frame makes more copies than anybody can hold."""
+    level = copies = 0
+    for opens, node in walk(scene):
+        if isinstance(node, AgentNode):
+            level += 1 if opens else -1
+            copies += events**level if opens else 0
+            if copies > MOST_COPIES:
+                raise MisuseError(
+                    f'policy = "literal" copies each agent for each of the {events} events of'
+                    f" frame {frame.number}, and those in scopes once more for each agent around"
+                    f" them: more than {MOST_COPIES:,} copies; use fewer events, or the policy"
+                    ' "sequential"'
+                )
+
+
+def _nesting(scene: Scene) -> int:
+    """How many agents stand around one another in a string, at most."""
+    level = deepest = 0
+    for opens, node in walk(scene):
+        if isinstance(node, AgentNode):
+            level += 1 if opens else -1
+            deepest = max(deepest, level)
+    return deepest

@@ -74,7 +74,7 @@ def test_evolve_is_equation_3_with_events_one_after_another(case):
 @law
 @given(lived)
 def test_evolve_is_equation_3_to_the_letter(case):
-    """Copies of an agent have ids of their own in the engine: `a`, `a-2`; in the paper, none."""
+    """Copies of an agent have ids of their own in the engine: `a`, `a:7-2`; in the paper, none."""
     w, events, frame = case
     evolved = evolve(w, events, FAMILY, frame, Policy.LITERAL)
     literal = transcription.eta(w, events, PlainLambda(frame))
@@ -84,13 +84,13 @@ def test_evolve_is_equation_3_to_the_letter(case):
 
 
 def without_copies(scene):
-    """The string with `a-2` called `a` again."""
+    """The string with `a:7-2` called `a` again."""
 
     def leave(node, scope):
         node = rescoped(node, scope)
         if not isinstance(node, AgentNode):
             return node
-        name = re.sub(r"(-\d+)+(?=:|$)", "", node.id)
+        name = re.sub(r":\d+-\d+(-\d+)?(?=:|$)", "", node.id)
         return AgentNode(node.symbol, name, node.names, node.values, node.scope)
 
     return rebuild(scene, leave)

@@ -124,14 +124,14 @@ def test_every_birth_has_an_id_of_its_own():
 
 def test_the_letter_makes_a_copy_for_each_event():
     assert eta("ANumber#a<n=1>", eAdd(1), eTimes(10), policy=Policy.LITERAL) == (
-        "ANumber#a<n=2>() · ANumber#a-2<n=10>()"
+        "ANumber#a<n=2>() · ANumber#a:0-2<n=10>()"
     )
 
 
 def test_the_letter_keeps_a_copy_for_an_event_that_does_not_concern_the_agent():
     """λ(a, e^f) = a where f ≠ d, and the product is over all of v."""
     assert eta("ANumber#a", eAdd(1, receivers=["b"]), eAdd(2), policy=Policy.LITERAL) == (
-        "ANumber#a<n=0>() · ANumber#a-2<n=2>()"
+        "ANumber#a<n=0>() · ANumber#a:0-2<n=2>()"
     )
 
 
@@ -142,16 +142,18 @@ def test_the_letter_leaves_nothing_of_an_agent_without_events():
 def test_copies_of_copies_and_of_scopes_have_ids_of_their_own():
     once = eta("ANumber#a(ANumber#b)", eAdd(1), eAdd(1), policy=Policy.LITERAL)
     assert once == (
-        "ANumber#a<n=1>(ANumber#b<n=1>() · ANumber#b-2<n=1>())"
-        " · ANumber#a-2<n=1>(ANumber#b-3<n=1>() · ANumber#b-2-2<n=1>())"
+        "ANumber#a<n=1>(ANumber#b<n=1>() · ANumber#b:0-2<n=1>())"
+        " · ANumber#a:0-2<n=1>(ANumber#b:0-2-2<n=1>() · ANumber#b:0-2:0-2-2<n=1>())"
     )
-    assert eta(once, eAdd(1), eAdd(1), policy=Policy.LITERAL).count("ANumber") == 20
+    again = eta(once, eAdd(1), eAdd(1), policy=Policy.LITERAL)
+    assert again.count("ANumber") == 20
+    assert "ANumber#a:0-2:1-2<n=2>(ANumber#b:0-2-2:1-2-2<n=2>()" in again
 
 
 def test_children_of_copies_have_ids_of_their_own():
     assert eta("ANumber#a", eGrow(), eGrow(), policy=Policy.LITERAL) == (
         "ANumber#a<n=0, births=1>() · ANumber#a:1<n=0>()"
-        " · ANumber#a-2<n=0, births=1>() · ANumber#a-2:1<n=0>()"
+        " · ANumber#a:0-2<n=0, births=1>() · ANumber#a:0-2:1<n=0>()"
     )
 
 
