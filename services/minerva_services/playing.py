@@ -24,7 +24,7 @@ LONGEST_GAP: Final = 5.0
 """Recorded seconds that are waited for at most from one reading to the next."""
 
 ALONE: Final = 0.1
-"""Recorded seconds from one reading to the next where all of a recording have one time."""
+"""Recorded seconds that a round lasts where all readings of a recording have one time."""
 
 
 NOT_CORRECTED: Final = "scans not corrected"
@@ -109,30 +109,40 @@ class Player:
         pace: Pace,
         time_offset: float = 0.0,
         uncorrected: Callable[[], None] = lambda: None,
+        alone: float = ALONE,
     ) -> None:
-        """`time_offset` and `uncorrected` as a Compensator has them."""
+        """`time_offset` and `uncorrected` as a Compensator has them.
+
+        `alone` is the recorded seconds of a round where all of a recording have one time.
+        """
         self._recording = recording
         self._pace = pace
+        self._alone = alone
         self._compensation = time_offset, uncorrected
 
     def read(self, stop: threading.Event) -> Iterator[Said]:
         """The readings with their topics, each when it is due. Raises SourceError."""
         try:
-            gap = yield from self._round(stop)
-            while self._pace.loop and not stop.wait(gap):
-                gap = yield from self._round(stop)
+            begin = time.monotonic()
+            lasted = yield from self._round(begin, stop)
+            while self._pace.loop and not stop.is_set():
+                # The next round is due by the clock, so rounds do not get longer by their work.
+                begin = max(begin + lasted, time.monotonic() - lasted)
+                if stop.wait(max(0.0, begin - time.monotonic())):
+                    return
+                lasted = yield from self._round(begin, stop)
         except RecordingError as error:
             raise SourceError(str(error)) from None
 
     def close(self) -> None:
         self._recording.close()
 
-    def _round(self, stop: threading.Event) -> Generator[Said, None, float]:
-        """Play it once; the seconds from its last reading to the first of another round."""
+    def _round(self, begun: float, stop: threading.Event) -> Generator[Said, None, float]:
+        """Play it once; the seconds from its begin to that of another round."""
         readings = Compensator(*self._compensation).all(self._recording.readings())
         stamped, played = tee(_from(self._pace.offset, readings))
         stamps = (one.stamp for one in stamped)
-        begun, due, number = time.monotonic(), 0.0, 0
+        due, number = 0.0, 0
         for due, one in zip(due_times(stamps, self._pace.speed), played, strict=True):
             number += 1
             wait = begun + due - time.monotonic()
@@ -143,13 +153,13 @@ class Player:
             raise SourceError(
                 f"there is nothing to play after {self._pace.offset:g} s; take a smaller offset"
             )
-        return self._gap(due, number)
+        return due + self._gap(due, number)
 
     def _gap(self, lasted: float, number: int) -> float:
         """The seconds between two rounds: as from one of its readings to the next."""
         if not self._pace.speed:
             return 0.0
-        return lasted / (number - 1) if lasted else ALONE / self._pace.speed
+        return lasted / (number - 1) if lasted else self._alone / self._pace.speed
 
 
 def _from(offset: float, readings: Iterator[Recorded]) -> Iterator[Recorded]:

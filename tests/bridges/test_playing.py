@@ -127,12 +127,12 @@ class Hurried:
 
 @pytest.mark.parametrize(
     ("stamps", "speed", "gap"),
-    [((1.0,), 1.0, 0.1), ((1.0, 1.0), 2.0, 0.05), ((0.0, 1.0, 3.0), 1.0, 1.5)],
+    [((1.0,), 1.0, 0.1), ((1.0, 1.0), 2.0, 0.05), ((0.0, 1.0, 3.0), 1.0, 4.5)],
 )
 def test_rounds_are_as_far_apart_as_readings(stamps, speed, gap):
     stop = Hurried(3)
     heard = list(Player(Tape(*stamps), Pace(speed, loop=True)).read(stop))
-    assert gap in stop.asked
+    assert any(asked == pytest.approx(gap, abs=0.02) for asked in stop.asked)
     assert len(heard) <= 3 * len(stamps)
 
 

@@ -23,12 +23,13 @@ from minerva_bus import (
 from minerva_bus.world.readings import Image, Mount, Scan
 
 cv2 = pytest.importorskip("cv2")
-from rendered import FX, HEIGHT, SIZE, WIDTH, rendered  # noqa: E402
+from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
 from minerva_services.vision import Markers, Vision  # noqa: E402
 from minerva_services.vision.detecting import DICTIONARIES, detector, dictionary_of  # noqa: E402
-from minerva_services.vision.eye import from_centre  # noqa: E402
+from minerva_services.vision.edges import refined  # noqa: E402
+from minerva_services.vision.eye import _place, from_centre  # noqa: E402
 from minerva_services.vision.images import grey_of  # noqa: E402
 from minerva_services.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
 from minerva_services.vision.library import opencv  # noqa: E402
@@ -50,6 +51,20 @@ class Told(list):
 
     def publish(self, topic, reading):
         self.append((topic, reading))
+
+
+class Hurried:
+    """A stop whose waiting takes no time, so the last wait is all that would have been waited."""
+
+    def __init__(self, most):
+        self.most, self.asked = most, []
+
+    def wait(self, seconds):
+        self.asked.append(seconds)
+        return self.is_set()
+
+    def is_set(self):
+        return len(self.asked) >= self.most
 
 
 class Never:
@@ -77,6 +92,51 @@ def run(service):
 def ids(photo, dictionary):
     image = cv2.imread(str(photo), cv2.IMREAD_GRAYSCALE)
     return [one.id for one in detector(dictionary_of(dictionary))(image)]
+
+
+def exact(dictionary, pixels, turned, blur):
+    """An image of a marker whose side is so long, averaged over each pixel, and its true corners.
+
+    4 x 4 samples for each pixel, and some noise.
+    """
+    half, distance = SIZE / 2, FX * SIZE / pixels
+    square = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
+    roll, turn = np.radians(10.0), np.radians(turned)
+    about_z = [[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
+    about_y = [[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]]
+
+    def seen(points):
+        placed = points @ about_z @ about_y + [0.0, 0.0, distance]
+        return placed[:, :2] / placed[:, 2:] * FX + [WIDTH / 2 + 0.3, HEIGHT / 2 - 0.2]
+
+    edge = np.array([[0, 0], [600, 0], [600, 600], [0, 600]], np.float32) - 0.5
+    way = cv2.getPerspectiveTransform(edge, (seen(1.5 * square) * 4 - 0.5).astype(np.float32))
+    large = np.full((HEIGHT * 4, WIDTH * 4), 200, np.uint8)
+    picture = cv2.GaussianBlur(texture(cv2, dictionary, 7), (0, 0), max(0.1, 40 / pixels))
+    cv2.warpPerspective(picture, way, large.shape[::-1], large, borderMode=cv2.BORDER_TRANSPARENT)
+    image = cv2.resize(large, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    image = cv2.GaussianBlur(image, (0, 0), blur) if blur else image
+    noise = np.random.default_rng(1).normal(0.0, 2.0, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8), seen(square) - 0.5
+
+
+@pytest.mark.parametrize("dictionary", ["6X6_250", "APRILTAG_36h11", "4X4_50", "APRILTAG_16h5"])
+@pytest.mark.parametrize("turned", [0.0, 50.0])
+@pytest.mark.parametrize(("pixels", "blur"), [(24, 0.0), (40, 0.0), (40, 1.2), (160, 1.2)])
+def test_a_marker_is_as_large_as_it_is(dictionary, turned, pixels, blur):
+    image, corners = exact(dictionary, pixels, turned, blur)
+    (found,) = [one for one in detector(dictionary)(image) if one.id == 7]
+    area, wanted = (cv2.contourArea(at.astype(np.float32)) for at in (found.corners, corners))
+    assert (area / wanted) ** 0.5 == pytest.approx(1.0, abs=0.004)
+    assert np.hypot(*(found.corners - corners).T).max() < 0.3
+
+
+def test_corners_stay_where_there_are_no_edges():
+    corners = np.array([[20.0, 20.0], [40.0, 20.0], [40.0, 40.0], [20.0, 40.0]])
+    for image in (np.full((60, 60), 128, np.uint8), np.zeros((60, 60), np.uint8)):
+        assert np.array_equal(refined(image, corners), corners)
+    at_border = corners - 20.0
+    assert np.isfinite(refined(np.full((60, 60), 128, np.uint8), at_border)).all()
 
 
 # --- detection ------------------------------------------------------------------------------------
@@ -130,6 +190,18 @@ def test_a_marker_at_a_known_place(tmp_path, dictionary, distance, angle, up, tu
     assert one.marker == "door"
     assert one.distance == pytest.approx(distance, rel=0.02)
     assert one.angle == pytest.approx(angle, abs=0.4)
+
+
+def test_a_marker_that_is_seen_as_an_exact_square():
+    """IPPE has no finite solution of these corners, which a rendered image had."""
+    corners = np.array(
+        [[117.4995, 198.4995], [200.5005, 198.4995], [200.5005, 281.5005], [117.4995, 281.5005]]
+    )
+    ahead, left = _place(corners, SIZE, Lens(FX, FX, WIDTH / 2, HEIGHT / 2))
+    assert (ahead, left) == (
+        pytest.approx(600 * 0.2 / 83.001, rel=0.01),
+        pytest.approx(0.388, abs=0.01),
+    )
 
 
 def test_many_markers_of_which_some_have_names(tmp_path):
@@ -286,6 +358,30 @@ def test_a_folder_of_images_some_of_which_are_none(tmp_path, capfd):
     assert [seen.time for _, seen in told] == pytest.approx([0.0, 0.6])
     assert service.report()["garbage"] == 3
     assert capfd.readouterr().out.count("cannot be read as an image") == 1
+
+
+def test_a_still_that_loops_is_seen_in_each_frame(tmp_path):
+    """Twice in the dt of a frame, by the clock, and it is looked at again when it has changed."""
+    cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 2.0, 0, 0, 0)))
+    service = vision(tmp_path / "one.png", loop=True)
+    service.joined(WorldInfo("w", Vocabulary.of(), 0, 1 / 60))
+    looked, sees = [], service._eye.sees
+    service._eye.sees = lambda *of: looked.append(of) or sees(*of)
+    source, stop = service.open(), Hurried(120)
+    count = len(list(source.read(stop)))
+    assert stop.asked[-1] == pytest.approx(count / 120, abs=0.1)
+    assert count > 50
+    assert len(looked) == 1
+    cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 1.0, 0, 0, 0)))
+    _, seen = next(source.read(Hurried(9)))
+    assert (seen.seen[0].distance, len(looked)) == (pytest.approx(1.0, rel=0.01), 2)
+
+
+def test_the_frames_a_second_of_a_still_are_as_told(tmp_path):
+    cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 2.0, 0, 0, 0)))
+    stop = Hurried(20)
+    count = len(list(vision(tmp_path / "one.png", loop=True, fps=5.0).open().read(stop)))
+    assert stop.asked[-1] == pytest.approx(count / 5, abs=0.3)
 
 
 def test_an_image_that_shows_nothing_is_told_too(tmp_path):

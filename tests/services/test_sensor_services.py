@@ -54,6 +54,23 @@ def test_the_limit_is_no_hit_although_a_float32_rounds_it(limit: float) -> None:
     assert hits(scan([limit, 1.0], range_max=limit)) == [(1.0, -45.0)]
 
 
+@pytest.mark.parametrize("beams", [2, 100])
+def test_equal_beams_of_two_scans_are_two_events_where_the_type_has_a_time(beams: int) -> None:
+    """Eq. 6 makes one event of two that are equal: a world that counts hits declares `time`."""
+    from minerva_bus import Seconds, Vocabulary, WorldInfo
+
+    scans = [Scan("r", np.ones(beams, np.float32), 0.0, 1.0, 5.0, time) for time in (0.1, 0.2)]
+    known = {"plain": {}, "timed": {"time": Seconds}}
+    count = {}
+    for name, more in known.items():
+        laser = Laser(takes="all")
+        event = EventType("eLaser", dist=Metres, angle=Degrees, **more)
+        laser.joined(WorldInfo("w", Vocabulary.of(event), 0, 0.1))
+        events = list(single(laser.generate(tick(1, *scans))))
+        count[name] = len({str(one) for one in events})
+    assert count == {"plain": beams, "timed": 2 * beams}
+
+
 def test_every_so_many_th_beam() -> None:
     assert hits(scan([1, 2, 3, 4, 5, 4, 3]), every=3) == [(1, -90), (4, 45), (3, 180)]
 

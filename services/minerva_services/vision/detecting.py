@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError, nearest
+from minerva_services.vision.edges import refined
 from minerva_services.vision.library import opencv
 
 Grey: TypeAlias = NDArray[np.uint8]
@@ -59,7 +60,9 @@ def detector(dictionary: str) -> Detect:
         if ids is None:
             return []
         pairs = zip(ids.ravel().tolist(), corners, strict=True)
-        found = [Found(one, quad.reshape(4, 2).astype(np.float64)) for one, quad in pairs]
+        found = [
+            Found(one, refined(image, quad.reshape(4, 2).astype(np.float64))) for one, quad in pairs
+        ]
         return sorted(found, key=lambda one: (one.id, *one.corners[0].tolist()))
 
     return detect

@@ -108,17 +108,20 @@ def _place(corners: NDArray[np.float64], size: float, lens: Lens) -> tuple[float
     """
     cv2 = opencv()
     distortion = np.array(lens.distortion, np.float64) if lens.distortion else None
-    _, _, places, errors = cv2.solvePnPGeneric(
-        _SQUARE * size, corners, lens.matrix(), distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
-    fits = [
-        (float(error[0]), *place.ravel().tolist())
-        for place, error in zip(places, errors, strict=True)
-    ]
-    if not fits:
-        return None
-    _, right, _, ahead = min(fits)
-    return (ahead, -right) if math.isfinite(ahead) and ahead > 0 else None
+    # IPPE divides by zero where a marker is seen as an exact square; the iterative way does not.
+    for method in (cv2.SOLVEPNP_IPPE_SQUARE, cv2.SOLVEPNP_ITERATIVE):
+        _, _, places, errors = cv2.solvePnPGeneric(
+            _SQUARE * size, corners, lens.matrix(), distortion, flags=method
+        )
+        fits = [
+            (float(error[0]), *place.ravel().tolist())
+            for place, error in zip(places, errors, strict=True)
+        ]
+        fits = [fit for fit in fits if all(map(math.isfinite, fit))]
+        if fits:
+            _, right, _, ahead = min(fits)
+            return (ahead, -right) if ahead > 0 else None
+    return None
 
 
 def from_centre(ahead: float, left: float, mount: Mount) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from minerva_bus.world.readings import Mount, Sightings
 from minerva_bus.world.recordings import Recording, RecordingError
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
-from minerva_services.playing import Pace, Player
+from minerva_services.playing import ALONE, Pace, Player
 from minerva_services.vision.detecting import Grey
 from minerva_services.vision.eye import Eye, Look, WrongSize, names_of
 from minerva_services.vision.images import is_image
@@ -43,7 +43,8 @@ class Vision(Bridge, lockstep=False):
         mount_y: metres to its left.
         mount_angle: degrees that it is turned counter-clockwise.
         topic: where the sightings go.
-        fps: images a second of a file or a folder; 0: the file's own, 10 of a folder.
+        fps: images a second of a file or a folder; 0: the file's own, 10 of a folder, and two in
+            each frame's dt of one image that loops.
         speed: of a file or a folder, so many times as fast; 0: as fast as it goes.
         loop: a file or a folder: from its end on again from its beginning.
         width: pixels that a device is asked for; 0: its own.
@@ -94,6 +95,7 @@ class Vision(Bridge, lockstep=False):
 
     def joined(self, world: WorldInfo) -> None:
         self._eye = Eye(self._look, self.count)
+        self._dt = world.dt
         if not self._live:
             self._recording().close()  # Here, where what is wrong with a file can still be said.
 
@@ -107,9 +109,21 @@ class Vision(Bridge, lockstep=False):
                 raise
             return live
         try:
-            return Player(self._recording(), self._pace)
+            recording = self._recording()
+            return Player(recording, self._pace, alone=self._round_seconds(recording))
         except RecordingError as error:
             raise SourceError(f"vision: {error}") from None
+
+    def _round_seconds(self, recording: Recording) -> float:
+        """How long one image lasts that is shown again and again.
+
+        A still is always in view, so it is told twice in each frame of a world that keeps time:
+        each frame then has it, wherever between two frames it comes.
+        """
+        if self._fps:
+            return 1 / self._fps
+        still = isinstance(recording, Pictures) and recording.is_still
+        return min(ALONE, self._dt / 2) if still else ALONE
 
     def _recording(self) -> Recording:
         path = Path(self._address)

@@ -28,9 +28,15 @@ class Pictures:
         self._topic, self._sees, self._pass_over = topic, sees, pass_over
         self._fps = fps or FOLDER_RATE
         self._done = 0
+        self._shown: tuple[tuple[int, int], Sightings | None] | None = None
         self._paths = sorted(filter(is_image, path.iterdir())) if path.is_dir() else [path]
         if not self._paths:
             raise RecordingError(f"there is no image in {path}; expected .jpg or .png files")
+
+    @property
+    def is_still(self) -> bool:
+        """Whether it is one image alone."""
+        return len(self._paths) == 1
 
     @property
     def part(self) -> float:
@@ -46,12 +52,22 @@ class Pictures:
 
     def _seen(self, path: Path, time: float) -> Sightings | None:
         try:
-            return self._sees(decoded(path.read_bytes()), time)
+            return self._looked_at(path, time)
         except OSError as error:
             self._pass_over("garbage", f"{path}: {error.strerror}")
         except NoImage as problem:
             self._pass_over("garbage", f"{path}: {problem}")
         return None
+
+    def _looked_at(self, path: Path, time: float) -> Sightings | None:
+        """What an image shows; a still that has not changed is not looked at again."""
+        if len(self._paths) > 1:
+            return self._sees(decoded(path.read_bytes()), time)
+        about = path.stat()
+        state = about.st_mtime_ns, about.st_size
+        if self._shown is None or self._shown[0] != state:
+            self._shown = state, self._sees(decoded(path.read_bytes()), time)
+        return self._shown[1]
 
     def close(self) -> None:
         """Nothing is open."""
