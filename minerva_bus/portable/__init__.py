@@ -19,6 +19,7 @@ from minerva_bus.portable.circle import cos, sin, tan
 from minerva_bus.portable.exponentials import exp, expm1, tanh
 from minerva_bus.portable.lengths import dist, hypot
 from minerva_bus.portable.logarithms import log, log1p, log2, log10
+from minerva_bus.portable.normal import normal, normals
 from minerva_bus.portable.powers import power
 
 __all__ = [
@@ -35,6 +36,8 @@ __all__ = [
     "log1p",
     "log2",
     "log10",
+    "normal",
+    "normals",
     "power",
     "sin",
     "tan",

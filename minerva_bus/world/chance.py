@@ -5,15 +5,15 @@ draws for one agent and `Chances` a number for each of many at once, the same nu
 SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the three.
 
 Normal and exponential draws use `minerva_bus.portable`: numpy's logarithm depends on the processor.
-Of a numpy Generator's draws, those of `random`, `uniform` and `integers` do not; `normals` makes
-normal numbers of them.
+Of a numpy Generator's draws, those of `random`, `uniform` and `integers` do not; `portable.normal`
+makes normal numbers of them.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 from hashlib import blake2b
-from math import floor, sqrt
+from math import floor
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.portable import log
-from minerva_bus.portable.circle import cos_turns_many, cos_turns_one
-from minerva_bus.portable.forms import binary
-from minerva_bus.portable.logarithms import log_many, log_one
+from minerva_bus.portable.normal import standard_normal
 
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.float64]
@@ -66,27 +64,6 @@ def answer_key(seed: int, frame: int, event_type: str) -> int:
     """
     told = f"{seed}\0{frame}\0{event_type}"
     return int.from_bytes(blake2b(told.encode(), digest_size=8).digest(), "little")
-
-
-def _standard_normal_one(first: float, second: float) -> float:
-    """A standard normal number of two uniform ones in [0, 1); Box and Muller (1958)."""
-    return sqrt(-2.0 * log_one(1.0 - first)) * cos_turns_one(second)
-
-
-def _standard_normal_many(first: Numbers, second: Numbers) -> Numbers:
-    return np.sqrt(-2.0 * log_many(1.0 - first)) * cos_turns_many(second)
-
-
-standard_normal = binary(_standard_normal_one, _standard_normal_many)
-
-
-def normals(random: np.random.Generator, count: int) -> Numbers:
-    """Standard normal numbers from a Generator, (count,), the same ones on every processor.
-
-    Two uniform numbers are drawn for each.
-    """
-    first, second = random.random((2, count))
-    return _standard_normal_many(first, second)
 
 
 _B = TypeVar("_B", bool, NDArray[np.bool_])

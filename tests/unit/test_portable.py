@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import minerva_bus.portable as portable
-from minerva_bus.world.chance import Chance, Chances, normals, stream
+from minerva_bus.world.chance import Chance, Chances, stream
 
 ONE = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "tanh"]
 ONE += ["log", "log2", "log10", "log1p"]
@@ -158,7 +158,7 @@ EXACT = {
     "math": "copysign floor frexp inf isfinite isinf ldexp nan pow sqrt tau",
     "np": "abs any arange array asarray broadcast_arrays clip copysign empty errstate flatnonzero"
     " float64 floor frexp inf int32 int64 isfinite isnan ldexp maximum minimum nan ndarray"
-    " ones power rint searchsorted sqrt where zeros",
+    " ones power random rint searchsorted sqrt where zeros",
 }
 
 
@@ -183,9 +183,19 @@ def test_one_draws_what_many_draw(words):
     assert many.normal(3, 0.1).tolist() == [one.normal(3, 0.1) for one in each]
 
 
+def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():
+    one, many, uniform = (stream(1, "a", 2) for _ in range(3))
+    first, second = uniform.random(2).tolist()
+    radius = math.sqrt(-2 * math.log(1 - first))
+    expected = radius * math.cos(math.tau * second)
+    assert portable.normal(one) == portable.normals(many, 1).item()
+    assert math.isclose(portable.normal(stream(1, "a", 2), 3.0), 3 * expected)
+    assert one.random() == many.random() == uniform.random()
+
+
 def test_draws_are_distributed_as_they_should_be():
     many = Chances(Chances.begin(np.arange(200_000, dtype=np.uint64), 5))
-    for numbers in (many.normal(), normals(stream(1, "a", 2), 200_000)):
+    for numbers in (many.normal(), portable.normals(stream(1, "a", 2), 200_000)):
         assert abs(numbers.mean()) < 0.01
         assert abs(numbers.std() - 1) < 0.01
         assert abs((numbers > 1.959964).mean() - 0.025) < 0.002

@@ -12,6 +12,7 @@ from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.mutation.domains import Domain, OneOf, Range
 from minerva_bus.grammar.scene import EMPTY, Scene, Value
 from minerva_bus.grammar.types import Type
+from minerva_bus.portable import normal
 
 Stream = np.random.Generator
 Inner = Callable[[Scene, Stream], Scene]
@@ -53,7 +54,7 @@ def _in_range(kind: Type, domain: Range, chance: Stream) -> Value:
 _DRAWN: dict[str, Callable[[Type, Stream], Any]] = {
     "bool": lambda kind, chance: bool(chance.random() < 0.5),
     "int": lambda kind, chance: int(chance.integers(0, 10)),
-    "real": lambda kind, chance: float(_scale(kind) * chance.normal()),
+    "real": lambda kind, chance: normal(chance, _scale(kind)),
     "text": lambda kind, chance: one_of(kind.words, chance) if kind.words else "",
     "list": lambda kind, chance: (),
     "cells": lambda kind, chance: kind.fit(np.zeros((1, 1), np.int16)),
@@ -85,8 +86,8 @@ def perturbed(kind: Type, domain: Domain, value: Any, chance: Stream, inner: Inn
 
 def _real(kind: Type, domain: Domain, value: float, chance: Stream) -> float:
     if isinstance(domain, Range):
-        return float(domain.nearest(value + STEP * domain.width * chance.normal()))
-    moved = value + max(STEP * abs(value), STEP * _scale(kind)) * chance.normal()
+        return float(domain.nearest(value + STEP * domain.width * normal(chance)))
+    moved = value + max(STEP * abs(value), STEP * _scale(kind)) * normal(chance)
     return float(moved) if math.isfinite(moved) else value
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minerva_bus.portable import expm1, log1p
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.sensors import Distances
 
@@ -82,5 +83,5 @@ class BeamModel:
         short = which * back < self.short
         random = ~short & (which * back < self.short + self.random)
         # The exponential distribution cut off at the hit, turned round.
-        cut = -np.log1p(where * np.expm1(-self.decay * true)) / self.decay
+        cut = -log1p(where * expm1(-self.decay * true)) / self.decay
         return np.where(short, cut, np.where(random, where * range_max, measured))

@@ -19,6 +19,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from minerva_bus.portable import normals
 from minerva_services.physics.errors import PhysicsError, finite
 
 
@@ -69,11 +70,11 @@ class MotionModel:
         Args:
             turn_deg: the turn of the command in degrees.
             forward_m: its way in metres.
-            rng: three values are drawn from it.
+            rng: three normal values are drawn from it.
 
         """
         turn = math.radians(turn_deg)
-        first, way, second = rng.standard_normal(3).tolist()
+        first, way, second = normals(rng, 3).tolist()
         turning = math.sqrt(self.alpha1 * turn * turn + self.alpha2 * forward_m * forward_m)
         driving = math.sqrt(self.alpha3 * forward_m * forward_m + self.alpha4 * turn * turn)
         swerving = math.sqrt(self.alpha2) * abs(forward_m)

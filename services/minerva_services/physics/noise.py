@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from minerva_bus.portable import normal, normals
 from minerva_services.physics.errors import PhysicsError, finite
 from minerva_services.physics.sensors import Distances, Sighting
 
@@ -69,7 +70,7 @@ class Noise:
     ) -> Distances:
         """Distances with the normal error of what was hit; as `on_scan`."""
         if self.laser_m:
-            noisy = distances + rng.normal(0.0, self.laser_m, distances.shape)
+            noisy = distances + normals(rng, len(distances), self.laser_m)
             noisy = np.clip(noisy, 0.0, range_max)
             distances = np.where(distances < range_max, noisy, distances)
         return distances
@@ -88,10 +89,10 @@ class Noise:
     ) -> tuple[float, float]:
         """A command as the wheels carry it out: turn in degrees, distance in metres."""
         if self.turn_deg:
-            error = float(rng.normal(0.0, self.turn_deg))
+            error = normal(rng, self.turn_deg)
             turn_degrees += error if turn_degrees else 0.0
         if self.drive:
-            forward_m *= 1 + float(rng.normal(0.0, self.drive))
+            forward_m *= 1 + normal(rng, self.drive)
         return turn_degrees, forward_m
 
     def on_sightings(
@@ -105,7 +106,7 @@ class Noise:
     def _measured(self, sighting: Sighting, rng: np.random.Generator) -> Sighting:
         distance, angle = sighting.dist_m, sighting.angle_deg
         if self.camera_m:
-            distance = max(0.0, distance + float(rng.normal(0.0, self.camera_m)))
+            distance = max(0.0, distance + normal(rng, self.camera_m))
         if self.camera_deg:
-            angle += float(rng.normal(0.0, self.camera_deg))
+            angle += normal(rng, self.camera_deg)
         return Sighting(sighting.marker, distance, angle)
