@@ -45,6 +45,7 @@ from minerva_bus import (
     WorldInfo,
     interpret,
     on,
+    portable,
     view,
 )
 from minerva_bus.semantics.volumes import Bodies
@@ -120,8 +121,8 @@ class Person(Agent, symbol="APerson"):
 
     @view("ePicture")
     def picture(self, event: Event) -> Scene:
-        stuck = math.hypot(self.vx, self.vy) < self.pace / 3
-        angle = math.degrees(math.atan2(self.vy, self.vx))
+        stuck = portable.hypot(self.vx, self.vy) < self.pace / 3
+        angle = math.degrees(portable.atan2(self.vy, self.vx))
         return TPlace(self.x, self.y, angle)(PStuck() if stuck else PWalker())
 
 
@@ -230,7 +231,7 @@ def around(cell: tuple[int, int], free: np.ndarray) -> Iterable[tuple[tuple[int,
         if all(0 <= a < size for a, size in zip(there, free.shape, strict=True)) and (
             free[there] and free[x, y + dy] and free[x + dx, y]
         ):
-            yield there, math.hypot(dx, dy)
+            yield there, portable.hypot(dx, dy)
 
 
 # --- the world ------------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ from minerva_bus import (
     WorldInfo,
     interpret,
     on,
+    portable,
     view,
 )
 from minerva_bus.grammar.scene import walk
@@ -44,7 +45,7 @@ WIDTH, HEIGHT, BROOD = 24.0, 15.0, 6
 FASTEST = 0.4  # metres in a frame
 SHARPEST = 30.0  # degrees in a frame
 REACH = 0.7  # metres to what it can eat
-SIGHT = math.cos(math.radians(35))  # an eye sees 35° to either side of where it looks
+SIGHT = portable.cos(math.radians(35))  # an eye sees 35° to either side of where it looks
 
 # --- the words ------------------------------------------------------------------------------------
 
@@ -103,8 +104,8 @@ class Creature(Agent, symbol="ACreature"):
         turn = math.degrees(right - left)
         self.heading = (self.heading + max(-SHARPEST, min(SHARPEST, turn))) % 360
         way = max(0.0, min(FASTEST, (left + right) / 2))
-        self.x = (self.x + way * math.cos(math.radians(self.heading))) % WIDTH
-        self.y = (self.y + way * math.sin(math.radians(self.heading))) % HEIGHT
+        self.x = (self.x + way * portable.cos(math.radians(self.heading))) % WIDTH
+        self.y = (self.y + way * portable.sin(math.radians(self.heading))) % HEIGHT
 
     @on("eMeal")
     def digest(self, meal: Event, moment: Moment) -> None:
@@ -193,11 +194,11 @@ class Light(
 
 def brightness(eye: Pose, berries: Iterable[Pose]) -> float:
     """How much light an eye gets from berries that it looks at: less with distance squared."""
-    ahead_x, ahead_y = math.cos(math.radians(eye.angle)), math.sin(math.radians(eye.angle))
+    ahead_x, ahead_y = portable.cos(math.radians(eye.angle)), portable.sin(math.radians(eye.angle))
     light = 0.0
     for berry in berries:
         dx, dy = berry.x - eye.x, berry.y - eye.y
-        far = math.hypot(dx, dy)
+        far = portable.hypot(dx, dy)
         if dx * ahead_x + dy * ahead_y > SIGHT * far:
             light += 1 / (1 + far * far)
     return light
@@ -205,7 +206,7 @@ def brightness(eye: Pose, berries: Iterable[Pose]) -> float:
 
 def distance(one: Pose, other: Pose) -> float:
     """Metres between two places."""
-    return math.hypot(other.x - one.x, other.y - one.y)
+    return portable.hypot(other.x - one.x, other.y - one.y)
 
 
 # --- the world, and what is good in it ------------------------------------------------------------

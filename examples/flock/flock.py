@@ -30,6 +30,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
     on,
+    portable,
     view,
 )
 
@@ -74,7 +75,7 @@ class Bird(Agent, symbol="ABird"):
         flee = np.where(near.fear > 0, -0.3, 0.012)  # from the middle of those near, or towards it
         vx = self.vx + flee * near.dx + 0.03 * near.apart_x + 0.12 * near.vx
         vy = self.vy + flee * near.dy + 0.03 * near.apart_y + 0.12 * near.vy
-        speed = np.maximum(np.hypot(vx, vy), 0.01)
+        speed = np.maximum(portable.hypot(vx, vy), 0.01)
         self.vx, self.vy = vx / speed, vy / speed
         self.x = (self.x + 0.25 * self.vx) % WIDTH
         self.y = (self.y + 0.25 * self.vy) % HEIGHT
@@ -85,7 +86,7 @@ class Bird(Agent, symbol="ABird"):
 
     @view("ePicture", population=True)
     def picture(self, event: Event) -> Scene:
-        angle = np.degrees(np.arctan2(self.vy, self.vx))
+        angle = np.degrees(portable.atan2(self.vy, self.vx))
         return TMove(self.x, self.y)(TTurn(angle)(PBird(0.3)))
 
 
@@ -98,11 +99,11 @@ class Hawk(Agent, symbol="AHawk"):
 
     @on("eNear")
     def hunt(self, near: Event, moment: Moment) -> None:
-        prey = math.degrees(math.atan2(near.dy, near.dx)) if near.number else self.angle
+        prey = math.degrees(portable.atan2(near.dy, near.dx)) if near.number else self.angle
         turn = (prey - self.angle + 180.0) % 360.0 - 180.0
         self.angle += max(-4.0, min(4.0, turn))
-        self.x = (self.x + 0.3 * math.cos(math.radians(self.angle))) % WIDTH
-        self.y = (self.y + 0.3 * math.sin(math.radians(self.angle))) % HEIGHT
+        self.x = (self.x + 0.3 * portable.cos(math.radians(self.angle))) % WIDTH
+        self.y = (self.y + 0.3 * portable.sin(math.radians(self.angle))) % HEIGHT
 
     @view("eWhere")
     def where(self, event: Event) -> Scene:
@@ -125,6 +126,6 @@ def scene(options: Mapping[str, Any]) -> Scene:
     chance, count = np.random.default_rng(1), options["birds"]
     x, y = chance.uniform(0, WIDTH, count), chance.uniform(0, HEIGHT, count)
     turn = chance.uniform(0, 2 * np.pi, count)
-    birds = Bird.many("b", count, x=x, y=y, vx=np.cos(turn), vy=np.sin(turn))
+    birds = Bird.many("b", count, x=x, y=y, vx=portable.cos(turn), vy=portable.sin(turn))
     sky = PSky(np.zeros((int(WIDTH / CELL), int(HEIGHT / CELL)), np.int16))
     return sky + birds + vocabulary.read(f"AHawk#hawk<x={WIDTH / 2}, y={HEIGHT / 2}>")

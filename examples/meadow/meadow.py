@@ -31,6 +31,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
     on,
+    portable,
     view,
 )
 
@@ -112,18 +113,18 @@ class Animal(Agent):
     births: int = 0
 
     def go(self, distance: float) -> None:
-        x = self.x + distance * math.cos(math.radians(self.heading))
-        y = self.y + distance * math.sin(math.radians(self.heading))
+        x = self.x + distance * portable.cos(math.radians(self.heading))
+        y = self.y + distance * portable.sin(math.radians(self.heading))
         if 0 <= x < WIDTH and 0 <= y < HEIGHT:
             self.x, self.y = x, y
         else:
             self.heading = self.bearing(WIDTH / 2, HEIGHT / 2)
 
     def bearing(self, x: float, y: float) -> float:
-        return math.degrees(math.atan2(y - self.y, x - self.x))
+        return math.degrees(portable.atan2(y - self.y, x - self.x))
 
     def distance(self, noise: Event) -> float:
-        return math.hypot(noise.x - self.x, noise.y - self.y)
+        return portable.hypot(noise.x - self.x, noise.y - self.y)
 
     def nearby(self, reach: float) -> str:
         """The condition of a noise: who hears it."""
@@ -170,7 +171,7 @@ class Rabbit(Animal, symbol="ARabbit"):
         if self.fear:
             self.fear -= 1
         elif moment.random.random() < 0.15:
-            self.heading += moment.random.normal(0, 40)
+            self.heading += moment.chance.normal(0, 40)
             self.go(0.4)
             moment.emit(eGraze(self.x, self.y))
             moment.emit(eRustle(self.x, self.y, condition=self.nearby(2.5)))
@@ -211,7 +212,7 @@ class Fox(Animal, symbol="AFox"):
         if self._prey and self.energy < 20:
             self.hunt(self._prey, moment)
         else:
-            self.heading += moment.random.normal(0, 15)
+            self.heading += moment.chance.normal(0, 15)
             self.go(0.15)
         if moment.random.random() < 0.05:
             moment.emit(eHowl(self.x, self.y, condition=self.nearby(10.0)))
@@ -251,7 +252,7 @@ class Weather(Generator, events=("eRain",)):
 
     def generate(self, tick: Tick) -> Iterator[Event]:
         yield from tick.orders
-        warmth = math.sin(2 * math.pi * tick.number / self.year)
+        warmth = portable.sin(2 * math.pi * tick.number / self.year)
         if tick.random.random() < 0.3 + 0.2 * warmth:
             yield eRain(self.amount)
 

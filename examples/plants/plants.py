@@ -25,6 +25,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
     on,
+    portable,
     view,
 )
 
@@ -135,7 +136,7 @@ class Bud(Agent, symbol="ABud"):
         return self.child(
             rule=self.rule,
             fork=self.fork,
-            length=self.length * self.shrink**orders,
+            length=self.length * portable.power(self.shrink, orders),
             shrink=self.shrink,
             orders=max(0, self.orders - orders),
         )

@@ -34,6 +34,7 @@ from minerva_bus import (
     View,
     Vocabulary,
     on,
+    portable,
     view,
 )
 from minerva_bus.grammar.scene import FigureNode
@@ -203,7 +204,7 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
         """Pairs of cars on the crossing, of different roads, that touch each other."""
         inside = [one for one, (_, s) in sorted(self.now.items()) if abs(s) < -LINE]
         for who, other in combinations(inside, 2):
-            if math.dist(place(*self.now[who]), place(*self.now[other])) < 3.0:
+            if portable.dist(place(*self.now[who]), place(*self.now[other])) < 3.0:
                 yield who, other
 
     def save(self) -> Mapping[str, Any]:
@@ -229,8 +230,8 @@ def place(lane: str, s: float) -> tuple[float, float]:
     """Where a car is in the plane."""
     turn = math.radians(LANES[lane])
     return (
-        s * math.cos(turn) + 2.2 * math.sin(turn),
-        s * math.sin(turn) - 2.2 * math.cos(turn),
+        s * portable.cos(turn) + 2.2 * portable.sin(turn),
+        s * portable.sin(turn) - 2.2 * portable.cos(turn),
     )
 
 

@@ -29,6 +29,7 @@ from minerva_bus import (
     Transformation,
     Vocabulary,
     on,
+    portable,
     view,
 )
 from minerva_bus.grammar.scene import FigureNode
@@ -67,7 +68,7 @@ ePicture = EventType("ePicture", visual=True)
 
 def way(points: list[tuple[float, float]]) -> float:
     """How long the way through these points is, in metres."""
-    return sum(math.dist(a, b) for a, b in pairwise(points))
+    return sum(portable.dist(a, b) for a, b in pairwise(points))
 
 
 def route(x: float, y: float, to: tuple[float, float]) -> list[tuple[float, float]]:
@@ -176,8 +177,8 @@ class Carrier(Talker, symbol="ACarrier"):
 
     def drive(self) -> None:
         x, y = next(one for one in route(self.x, self.y, self.goal) if one != (self.x, self.y))
-        length = math.dist((self.x, self.y), (x, y))
-        self.heading = math.degrees(math.atan2(y - self.y, x - self.x))
+        length = portable.dist((self.x, self.y), (x, y))
+        self.heading = math.degrees(portable.atan2(y - self.y, x - self.x))
         share = min(1.0, SPEED / length)
         self.battery = max(0.0, self.battery - share * length)
         if share == 1.0:

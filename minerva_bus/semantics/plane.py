@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.forms import Measure, Motion, Shape
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
@@ -34,12 +35,12 @@ class Pose:
 
     def then(self, x: float, y: float, turn: float, forward: float) -> Pose:
         """Shift by (x, y) in this pose's own axes, turn, and go forward."""
-        cos, sin = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
         angle = self.angle + turn
         ahead = math.radians(angle)
         return Pose(
-            self.x + x * cos - y * sin + forward * math.cos(ahead),
-            self.y + x * sin + y * cos + forward * math.sin(ahead),
+            self.x + x * cos - y * sin + forward * portable.cos(ahead),
+            self.y + x * sin + y * cos + forward * portable.sin(ahead),
             angle,
         )
 
@@ -111,11 +112,8 @@ class PlaneGeometry(Geometry):
 
 
 def _direction(angle: Floats, along: Floats, across: Floats) -> tuple[Floats, Floats]:
-    """Cosine and sine, where a way along or across them is not 0.
-
-    By the functions that `Pose` uses: those of numpy may differ in the last bit.
-    """
+    """Cosine and sine, where a way along or across them is not 0."""
     if not angle.any() or not (along.any() or across.any()):
         return np.ones(len(angle)), np.zeros(len(angle))
-    turns = [math.radians(one) for one in angle.tolist()]
-    return np.array([math.cos(one) for one in turns]), np.array([math.sin(one) for one in turns])
+    turns = np.radians(angle)
+    return portable.cos(turns), portable.sin(turns)

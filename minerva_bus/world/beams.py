@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.world.readings import Scan
 
 Reals: TypeAlias = NDArray[np.float64]
@@ -31,9 +32,9 @@ def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
         return dist, _bearings(scan, beams)
     x, y, degrees = origins(scan, beams)
     heading = np.radians(degrees)
-    ahead, left = x + dist * np.cos(heading), y + dist * np.sin(heading)
-    angle: Reals = np.degrees(np.arctan2(left, ahead))
-    return np.hypot(ahead, left), angle
+    ahead, left = x + dist * portable.cos(heading), y + dist * portable.sin(heading)
+    angle: Reals = np.degrees(portable.atan2(left, ahead))
+    return portable.hypot(ahead, left), angle
 
 
 def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
@@ -45,7 +46,7 @@ def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
         zeros = np.zeros(len(beams))
         return zeros + scan.mount_x, zeros + scan.mount_y, _bearings(scan, beams)
     x, y, angle = _moved(scan, beams.astype(np.float64) * scan.beam_time)
-    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    cos, sin = portable.cos(np.radians(angle)), portable.sin(np.radians(angle))
     ahead = x + cos * scan.mount_x - sin * scan.mount_y
     left = y + sin * scan.mount_x + cos * scan.mount_y
     return ahead, left, _bearings(scan, beams) + angle

@@ -14,6 +14,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final, Protocol
 
+from minerva_bus import portable
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
@@ -154,7 +155,7 @@ def _jumps(times: Sequence[float], places: Sequence[Place]) -> bool:
     for number in range(1, len(times)):
         before, after = places[number - 1], places[number]
         seconds = times[number] - times[number - 1]
-        dist = math.hypot(after.x - before.x, after.y - before.y)
+        dist = portable.hypot(after.x - before.x, after.y - before.y)
         turn = abs(math.remainder(after.angle - before.angle, 360.0))
         if dist > MAX_SPEED * seconds or turn > MAX_TURN * seconds:
             return True
@@ -179,7 +180,7 @@ def _displacement(seconds: float, origin: Place, place: Place) -> Displacement:
     """A place as seen from another one."""
     east, north = place.x - origin.x, place.y - origin.y
     turn = math.radians(origin.angle)
-    ahead = math.cos(turn) * east + math.sin(turn) * north
-    left = math.cos(turn) * north - math.sin(turn) * east
+    ahead = portable.cos(turn) * east + portable.sin(turn) * north
+    left = portable.cos(turn) * north - portable.sin(turn) * east
     angle = math.remainder(place.angle - origin.angle, 360.0)
     return Displacement(seconds, ahead, left, angle)

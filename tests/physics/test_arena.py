@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.body import Odometer, Outcome, Pose
 from minerva_services.physics.errors import PhysicsError
@@ -98,8 +99,8 @@ def test_free_driving_is_dead_reckoning_to_the_last_bit() -> None:
     for turn, forward in rng.normal(0, (40, 0.5), (1000, 2)).tolist():
         (outcome,) = drive(arena, [("a", turn, forward)])
         angle += turn
-        x += forward * math.cos(math.radians(angle))
-        y += forward * math.sin(math.radians(angle))
+        x += forward * portable.cos(math.radians(angle))
+        y += forward * portable.sin(math.radians(angle))
         assert arena.pose("a") == Pose(x, y, angle)
         assert outcome == Outcome("a", forward, 0.0, turn, False)
 

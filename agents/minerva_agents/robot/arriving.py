@@ -10,7 +10,6 @@ where it came, so that it stands neither in the door nor before the marker.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -19,6 +18,7 @@ import numpy as np
 from minerva_agents.robot.ground import blocked, cell_of, centre_of, sees, straightened
 from minerva_agents.robot.knowledge import Cell, Mask, free, obstacles
 from minerva_agents.robot.planning import shortest_path
+from minerva_bus import portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -42,7 +42,7 @@ PATIENCE: Final = 3
 
 def has_arrived(robot: ARobot, place: Cell) -> bool:
     """Whether the robot is at the marker, or as near to it as it can get."""
-    dist = math.dist(robot.position, centre_of(place)) * robot.cell
+    dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     if robot.purpose == APPROACH and not robot.plan_rows and dist <= NEAR:
         return True
     return dist <= REACH and _sees(robot, place)
@@ -50,7 +50,7 @@ def has_arrived(robot: ARobot, place: Cell) -> bool:
 
 def is_near(robot: ARobot, place: Cell) -> bool:
     """Whether the robot is as near as has to do where it can come no nearer."""
-    dist = math.dist(robot.position, centre_of(place)) * robot.cell
+    dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     return dist <= NEAR and (_sees(robot, place) or robot.failures >= PATIENCE)
 
 
@@ -77,7 +77,8 @@ def make_way(robot: ARobot, place: Cell) -> None:
     ring = _around(walls, place, NEAR / robot.cell) & ~_around(walls, place, REACH / robot.cell)
     cells = np.argwhere(ring & free(grid) & ~closed)
     down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
-    behind = (cells - place) @ (down, across)
+    rows, columns = (cells - place).T
+    behind = rows * down + columns * across
     for index in np.argsort(-behind, kind="stable")[:_TRIES].tolist():
         row, column = cells[index].tolist()
         path = shortest_path(closed, cell_of(robot.position), (row, column))

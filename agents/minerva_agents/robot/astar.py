@@ -7,7 +7,6 @@ for a random while, so that of two robots one moves first; if that does not help
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,7 +24,7 @@ from minerva_agents.robot.looking import forget_looks, is_news
 from minerva_agents.robot.motion import STAY, Move
 from minerva_agents.robot.planning import Path, nearest, shortest_path
 from minerva_agents.robot.searching import path_to_news
-from minerva_bus import Moment
+from minerva_bus import Moment, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -56,7 +55,7 @@ def _holds_good(robot: ARobot, place: Cell | None) -> bool:
         return False
     end = robot.plan_rows[-1], robot.plan_columns[-1]
     if robot.purpose == APPROACH:
-        return place is not None and math.dist(end, centre_of(place)) * robot.cell <= NEAR
+        return place is not None and portable.dist(end, centre_of(place)) * robot.cell <= NEAR
     return place is None and is_news(robot.grid, cell_of(end))
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 from minerva_agents.robot.ground import is_clear
 from minerva_agents.robot.motion import STAY, Move, towards
+from minerva_bus import portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -17,7 +17,7 @@ _THERE: Final = 1e-4
 def pass_corners(robot: ARobot) -> None:
     """Drop the corners at which the robot has arrived."""
     way = robot.way
-    while way and math.dist(way[0], robot.position) < _THERE:
+    while way and portable.dist(way[0], robot.position) < _THERE:
         way.pop(0)
     if len(way) != len(robot.plan_rows):
         robot.set_way(way, robot.purpose)

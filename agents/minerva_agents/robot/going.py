@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+from minerva_bus import portable
+
 
 class Placed(Protocol):
     """Whatever is somewhere: metres and degrees."""
@@ -32,7 +34,7 @@ def gone(start: Placed, before: Placed, after: Placed) -> Place:
     east, north = after.x - before.x, after.y - before.y
     turn = math.radians(start.angle - before.angle)
     return Place(
-        start.x + math.cos(turn) * east - math.sin(turn) * north,
-        start.y + math.sin(turn) * east + math.cos(turn) * north,
+        start.x + portable.cos(turn) * east - portable.sin(turn) * north,
+        start.y + portable.sin(turn) * east + portable.cos(turn) * north,
         start.angle + math.remainder(after.angle - before.angle, 360.0),
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from minerva_agents.robot.distances import inflate
 from minerva_agents.robot.knowledge import Cell, Mask, obstacles
-from minerva_bus import Cells
+from minerva_bus import Cells, portable
 
 Position: TypeAlias = tuple[float, float]
 Way: TypeAlias = Sequence[Position]
@@ -62,13 +62,13 @@ def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
     window = np.s_[corner[0] : row + 2 * reach + 1, corner[1] : column + 2 * reach + 1]
     far = walls[window].copy()
     centres = np.argwhere(far) + corner + 0.5
-    near = centres[np.hypot(*(centres - at).T) < room]
+    near = centres[portable.hypot(*(centres - at).T) < room]
     far[tuple((near - corner).astype(np.intp).T)] = False
     opened = inflate(far, room)
     rows, columns = np.ogrid[: far.shape[0], : far.shape[1]]
     for centre in near.tolist():
         down, across = rows + (corner[0] + 0.5 - centre[0]), columns + (corner[1] + 0.5 - centre[1])
-        opened |= np.hypot(down, across) < math.dist(centre, at) - _SLACK
+        opened |= portable.hypot(down, across) < portable.dist(centre, at) - _SLACK
     inner = np.s_[
         max(0, row - corner[0] - reach) : row - corner[0] + reach + 1,
         max(0, column - corner[1] - reach) : column - corner[1] + reach + 1,
@@ -97,10 +97,10 @@ def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room
     rows, columns = rows + (top + 0.5 - row), columns + (left + 0.5 - column)
     along = (rows * down + columns * across) / max(down * down + across * across, _SLACK)
     along.clip(0.0, 1.0, out=along)
-    nearest = np.hypot(rows - along * down, columns - along * across)
+    nearest = portable.hypot(rows - along * down, columns - along * across)
     if nearest.min() > room:
         return True
-    at_first = np.hypot(rows + (row - first[0]), columns + (column - first[1]))
+    at_first = portable.hypot(rows + (row - first[0]), columns + (column - first[1]))
     return bool((nearest > np.minimum(at_first, room) - _SLACK).all())
 
 

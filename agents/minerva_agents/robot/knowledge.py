@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus import Cells
+from minerva_bus import Cells, portable
 
 UNKNOWN: Final = 0
 FREE: Final = 1
@@ -66,7 +66,7 @@ _STEPS: Final = np.arange(100_000, dtype=np.float64)
 def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
     """(r + dist cos angle, c + dist sin angle), 4.2.3; the distance in cells, degrees."""
     heading = math.radians(angle)
-    return row + dist * math.cos(heading), column + dist * math.sin(heading)
+    return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
 
 
 def holds(grid: Cells, cell: Cell) -> bool:

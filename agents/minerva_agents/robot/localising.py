@@ -26,7 +26,7 @@ from minerva_agents.robot.knowledge import (
 from minerva_agents.robot.matching import Doubt, match
 from minerva_agents.robot.motion import wrapped
 from minerva_agents.robot.robot import ARobot
-from minerva_bus import Degrees, Event, Metres, Moment
+from minerva_bus import Degrees, Event, Metres, Moment, portable
 
 _GAP: Final = 0.6
 """Metres between two neighbouring hits up to which they are taken to be on one wall."""
@@ -65,7 +65,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         before = self.pose
         super().decide(event, moment)
         self.turned += abs(wrapped(self.angle - before.angle))
-        gone = np.hypot(self.row - before.row, self.column - before.column)
+        gone = portable.hypot(self.row - before.row, self.column - before.column)
         self.driven += float(gone) * self.cell
 
     def _find_itself(self, moment: Moment) -> None:

@@ -20,6 +20,7 @@ from minerva_agents.robot.going import Place, Placed, gone
 from minerva_agents.robot.matching import Doubt, match
 from minerva_agents.robot.motion import Pose
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
+from minerva_bus import portable
 from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
@@ -147,7 +148,7 @@ class _Matcher:
         if before is None or isinstance(wheels, Unposed):
             return here, _ANYWHERE
         turn = math.remainder(wheels.angle - before.angle, 360.0)
-        dist = math.dist((wheels.x, wheels.y), (before.x, before.y))
+        dist = portable.dist((wheels.x, wheels.y), (before.x, before.y))
         return gone(here, before, wheels), Doubt.after(turn, dist)
 
     def _matched(self, canvas: Canvas, scan: Scan, guess: Place, doubt: Doubt) -> Place:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Cell, Mask, free
 from minerva_agents.robot.motion import Pose
-from minerva_bus import Cells
+from minerva_bus import Cells, portable
 
 _WINDOW: Final = 3
 """Cells around one that decide whether there is news to be had from it."""
@@ -25,8 +25,8 @@ def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
     rays = 2 + int(math.radians(fov) * reach)
     headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
     steps = np.arange(int(reach) + 1, dtype=np.float64)
-    rows = _along(pose.row, steps, [math.cos(heading) for heading in headings])
-    columns = _along(pose.column, steps, [math.sin(heading) for heading in headings])
+    rows = _along(pose.row, steps, [portable.cos(heading) for heading in headings])
+    columns = _along(pose.column, steps, [portable.sin(heading) for heading in headings])
     inside = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
     flat = np.where(inside, rows * grid.shape[1] + columns, 0)
     cells = grid.reshape(-1)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import obstacles
 from minerva_agents.robot.motion import Pose
-from minerva_bus import Cells
+from minerva_bus import Cells, portable
 
 Reals: TypeAlias = NDArray[np.float64]
 Worths: TypeAlias = NDArray[np.int16]
@@ -67,9 +67,10 @@ class Doubt:
         that is not a good one, and a bit for what no wheel knows of.
         """
         turned = math.radians(turn)
-        rotation = math.hypot(_TURN_BY_TURN * turned, _TURN_BY_DIST * dist)
-        moved = math.hypot(_DIST_BY_DIST * dist, _DIST_BY_TURN * turned, _LEAST_METRES)
-        return Doubt(moved, math.hypot(math.degrees(rotation), _LEAST_DEGREES))
+        rotation = portable.hypot(_TURN_BY_TURN * turned, _TURN_BY_DIST * dist)
+        driven = portable.hypot(_DIST_BY_DIST * dist, _DIST_BY_TURN * turned)
+        moved = portable.hypot(driven, _LEAST_METRES)
+        return Doubt(moved, portable.hypot(math.degrees(rotation), _LEAST_DEGREES))
 
 
 _TURN_BY_TURN: Final = 0.15
@@ -129,12 +130,13 @@ class _Search:
         across = np.arange(-steps, steps + 1, dtype=np.float64) * step
         rows = (centre.row - self._guess.row + across) ** 2
         columns = (centre.column - self._guess.column + across) ** 2
-        costs = _COST * (rows[:, None] + columns) / self._doubt.metres**2
+        costs = _COST * (rows[:, None] + columns) / (self._doubt.metres * self._doubt.metres)
         best = _Fit(centre, -math.inf)
         for turn in turns.tolist():
             angle = centre.angle + turn
             parts = self._parts(centre, angle, across) - costs
-            parts -= _COST * ((angle - self._guess.angle) / self._doubt.degrees) ** 2
+            away = (angle - self._guess.angle) / self._doubt.degrees
+            parts -= _COST * (away * away)
             row, column = divmod(int(parts.argmax()), len(across))
             if parts[row, column] > best.part:
                 place = centre.row + float(across[row]), centre.column + float(across[column])
@@ -147,8 +149,8 @@ class _Search:
         Of what it can be worth; (n, n) where n steps across are tried in each direction.
         """
         headings = self._angle + math.radians(angle)
-        down = centre.row - self._row + self._dist * np.cos(headings)
-        right = centre.column - self._column + self._dist * np.sin(headings)
+        down = centre.row - self._row + self._dist * portable.cos(headings)
+        right = centre.column - self._column + self._dist * portable.sin(headings)
         rows = (down + across[:, None]).astype(np.intp) * self._worths.shape[1]
         columns = (right + across[:, None]).astype(np.intp)
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
@@ -174,11 +176,11 @@ def _bell(cell: float) -> tuple[int, list[tuple[int, int, int]]]:
     near = math.ceil(2 * spread)
     away = range(-near, near + 1)
     made = [
-        (round(_BEST * math.exp(-(i * i + j * j) / (2 * spread * spread))), i, j)
+        (round(_BEST * portable.exp(-(i * i + j * j) / (2 * spread * spread))), i, j)
         for i in away
         for j in away
     ]
-    return near, sorted([one for one in made if math.hypot(one[1], one[2]) <= near])
+    return near, sorted([one for one in made if portable.hypot(one[1], one[2]) <= near])
 
 
 def _within(first: int, count: int) -> slice:

@@ -12,7 +12,7 @@ from typing import Final, cast
 
 from minerva_agents.robot.knowledge import at_distance
 from minerva_agents.robot.vocabulary import PRobot, TMove, TRotate
-from minerva_bus import Scene
+from minerva_bus import Scene, portable
 from minerva_bus.grammar.scene import TransformationNode, walk
 
 TURNING: Final = 180.0
@@ -77,10 +77,10 @@ def towards(pose: Pose, row: float, column: float, cell: float, farthest: float,
     A robot drives only once it faces the position, so it never leaves the straight way there.
     """
     down, across = row - pose.row, column - pose.column
-    dist = math.hypot(down, across) * cell
+    dist = portable.hypot(down, across) * cell
     if dist < _NEAR:
         return STAY
-    turn = wrapped(math.degrees(math.atan2(across, down)) - pose.angle)
+    turn = wrapped(math.degrees(portable.atan2(across, down)) - pose.angle)
     most = TURNING * dt
     if abs(turn) > most:
         return Move(math.copysign(most, turn))

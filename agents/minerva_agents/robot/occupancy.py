@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.distances import clearance
+from minerva_bus import portable
 
 FREE: Final = 0
 OCCUPIED: Final = 100
@@ -95,4 +96,4 @@ class OccupancyMap:
 
     def _heading(self) -> Point:
         turn = math.radians(self.angle)
-        return math.cos(turn), math.sin(turn)
+        return portable.cos(turn), portable.sin(turn)

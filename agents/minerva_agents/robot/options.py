@@ -14,6 +14,7 @@ from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.maps import load_map
 from minerva_agents.robot.occupancy import Marker, OccupancyMap, Pose
 from minerva_agents.robot.placing import free_component, roomiest, spread
+from minerva_bus import portable
 from minerva_bus.errors import WorldFileError, nearest
 
 _OFFICE: Final = Path(__file__).parent / "plan" / "office.yaml"
@@ -87,10 +88,10 @@ class Options:
         others = component.nonzero() if self.robots > 1 else ()
         cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
         free = [self.floor.centre_of(cell) for cell in cells]
-        for place in sorted(free, key=lambda one: (math.dist(one, (x, y)), one)):
+        for place in sorted(free, key=lambda one: (portable.dist(one, (x, y)), one)):
             if len(chosen) == self.robots:
                 break
-            if all(math.dist(place, other) >= least for other in chosen):
+            if all(portable.dist(place, other) >= least for other in chosen):
                 chosen.append(place)
         if len(chosen) < self.robots:
             raise MapError(
@@ -126,7 +127,7 @@ class Options:
 
     def _farthest(self) -> str:
         start = self.start_pose[:2]
-        return max(self.places, key=lambda one: math.dist((one.x, one.y), start)).name
+        return max(self.places, key=lambda one: portable.dist((one.x, one.y), start)).name
 
     def _start_given(self) -> Pose | None:
         if not self.start:

@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from minerva_agents.robot.vocabulary import PParcel, TPlace, eTaken
-from minerva_bus import Agent, Degrees, Event, Metres, Moment, Scene, on, view
+from minerva_bus import Agent, Degrees, Event, Metres, Moment, Scene, on, portable, view
 
 _FROM_MARKER: Final = 0.25
 _FROM_CARRIER: Final = 0.07
@@ -68,4 +68,4 @@ class AParcel(Agent, symbol="AParcel"):
 
     def _place(self, x: float, y: float, dist: float) -> None:
         side = math.radians(self.side)
-        self.x, self.y = x + dist * math.cos(side), y + dist * math.sin(side)
+        self.x, self.y = x + dist * portable.cos(side), y + dist * portable.sin(side)

@@ -27,7 +27,7 @@ from minerva_agents.robot.looking import expanses, frontier, grown_to_sides, out
 from minerva_agents.robot.motion import Pose
 from minerva_agents.robot.placing import lower, regions
 from minerva_agents.robot.planning import Path, nearest, shortest_path
-from minerva_bus import Cells
+from minerva_bus import Cells, portable
 
 _DEPTH: Final = 0.5
 _LEAST: Final = 2.0
@@ -93,7 +93,7 @@ def _areas(mask: Mask) -> Numbers:
 def _turns(grid: Cells, pose: Pose) -> Numbers:
     """For each cell how far the robot has to turn to face it, 0 to 1 for half a turn."""
     rows, columns = np.ogrid[: grid.shape[0], : grid.shape[1]]
-    bearings = np.degrees(np.arctan2(columns + 0.5 - pose.column, rows + 0.5 - pose.row))
+    bearings = np.degrees(portable.atan2(columns + 0.5 - pose.column, rows + 0.5 - pose.row))
     return np.abs((bearings - pose.angle + 180.0) % 360.0 - 180.0) / 180.0
 
 

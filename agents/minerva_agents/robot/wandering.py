@@ -6,7 +6,6 @@ them, and goes to its objective once there is a straight way to it.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 from minerva_agents.robot.arriving import APPROACH, STOP
@@ -19,7 +18,7 @@ from minerva_agents.robot.ground import (
 )
 from minerva_agents.robot.knowledge import at_distance, holds
 from minerva_agents.robot.motion import Move
-from minerva_bus import Moment
+from minerva_bus import Moment, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -49,7 +48,7 @@ def _go_straight_there(robot: ARobot) -> bool:
     if robot.purpose == APPROACH and is_open(robot):
         return True
     marker = centre_of(place)
-    part = 1.0 - STOP / (math.dist(marker, robot.position) * robot.cell)
+    part = 1.0 - STOP / (portable.dist(marker, robot.position) * robot.cell)
     if part <= 0.0:
         return False
     row, column = robot.position

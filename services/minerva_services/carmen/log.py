@@ -12,6 +12,7 @@ from io import BufferedIOBase, BufferedReader
 from pathlib import Path
 from typing import Final
 
+from minerva_bus import portable
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.carmen.lines import (
@@ -160,8 +161,8 @@ def _mount(said: Beams, offset: float) -> Mount:
         return Mount(offset)
     turn = math.radians(said.robot.angle)
     east, north = said.laser.x - said.robot.x, said.laser.y - said.robot.y
-    ahead = math.cos(turn) * east + math.sin(turn) * north
-    left = math.cos(turn) * north - math.sin(turn) * east
+    ahead = portable.cos(turn) * east + portable.sin(turn) * north
+    left = portable.cos(turn) * north - portable.sin(turn) * east
     angle = (said.laser.angle - said.robot.angle + 180.0) % 360.0 - 180.0
     return Mount(*[round(one, 6) + 0.0 for one in (ahead, left, angle)])
 
@@ -169,7 +170,7 @@ def _mount(said: Beams, offset: float) -> Mount:
 def _carrier(laser: Pose, mount: Mount) -> Pose:
     """Where the robot is whose laser is there."""
     angle = laser.angle - mount.angle
-    cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
     x = laser.x - (cos * mount.x - sin * mount.y)
     y = laser.y - (sin * mount.x + cos * mount.y)
     return Pose(x, y, angle)

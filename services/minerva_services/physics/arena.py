@@ -7,9 +7,9 @@ returns.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 
+from minerva_bus import portable
 from minerva_services.physics.body import Body, Command, Odometer, Outcome, Pose
 from minerva_services.physics.encounters import Course, settle
 from minerva_services.physics.errors import PhysicsError, finite, positive
@@ -259,12 +259,12 @@ class Arena:
 
     def _overlap_with_walls(self, body: Body) -> float:
         walls = self._obstacles.walls_near(body.centre, body.centre, body.radius)
-        gaps = (math.hypot(*offset(body.centre, wall)) for wall in walls)
+        gaps = (portable.hypot(*offset(body.centre, wall)) for wall in walls)
         return body.radius - min(gaps, default=body.radius)
 
     def _refuse_touching(self, name: str, body: Body) -> None:
         for other, there in sorted(self._bodies.items()):
-            overlap = body.radius + there.radius - math.dist(body.centre, there.centre)
+            overlap = body.radius + there.radius - portable.dist(body.centre, there.centre)
             if overlap > SLACK:
                 raise PhysicsError(
                     f"body {name!r} at ({body.pose.x:g}, {body.pose.y:g}) overlaps body {other!r} "
@@ -290,7 +290,7 @@ class Arena:
         self, courses: Mapping[str, Course], driven: Iterable[str]
     ) -> set[tuple[str, str]]:
         """Pairs of bodies of which one drives and that may come to touch in this step."""
-        longest = max((math.hypot(*courses[name].move) for name in driven), default=0.0)
+        longest = max((portable.hypot(*courses[name].move) for name in driven), default=0.0)
         pairs: set[tuple[str, str]] = set()
         for name in driven:
             here = courses[name]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from minerva_bus import portable
 from minerva_services.physics.encounters import Course
 from minerva_services.physics.sweep import Point
 from minerva_services.physics.touch import Contact
@@ -104,14 +105,14 @@ class Body:
     def course(self, forward_m: float) -> Course:
         """The line that the body means to drive along its heading."""
         heading = math.radians(self.pose.angle)
-        move = forward_m * math.cos(heading), forward_m * math.sin(heading)
+        move = forward_m * portable.cos(heading), forward_m * portable.sin(heading)
         return Course(self.centre, move, self.radius)
 
     def driven(self, moved_m: float, *, collided: bool) -> Body:
         """The body after a drive, at exactly the place that dead reckoning gives."""
         heading = math.radians(self.pose.angle)
-        x = self.pose.x + moved_m * math.cos(heading)
-        y = self.pose.y + moved_m * math.sin(heading)
+        x = self.pose.x + moved_m * portable.cos(heading)
+        y = self.pose.y + moved_m * portable.sin(heading)
         odometer = Odometer(
             self.odometer.driven_m + abs(moved_m), self.odometer.collisions + collided
         )

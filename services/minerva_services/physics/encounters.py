@@ -8,10 +8,10 @@ body is favoured for its name. Who drives into the other stops; who is driven in
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from minerva_bus import portable
 from minerva_services.physics.sweep import NEVER, SLACK, Point, contact
 
 
@@ -115,7 +115,7 @@ def _stopped(
     """Who of two that meet still moves, and moves towards the other."""
     here = courses[one].at(min(time, ends[one]))
     there = courses[other].at(min(time, ends[other]))
-    apart = math.dist(here, there)
+    apart = portable.dist(here, there)
     toward = (there[0] - here[0]) / apart, (there[1] - here[1]) / apart
     pushes = {
         one: _dot(courses[one].move, toward) if time < ends[one] else 0.0,

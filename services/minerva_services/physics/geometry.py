@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.semantics.geometry import Geometry
 from minerva_services.physics.body import Command, Pose
 from minerva_services.physics.errors import PhysicsError
@@ -138,5 +139,5 @@ class PhysicalGeometry(Geometry):
 def _within(outer: Pose, x: float, y: float, angle: float) -> Pose:
     """The world pose of a pose that is given in the coordinates of another."""
     heading = math.radians(outer.angle)
-    cos, sin = math.cos(heading), math.sin(heading)
+    cos, sin = portable.cos(heading), portable.sin(heading)
     return Pose(outer.x + (x * cos - y * sin), outer.y + (x * sin + y * cos), outer.angle + angle)

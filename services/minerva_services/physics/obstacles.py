@@ -12,6 +12,7 @@ from typing import Final
 
 import pymunk
 
+from minerva_bus import portable
 from minerva_services.physics.sweep import Point, Segment, offset
 
 Ray = Callable[[Point, Point], float]
@@ -101,7 +102,7 @@ class Obstacles:
         nearest = self._space.point_query_nearest(point, math.inf, _OUTLINES)
         if nearest is None:
             return 0.0
-        depth = math.hypot(*offset(point, self._walls[nearest.shape]))
+        depth = portable.hypot(*offset(point, self._walls[nearest.shape]))
         return 0.0 if self._left_of(point, nearest.shape) else depth
 
     def _left_of(self, point: Point, outline: pymunk.Shape) -> bool:

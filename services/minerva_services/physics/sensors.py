@@ -10,6 +10,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_services.physics.body import Pose
 from minerva_services.physics.obstacles import Ray
 from minerva_services.physics.sweep import Point
@@ -49,7 +50,12 @@ def laser(pose: Pose, angles: Iterable[float], range_max: float, ray: Ray) -> Di
         ray: the free part of the way between two points.
 
     """
-    return np.array([_beam(pose, angle, range_max, ray) for angle in angles], dtype=np.float64)
+    headings = np.radians(pose.angle + np.fromiter(angles, np.float64))
+    x = pose.x + range_max * portable.cos(headings)
+    y = pose.y + range_max * portable.sin(headings)
+    start = pose.x, pose.y
+    ends = zip(x.tolist(), y.tolist(), strict=True)
+    return range_max * np.array([ray(start, end) for end in ends], dtype=np.float64)
 
 
 def camera(
@@ -75,19 +81,12 @@ def camera(
     )
 
 
-def _beam(pose: Pose, angle: float, range_max: float, ray: Ray) -> float:
-    # Not numpy's sine: its last bit depends on the vector unit of the machine.
-    heading = math.radians(pose.angle + angle)
-    end = pose.x + range_max * math.cos(heading), pose.y + range_max * math.sin(heading)
-    return range_max * ray((pose.x, pose.y), end)
-
-
 def _sighting(pose: Pose, name: str, place: Point) -> Sighting:
     heading = math.radians(pose.angle)
-    cos, sin = math.cos(heading), math.sin(heading)
+    cos, sin = portable.cos(heading), portable.sin(heading)
     x, y = place[0] - pose.x, place[1] - pose.y
-    bearing = math.degrees(math.atan2(y * cos - x * sin, x * cos + y * sin))
-    return Sighting(name, math.hypot(x, y), bearing)
+    bearing = math.degrees(portable.atan2(y * cos - x * sin, x * cos + y * sin))
+    return Sighting(name, portable.hypot(x, y), bearing)
 
 
 def _in_sight(pose: Pose, place: Point, distance: float, ray: Ray) -> bool:

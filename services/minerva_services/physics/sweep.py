@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import Final, TypeAlias
 
+from minerva_bus import portable
+
 Point: TypeAlias = tuple[float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
 
@@ -49,7 +51,7 @@ def offset(point: Point, wall: Segment) -> Point:
 def _entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
     """The fraction of the move at which a point enters the capsule, or `NEVER`."""
     away = offset(start, wall)
-    if math.hypot(*away) < reach:
+    if portable.hypot(*away) < reach:
         return 0.0 if away[0] * move[0] + away[1] * move[1] < 0 else NEVER
     return min(
         _disc_entry(start, move, wall[:2], reach),
@@ -73,7 +75,7 @@ def _disc_entry(start: Point, move: Point, centre: Point, reach: float) -> float
 
 def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
     ax, ay, bx, by = wall
-    length = math.hypot(bx - ax, by - ay)
+    length = portable.hypot(bx - ax, by - ay)
     if length == 0:
         return NEVER
     ux, uy = (bx - ax) / length, (by - ay) / length

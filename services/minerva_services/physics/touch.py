@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from minerva_bus import portable
 from minerva_services.physics.encounters import Course
 from minerva_services.physics.sweep import Point, Segment, offset
 
@@ -74,16 +74,16 @@ def _with_wall(here: Course, end: float, near: Iterable[Segment]) -> Contact:
     """The contact of a body whose move a wall ended: of the walls in reach that most ahead."""
     at, (dx, dy) = here.at(end), here.move
     ways = [offset(at, wall) for wall in sorted(near)]
-    touched = [way for way in ways if 0 < math.hypot(*way) <= here.radius + _REACH]
+    touched = [way for way in ways if 0 < portable.hypot(*way) <= here.radius + _REACH]
     ahead = min(
         touched,
-        key=lambda way: (way[0] * dx + way[1] * dy) / math.hypot(*way),
+        key=lambda way: (way[0] * dx + way[1] * dy) / portable.hypot(*way),
         default=(-dx, -dy),
     )
     return _contact("", at, here, ahead)
 
 
 def _contact(other: str, at: Point, here: Course, way: Point) -> Contact:
-    length = math.hypot(*way)
+    length = portable.hypot(*way)
     nx, ny = (way[0] / length, way[1] / length) if length else (1.0, 0.0)
     return Contact(other, at[0] - nx * here.radius, at[1] - ny * here.radius, nx, ny)

@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_services.physics.errors import PhysicsError, finite, positive
 
 Segments: TypeAlias = NDArray[np.float64]
@@ -78,7 +79,7 @@ def _on_columns(runs: NDArray[np.int64]) -> Segments:
 
 def _placed(segments: Segments, x: float, y: float, angle: float) -> Segments:
     """The segments turned by `angle` degrees about the origin, then shifted by (x, y)."""
-    cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
     along, across = segments[:, 0::2], segments[:, 1::2]
     placed = np.empty_like(segments)
     placed[:, 0::2] = x + (along * cos - across * sin)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
+from minerva_bus import portable
 from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.steering import Course, Limits, Velocity, driven, steer
@@ -211,7 +212,7 @@ class Driver:
     def _meet(self, pose: Pose) -> None:
         """The first odometry: a goal from before it that is not near was of another one."""
         missing = pose.seen(self._goal or pose)
-        far = math.hypot(missing.x, missing.y) > SUDDEN.x + self.care.near
+        far = portable.hypot(missing.x, missing.y) > SUDDEN.x + self.care.near
         if self._goal is None or far:
             self.jumps += far
             self._goal = pose

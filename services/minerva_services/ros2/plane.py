@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from minerva_bus import portable
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:
@@ -16,13 +18,13 @@ class Pose:
 
     def then(self, inner: Pose) -> Pose:
         """The pose, in this one's outer frame, of a pose that is given within this one."""
-        cos, sin = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
         x, y = self.x + inner.x * cos - inner.y * sin, self.y + inner.x * sin + inner.y * cos
         return Pose(x, y, wrapped(self.angle + inner.angle))
 
     def seen(self, other: Pose) -> Pose:
         """A pose of the same outer frame as it is seen from this one."""
-        cos, sin = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
         x, y = other.x - self.x, other.y - self.y
         return Pose(x * cos + y * sin, y * cos - x * sin, wrapped(other.angle - self.angle))
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
+from minerva_bus import portable
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_services.ros2.messages import (
     DETECTIONS,
@@ -145,7 +146,9 @@ class Senses:
 def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
     """The sightings of a robot that stood at `shift`, as they would be seen from the origin."""
     seen = [
-        replace(one, distance=math.hypot(at.x, at.y), angle=math.degrees(math.atan2(at.y, at.x)))
+        replace(
+            one, distance=portable.hypot(at.x, at.y), angle=math.degrees(portable.atan2(at.y, at.x))
+        )
         for one in sightings.seen
         for at in (shift.then(Pose(angle=one.angle)).then(Pose(x=one.distance)),)
     ]

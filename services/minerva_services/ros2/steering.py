@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
+from minerva_bus import portable
 from minerva_bus.errors import MisuseError
 from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.plane import Pose
@@ -113,7 +114,7 @@ def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
     """Where a robot is that has gone at a velocity for so long, on an arc of a circle."""
     angle, dist = velocity.turn * seconds, velocity.speed * seconds
     half = math.radians(angle) / 2
-    chord = dist * (math.sin(half) / half if half else 1.0)
+    chord = dist * (portable.sin(half) / half if half else 1.0)
     return pose.then(Pose(angle=angle / 2)).then(Pose(x=chord)).then(Pose(angle=angle / 2))
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from minerva_bus import portable
 from minerva_services.ros2.driver import STILL, Driver, State
 from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.link import say
@@ -120,7 +121,7 @@ def phases(command: Command, seconds: float, limits: Limits) -> Iterator[tuple[V
 
 def is_rounding(pose: Pose) -> bool:
     """Whether so small a difference is rounding, and the robot where it should be."""
-    return math.hypot(pose.x, pose.y) < ROUNDING and abs(pose.angle) < ROUNDING
+    return portable.hypot(pose.x, pose.y) < ROUNDING and abs(pose.angle) < ROUNDING
 
 
 def _nanoseconds(seconds: float) -> int:

@@ -8,6 +8,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Final
 
+from minerva_bus import portable
 from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
 from minerva_services.ros2.plane import Pose
@@ -62,7 +63,7 @@ class Track:
     def _jumps(self, moved: Pose, seconds: float) -> bool:
         most = SUDDEN.x + 2 * self._fastest * seconds
         turned = SUDDEN.angle + 2 * self._turning * seconds
-        return math.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
+        return portable.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
 
     def covers(self, time: float) -> bool:
         """Whether the time lies between the first and the last that are known."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from typing import Any, ClassVar, Final
@@ -10,6 +9,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.forms import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
@@ -78,7 +78,7 @@ def occupancy(cells: Cells) -> NDArray[np.int8]:
 def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
     """The name of the place nearest to a goal, the first of equals. Raises MisuseError."""
     ordered = sorted(
-        (math.hypot(at.x - goal.x, at.y - goal.y), name) for name, at in places.items()
+        (portable.hypot(at.x - goal.x, at.y - goal.y), name) for name, at in places.items()
     )
     if not ordered or ordered[0][0] > radius:
         near = f"; the nearest is {ordered[0][1]}, {ordered[0][0]:.1f} m away" if ordered else ""

@@ -9,8 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.world.readings import CENTRE, Mount
-from minerva_services.bridging.transforms import matrix_of
+from minerva_services.bridging.transforms import inverse, matrix_of, product
 
 Matrix = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class Frames:
         above = dict(self._above(base))
         for name, matrix in self._above(frame):
             if name in above:
-                return np.linalg.inv(above[name]) @ matrix
+                return product(inverse(above[name]), matrix)
         return None
 
     def mounting(self, base: str, frame: str) -> Mounting | None:
@@ -59,7 +60,7 @@ class Frames:
         if matrix is None:
             return None
         ahead = 2 if _bare(frame).endswith(_OPTICAL) else 0
-        angle = np.degrees(np.arctan2(matrix[1, ahead], matrix[0, ahead]))
+        angle = np.degrees(portable.atan2(matrix[1, ahead], matrix[0, ahead]))
         numbers = (matrix[0, 3], matrix[1, 3], angle)
         mount = Mount(*[round(float(one), _DIGITS) + 0.0 for one in numbers])
         return Mounting(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
@@ -82,7 +83,7 @@ class Frames:
             if frame not in self._parents:
                 return
             frame, upward = self._parents[frame]
-            matrix = upward @ matrix
+            matrix = product(upward, matrix)
 
 
 def _bare(frame: str) -> str:

@@ -13,7 +13,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.world.readings import Battery, Odometry, Position, Scan, Sighting, Sightings
+from minerva_services.bridging.transforms import moved
 from minerva_services.ros_messages.errors import GarbageError
 from minerva_services.ros_messages.frames import Matrix, Mounting
 
@@ -93,7 +95,7 @@ def place_of(message: Any) -> Place:
 def heading_of(orientation: Any) -> float:
     """Degrees about the vertical of a quaternion."""
     x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
-    return math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    return math.degrees(portable.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
 def battery_of(
@@ -138,9 +140,11 @@ def sightings_of(message: Any, robot: str, placed: Matrix, time: float | None = 
 def _sighting(detection: Any, placed: Matrix) -> Sighting:
     best = max(detection.results, key=lambda one: one.hypothesis.score)
     place = best.pose.pose.position
-    x, y, _, _ = (placed @ np.array([place.x, place.y, place.z, 1.0])).tolist()
+    x, y, _ = moved(placed, (place.x, place.y, place.z))
     _finite("detection", x, y)
-    return Sighting(best.hypothesis.class_id, math.hypot(x, y), math.degrees(math.atan2(y, x)))
+    return Sighting(
+        best.hypothesis.class_id, portable.hypot(x, y), math.degrees(portable.atan2(y, x))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus import portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Mount, Sighting
 from minerva_services.vision.detecting import Found, Grey, detector, dictionary_of
@@ -126,10 +127,10 @@ def _place(corners: NDArray[np.float64], size: float, lens: Lens) -> tuple[float
 
 def from_centre(ahead: float, left: float, mount: Mount) -> tuple[float, float]:
     """Distance (m) and angle (deg) from a robot's centre of what is so far ahead of its camera."""
-    cos, sin = math.cos(math.radians(mount.angle)), math.sin(math.radians(mount.angle))
+    cos, sin = portable.cos(math.radians(mount.angle)), portable.sin(math.radians(mount.angle))
     x = mount.x + ahead * cos - left * sin
     y = mount.y + ahead * sin + left * cos
-    return math.hypot(x, y), math.degrees(math.atan2(y, x))
+    return portable.hypot(x, y), math.degrees(portable.atan2(y, x))
 
 
 __all__ = ["Eye", "Look", "WrongSize", "from_centre", "names_of"]
