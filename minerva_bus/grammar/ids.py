@@ -250,7 +250,8 @@ class Ids(Joinable):
         for row in range(0, len(self), 65536):
             text = self.text_of(slice(row, row + 65536))
             if _LINES.fullmatch(text) is None:
-                return next(one for one in text.decode().split("\n") if not AGENT_ID.fullmatch(one))
+                shown = text.decode(errors="backslashreplace").split("\n")
+                return next(line for line in shown if not AGENT_ID.fullmatch(line))
         return None
 
     def rows_of(self, others: Ids) -> Rows:

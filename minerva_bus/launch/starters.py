@@ -14,8 +14,12 @@ import threading
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from minerva_bus.errors import MinervaError
+
+FAILED: Final = os.EX_SOFTWARE
+"""The exit code of a child that ended by an exception that is not meant for users."""
 
 
 @dataclass(slots=True)
@@ -53,6 +57,7 @@ def fork(name: str, body: Callable[[], int], keep: Collection[int], lifeline: in
         import traceback
 
         traceback.print_exc()
+        code = FAILED
     finally:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -11,18 +11,20 @@ from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.launch.children import coordinate
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines, Reports, parsed
-from minerva_bus.launch.starters import Child, fork
+from minerva_bus.launch.starters import FAILED, Child, fork
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.protocol.keys import COORDINATOR
 
 MOST_SUCCESSIONS = 100
+MOST_FAILURES = 3
+"""Coordinators that may fail by an exception before one gets beyond their frame."""
 
 
 class Succession:
     """One coordinator after another: `count` of them have followed the first.
 
     `told` gets each report of theirs, `printed` each line that they print. `listens_at` is where
-    the first one could be reached, and so must the others.
+    the first one could be reached, and so must the others; `frame` is the last one they reported.
     """
 
     def __init__(
@@ -41,6 +43,8 @@ class Succession:
         self.child: Child | None = None
         self.count = 0
         self.listens_at = ""
+        self.frame = 0
+        self._failed_at, self._failures = -1, 0
 
     def start(self) -> None:
         """Start the first one, or one that goes on from the journal of the last."""
@@ -84,8 +88,15 @@ class Succession:
             self._hear_output()
 
     def may_go_on(self, code: int) -> bool:
-        """Whether a coordinator with this exit code was killed in a world that runs, once more."""
-        return code < 0 and bool(self._around.endpoint) and self.count < MOST_SUCCESSIONS
+        """Whether another one follows: its world runs, and it was killed, or failed by a defect.
+
+        A defect that shows again in the same frame is not transient.
+        """
+        if code == FAILED:
+            self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
+            self._failed_at = max(self._failed_at, self.frame)
+        unexpected = code < 0 or (code == FAILED and self._failures < MOST_FAILURES)
+        return unexpected and bool(self._around.endpoint) and self.count < MOST_SUCCESSIONS
 
     def go_on(self) -> None:
         """Let another one follow."""

@@ -19,6 +19,7 @@ from minerva_bus.launch.memory import prepared, sweep
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import Claim
+from minerva_bus.launch.starters import FAILED
 from minerva_bus.launch.succession import MOST_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
@@ -155,7 +156,7 @@ class Supervisor:
 
     def _on_status(self, **status: Any) -> None:
         world = self._file.world
-        self._console.frame = int(status["frame"])
+        self._console.frame = self._coordinator.frame = int(status["frame"])
         self._console.live(live_line(world.name, status, world.frames, self._laps.began))
 
     def _on_first_frame(self) -> None:
@@ -220,7 +221,8 @@ class Supervisor:
         running = self._ended is None and self._deadline is None
         if running and self._coordinator.may_go_on(code):
             number = self._coordinator.count + 1
-            how = f"{how_ended(code)}; another one goes on from its journal"
+            ended = f"failed ({self._last_line})" if code == FAILED else how_ended(code)
+            how = f"{ended}; another one goes on from its journal"
             self._console.log(COORDINATOR, f"{how} ({number} of {MOST_SUCCESSIONS})", "warning")
             self._coordinator.go_on()
             return

@@ -7,11 +7,12 @@ that it came on says so.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
 
 import msgpack
 
-from minerva_bus.errors import ProtocolError
+from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
@@ -29,6 +30,8 @@ from minerva_bus.protocol.plain import figure, listed, mapped, number, text, tru
 from minerva_bus.protocol.readings import plain_reading, read_reading
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene
 
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 _EMPTY = Vocabulary()
 _NONE: Mapping[str, Patch] = {}
 
@@ -140,6 +143,22 @@ _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
 # --- from bytes ---
 
 
+def _refusing(read: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Turn any error of a reader into a ProtocolError: whatever a sender sends, it is to blame."""
+
+    @wraps(read)
+    def checked(*given: _P.args, **named: _P.kwargs) -> _T:
+        try:
+            return read(*given, **named)
+        except (ProtocolError, SceneError):
+            raise
+        except Exception as error:
+            kind = type(error).__name__
+            raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
+
+    return checked
+
+
 class Decoder:
     """Reads messages; a world's vocabulary makes those readable that hold strings or events.
 
@@ -150,14 +169,17 @@ class Decoder:
         self._reader = Reader(vocabulary, limits)
         self._limits = limits
 
+    @_refusing
     def from_member(self, member: str, data: bytes) -> m.FromMember:
         """A message that a member sent to the coordinator."""
         return self._message(_FROM_MEMBER, member, data)
 
+    @_refusing
     def to_member(self, data: bytes) -> m.ToMember:
         """A message that the coordinator sent."""
         return self._message(_TO_MEMBER, "", data)
 
+    @_refusing
     def readings(self, topic: str, member: str, data: bytes) -> m.Readings:
         """A member's readings on a topic."""
         items = listed(unpack(data, self._limits), "readings")
@@ -168,6 +190,7 @@ class Decoder:
             member, topic, frame, tuple(read_reading(one) for one in listed(items[2], "readings"))
         )
 
+    @_refusing
     def record(self, data: bytes) -> m.FrameRecord:
         """What happened in a frame."""
         items = listed(unpack(data, self._limits), "a record")

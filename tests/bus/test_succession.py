@@ -4,11 +4,24 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
 import zenoh
-from running import ALL_KINDS, MEMBERS, Run, World, eventually, here, minerva, summary, write_world
+from running import (
+    ALL_KINDS,
+    MEMBERS,
+    Run,
+    World,
+    environment,
+    eventually,
+    here,
+    minerva,
+    summary,
+    write_world,
+)  # fmt: skip
 
 LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
 NAMES = ("steps", "walkers", "water", "eye", "screen")
@@ -36,6 +49,55 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
     )
     assert "is gone" not in world.text
     assert not list((tmp_path / "runtime").glob("*.journal*"))
+
+
+def failing_coordinator(folder, words, frame, times):
+    """Run a world in a process whose coordinator raises an exception in a frame, so many times."""
+    script = folder / "failing.py"
+    script.write_text(FAILING.format(words=[*map(str, words)], frame=frame, times=times))
+    return subprocess.run(
+        [sys.executable, script], cwd=folder, env=environment(folder), capture_output=True,
+        text=True, timeout=60, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+FAILING = """
+import sys
+from pathlib import Path
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.cli.main import main
+
+tell, count = BusCoordinator.tell, Path("failures")
+
+def failing(self, stimulus):
+    done = len(count.read_text()) if count.exists() else 0
+    if self.algorithm.frame == {frame} and done < {times}:
+        count.write_text("x" * (done + 1))
+        raise LookupError("a defect of ours")
+    tell(self, stimulus)
+
+BusCoordinator.tell = failing
+sys.argv = ["minerva", *{words!r}]
+main()
+"""
+
+
+def test_a_coordinator_that_fails_is_followed_as_one_that_is_killed(tmp_path):
+    path = write_world(tmp_path, LOCKSTEP, frames=40)
+    undisturbed = alone(tmp_path, path)
+    done = failing_coordinator(tmp_path, ("run", path, "--json"), frame=20, times=2)
+    assert summary(done)["digest"] == undisturbed["digest"]
+    assert "failed (LookupError: a defect of ours); another one goes on from its journal" in (
+        done.stderr
+    )
+
+
+def test_a_coordinator_that_fails_again_and_again_in_one_frame_ends_the_world(tmp_path):
+    path = write_world(tmp_path, LOCKSTEP, frames=40)
+    done = failing_coordinator(tmp_path, ("run", path, "--json"), frame=20, times=99)
+    assert done.returncode == 1
+    assert "a defect of ours" in done.stderr
+    assert 1 < len((tmp_path / "failures").read_text()) < 10
 
 
 def test_members_and_coordinator_are_killed_at_once(tmp_path):
@@ -75,8 +137,8 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
     path = write_world(tmp_path, LOCKSTEP, frames=250, rate=60, record="run.mcap", flush=0.1)
     undisturbed = alone(tmp_path, path, "--record", "alone.mcap")
-    earlier = tmp_path / "run.mcap"
-    earlier.write_bytes(b"an earlier one")
+    alone(tmp_path, path, "--record", "run.mcap", "--frames", 5)
+    earlier = (tmp_path / "run.mcap").read_bytes()
     with World(path, "--json") as world:
         world.runs(*NAMES)
         world.kill_coordinator()
@@ -85,7 +147,7 @@ def test_a_record_goes_on_with_the_coordinator_that_follows(tmp_path):
     told = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
     assert (told["frames"], told["complete"]) == (250, True)
     assert here(tmp_path, "diff", "alone.mcap", "run.mcap").returncode == 0
-    assert earlier.with_name("run.old.mcap").read_bytes() == b"an earlier one"
+    assert (tmp_path / "run.old.mcap").read_bytes() == earlier
 
 
 def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):

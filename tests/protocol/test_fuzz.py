@@ -441,3 +441,85 @@ def test_names_that_do_not_fit_into_a_key_are_refused(name):
         return
     assert Keys("w").to(name) == f"minerva/w/to/{name}"
     assert not set(name) & set("/*$?# \n")
+
+
+# --- ids, columns, patches and deltas: right in form, wrong in a byte, a length or an offset ---
+
+few_rows = st.integers(0, 3)
+arrays = st.builds(
+    lambda letter, data: msgpack.ExtType(3, letter + data),
+    st.sampled_from([b"d", b"b", b"h", b"i", b"q", b"?", b"x", b""]),
+    st.one_of(st.binary(max_size=24), st.lists(st.integers(0, 3), max_size=4).map(bytes)),
+)
+spelled_ids = st.builds(
+    lambda width, names: [
+        None,
+        width,
+        b"".join(name[:width].ljust(width, b"\0") for name in names),
+    ],
+    st.integers(0, 5),
+    st.lists(
+        st.one_of(st.binary(max_size=5), st.sampled_from([b"a", b"b1", b"\xcf", b"\xff\n"])),
+        max_size=3,
+    ),
+)
+numbered_ids = st.one_of(
+    st.builds(list, st.tuples(st.text(max_size=3), arrays)),
+    st.builds(
+        list,
+        st.tuples(st.text(max_size=3), st.integers(-1, (1 << 64) - 1), st.integers(-1, 1 << 40)),
+    ),
+)
+many_ids = st.one_of(st.none(), spelled_ids, numbered_ids, junk)
+fields = st.one_of(arrays, many_ids, st.lists(st.text(max_size=4), max_size=3), junk)
+batches = st.builds(
+    list,
+    st.tuples(
+        st.sampled_from(SYMBOLS), few_rows, st.lists(fields, max_size=3), st.sampled_from(["", "x > 1", "("]),
+        many_ids, many_ids,
+    ),
+)  # fmt: skip
+populations = st.builds(
+    list,
+    st.tuples(few_rows, many_ids, st.lists(st.tuples(st.sampled_from(SYMBOLS), st.lists(fields, max_size=3)).map(list), max_size=2)),
+)  # fmt: skip
+deltas = st.builds(
+    lambda count, symbols, changes, more: ["patch", count, symbols, changes, *more],
+    few_rows,
+    st.lists(st.sampled_from(SYMBOLS), max_size=2),
+    st.lists(st.tuples(st.integers(-1, 2), st.integers(-1, 3), st.none() | arrays, fields).map(list), max_size=2),
+    st.one_of(st.just(()), st.tuples(arrays, arrays, many_ids)),
+)  # fmt: skip
+columnar = st.one_of(
+    st.builds(lambda events: ["emitted", events], st.lists(batches, max_size=2)),
+    st.builds(lambda scene: ["evolved", 0, 0, {"w": scene}, {}, {}], st.one_of(populations.map(lambda p: [p]), deltas)),
+    st.builds(lambda events: ["evolved", 0, 0, {}, {}, {"w": events}], st.lists(batches, max_size=2)),
+    st.builds(lambda scene: ["fragments", {"w": scene}, []], st.one_of(populations.map(lambda p: [p]), deltas)),
+    st.builds(lambda parts, skeleton: ["view", "eShow", 0, 0, {"w": parts}, skeleton], st.one_of(populations.map(lambda p: [p]), deltas), st.none() | junk),
+    st.builds(lambda events: ["evolve", 0, [], events, [], {}, []], st.lists(batches, max_size=2)),
+)  # fmt: skip
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@given(columnar)
+@example(["emitted", [["eSaw", 1, [], "", None, [None, 1, b"\xcf"]]]])
+@example(["emitted", [["eSaw", 1, [], "", [None, 1, b"\xcf"], None]]])
+@example(["evolved", 0, 0, {"w": [[1, [None, 1, b"\xcf"], [["AFox", []]]]]}, {}, {}])
+def test_columns_and_deltas_of_any_content(plain):
+    refused_or_read(msgpack.packb(plain))
+
+
+@pytest.mark.parametrize("data", [b"\xcf", b"a\xcfb", b"\n", b"\0", b" "])
+def test_bytes_that_are_no_id_are_named(data):
+    plain = [
+        "emitted",
+        [[next(iter(FAMILY_VOCABULARY.events)), 1, [], "", None, [None, len(data), data]]],
+    ]
+    with pytest.raises(ProtocolError, match="is no id of an agent"):
+        DECODER.from_member("m", msgpack.packb(plain))
+
+
+def test_a_defect_of_a_reader_is_the_senders_violation(monkeypatch):
+    monkeypatch.setattr(Reader, "events", lambda *_: 1 / 0)
+    with pytest.raises(ProtocolError, match="cannot be decoded: ZeroDivisionError"):
+        DECODER.from_member("m", encode(m.Emitted("m", ())))
