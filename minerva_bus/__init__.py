@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.fields import Default
     from minerva_bus.grammar.forms import Disc, Label, Line, Motion, Raster
     from minerva_bus.grammar.ids import Ids
+    from minerva_bus.grammar.limits import Of, Range
     from minerva_bus.grammar.parser import parse
     from minerva_bus.grammar.scene import EMPTY, Scene
     from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
@@ -43,6 +44,7 @@ _HOMES = {
     "grammar.fields": "Default",
     "grammar.forms": "Disc Label Line Motion Raster",
     "grammar.ids": "Ids",
+    "grammar.limits": "Of Range",
     "grammar.parser": "parse",
     "grammar.scene": "EMPTY Scene",
     "grammar.symbols": "AgentKind EventType Primitive Transformation",
@@ -98,8 +100,10 @@ __all__ = [
     "Moment",
     "Moments",
     "Motion",
+    "Of",
     "Policy",
     "Primitive",
+    "Range",
     "Raster",
     "Reals",
     "Received",

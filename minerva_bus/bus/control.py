@@ -30,7 +30,7 @@ from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import Member
 from minerva_bus.frame.pacing import Pace
-from minerva_bus.frame.people import refusal_of_order
+from minerva_bus.frame.people import refusal_of_order, unknown_value
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
@@ -190,6 +190,7 @@ def _send(running: Running, event: Event) -> dict[str, Any]:
         if algorithm.composition.agent(receiver) is None:
             raise ProtocolError(f"there is no agent #{receiver[:64]}")
     refusal = refusal_of_order(algorithm, event.type)
+    refusal = refusal or unknown_value(algorithm, event)
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.roster.takers(event.type)]

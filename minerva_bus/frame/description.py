@@ -21,7 +21,8 @@ class World:
     """A world: its initial string w₀, its vocabulary and the rules of its frames.
 
     `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
-    limit), when its string is ε, or when every agent of the kinds that send `until` has sent it.
+    limit), when its string is ε, or when every agent of the kinds that send `until` has sent it or,
+    instead, `give_up`, by which an agent says that it cannot.
     `norms` say what nobody may do. `people` are the event types that people may send although a
     generator makes them. `placement` says where agents may live; it cannot reach the
     string unless some find no place.
@@ -42,6 +43,7 @@ class World:
     policy: Policy = Policy.SEQUENTIAL
     frames: int = 0
     until: str = ""
+    give_up: str = ""
     expected: frozenset[str] = frozenset()
     norms: tuple[Norm, ...] = ()
     people: tuple[str, ...] = ()

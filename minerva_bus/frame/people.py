@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import cast
+
+from minerva_bus.errors import nearest
 from minerva_bus.frame.core import Core, Phase
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.known import values_of
+
+_LISTED = 12
 
 
 def refusal_of_order(world: Core, event_type: str) -> str:
@@ -29,3 +37,31 @@ def refusal_of_order(world: Core, event_type: str) -> str:
             f" {', '.join(unknown[:5])}; send it when the world runs"
         )
     return ""
+
+
+def unknown_value(world: Core, event: Event) -> str:
+    """Why an order names what the world does not have, or the empty text.
+
+    It looks in the string for the texts that the event's type takes from there. A string without
+    any such text says nothing about them: what a robot meets on a real floor is not in it.
+    """
+    for one in world.world.vocabulary.events[event.type].fields.all:
+        source = one.type.source
+        if source is None:
+            continue
+        known = sorted({str(value) for value in values_of(world.composition.scene, source)})
+        value: object = event.data[one.name]
+        texts = cast("tuple[str, ...]", value if isinstance(value, tuple) else (value,))
+        for text in texts:
+            if known and text not in known:
+                return (
+                    f"{event.type}: {one.name} is {text!r}, but no {source.symbol} of the world has"
+                    f" this {source.parameter}; expected {_listed(known)}{nearest(text, known)}"
+                )
+    return ""
+
+
+def _listed(names: Iterable[str]) -> str:
+    shown = list(names)
+    more = len(shown) - _LISTED
+    return ", ".join(shown[:_LISTED]) + (f" or one of {more} more" if more > 0 else "")

@@ -11,10 +11,10 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.course import Course
+from minerva_bus.frame.endings import Endings
 from minerva_bus.frame.enforcement import PEOPLE
-from minerva_bus.frame.enforcing import Enforcing
 from minerva_bus.frame.showing import Showing
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import collect
@@ -29,7 +29,7 @@ BALANCED_EVERY: Final = 32
 """Frames after which it is looked whether hosts have work for the same time."""
 
 
-class Steps(Enforcing):
+class Steps(Endings):
     """One frame: its events, its evolution and views, and what follows from them."""
 
     def _collect(self) -> None:
@@ -219,7 +219,7 @@ class Steps(Enforcing):
         """Make the frame's outcome the string; False where it cannot be one."""
         self._show()
         made, overruled = self._changed, self._enforce()
-        self._note_until()
+        self._note_ends()
         self._emitted = self._sent_in_order()
         try:
             self._rearrange |= self.composition.replace(self._changed)
@@ -298,35 +298,11 @@ class Steps(Enforcing):
         """Why no frame follows, or the empty text."""
         if self.composition.empty:
             return "the string is empty"
-        if self._until_holds():
-            return f"every agent has sent {self.world.until}"
+        if self.finished:
+            return self.finished
         if self.world.frames and self.frame >= self.world.frames:
             return "the frames are over"
         return ""
-
-    @property
-    def reached(self) -> bool:
-        """Whether every agent of the kinds that send `until` has sent it."""
-        return self._until_holds()
-
-    def _note_until(self) -> None:
-        """Note who has sent `until`, and of what kind it was; it may be gone after this frame."""
-        for name, events in self._sent.items() if self.world.until else ():
-            sent = [event for event in events if event.type == self.world.until]
-            for event in sent:
-                senders = event.senders or () if isinstance(event, Events) else (event.sender,)
-                self._reached = self._reached.union(senders)
-            if sent:
-                part = self.composition.parts.get(name)
-                kind = part.symbol if part is not None else self.composition.kind(name)
-                self._reaching = self._reaching.union((kind,))
-
-    def _until_holds(self) -> bool:
-        return bool(self._reached) and all(
-            agent in self._reached
-            for agent in self.composition.agents()
-            if self.composition.kind(agent) in self._reaching
-        )
 
     def _close(self, reason: str) -> None:
         """End a world that has come to its end: its last string is shown once more."""

@@ -44,6 +44,9 @@ def fit_array(kind: Type, value: Any, *, finite: bool = True) -> Column:
         raise Unfit("an array of whole numbers of at most 64 bits")
     if finite and kind.kind == "real" and not np.isfinite(fitted).all():
         raise Unfit(f"an array of {kind}, of finite numbers")
+    if kind.range is not None and fitted.size:
+        kind.check_range(fitted.min().item())
+        kind.check_range(fitted.max().item())
     return Column(fitted)
 
 
@@ -83,5 +86,7 @@ def fits(kind: Type, column: Column) -> bool:
             not kind.words or {*texts} <= {*kind.words}
         )
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:
+        return False
+    if kind.range is not None and not all(map(kind.range.holds, array.tolist())):
         return False
     return kind.kind != "real" or bool(np.isfinite(array).all())

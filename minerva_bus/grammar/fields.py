@@ -78,7 +78,8 @@ class Fields:
         object.__setattr__(self, "names", tuple([one.name for one in self.all]))
         holds = any(one.type.holds_strings for one in self.all)
         object.__setattr__(self, "hold_strings", holds)
-        object.__setattr__(self, "_reals", tuple([one.type.kind == "real" for one in self.all]))
+        reals = [one.type.kind == "real" and one.type.range is None for one in self.all]
+        object.__setattr__(self, "_reals", tuple(reals))
 
     @staticmethod
     def of(annotations: Mapping[str, Any]) -> Fields:

@@ -7,6 +7,8 @@
 | `real`, `real m`  | `float`, `Metres`, ...           | a finite float64 in that unit           |
 | `text`            | `str`                            | UTF-8                                   |
 | `text a|b`        | `Literal["a", "b"]`              | one of these words                      |
+| `real m 0..`      | see `limits`                     | a number in a range                     |
+| `text of P.name`  | see `limits`                     | a text that the string knows            |
 | `list of TYPE`    | `tuple[X, ...]`                  | a tuple                                 |
 | `cells`           | `Cells`                          | a read-only int16 matrix (rows, columns)|
 | `matrix`          | `Reals`                          | a read-only float64 matrix              |
@@ -18,9 +20,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import is_
-from typing import Annotated, Any, Literal, TypeAlias, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +40,7 @@ from minerva_bus.grammar.fitting import (
     to_string,
     to_text,
 )
+from minerva_bus.grammar.limits import Of, Range, parse_of, parse_range
 from minerva_bus.grammar.literals import DEPTH
 from minerva_bus.grammar.scene import Scene, Value
 from minerva_bus.grammar.units import Quantity, Unit
@@ -49,6 +52,7 @@ MetresPerSecond = Annotated[float, Unit("m/s")]
 Cells: TypeAlias = NDArray[np.int16]
 Reals: TypeAlias = NDArray[np.float64]
 
+_Number = TypeVar("_Number", int, float)
 _WORD = re.compile(r"[A-Za-z0-9_-]+")
 _BAR = "|"
 _KINDS = ("bool", "int", "real", "text", "cells", "matrix", "string")
@@ -58,20 +62,22 @@ _KINDS = ("bool", "int", "real", "text", "cells", "matrix", "string")
 class Type:
     """A type of values: its kind, the unit of a real, the items' type of a list.
 
-    `words` are those that a text is one of; none: any.
+    `words` are those that a text is one of; none: any. `range` bounds a number, and `of` says which
+    texts the string knows.
     """
 
     kind: str
     unit: str = ""
     item: Type | None = None
     words: tuple[str, ...] = ()
+    range: Range | None = None
+    of: Of | None = None
 
     def __str__(self) -> str:
         if self.item is not None:
             return f"list of {self.item}"
-        if self.words:
-            return f"{self.kind} {_BAR.join(self.words)}"
-        return f"{self.kind} {self.unit}" if self.unit else self.kind
+        parts = [self.kind, self.unit, _BAR.join(self.words), f"of {self.of}" if self.of else ""]
+        return " ".join(part for part in [*parts, str(self.range or "")] if part)
 
     def fit(self, value: Any) -> Value:
         """The value as one of this type; the very value where it is one already.
@@ -80,10 +86,20 @@ class Type:
         """
         kind = self.kind
         if kind == "real":
-            return value if type(value) is float and math.isfinite(value) else self._real(value)
+            is_real = type(value) is float and math.isfinite(value)
+            number = value if is_real else self._real(value)
+            return number if self.range is None else self.check_range(number)
         if kind == "list":
             return self._list(value)
-        return self._word(value) if self.words else _FITS[kind](value)
+        fitted = self._word(value) if self.words else _FITS[kind](value)
+        return fitted if self.range is None else self.check_range(cast("int", fitted))
+
+    def check_range(self, number: _Number) -> _Number:
+        """The number, if it lies in the range. Raises Unfit."""
+        if self.range is None or self.range.holds(number):
+            return number
+        unit = f" in {self.unit}" if self.unit else ""
+        raise Unfit(f"a number{unit} {self.range.words}, not {shown(number)}")
 
     def _real(self, value: Any) -> float:
         wanted = f"a number in {self.unit}" if self.unit else "a number"
@@ -112,6 +128,11 @@ class Type:
         return shallow(fitted) if self.holds_strings else fitted
 
     @property
+    def source(self) -> Of | None:
+        """Where in the string its texts, or those of its items, are known."""
+        return self.of if self.item is None else self.item.source
+
+    @property
     def holds_strings(self) -> bool:
         """Whether strings of L(M) stand in values of this type."""
         return self.kind == "string" or (self.item is not None and self.item.holds_strings)
@@ -137,6 +158,10 @@ def parse_type(text: str) -> Type:
         raise MisuseError(f"lists are nested at most {DEPTH} deep")
     if words[:2] == ["list", "of"]:
         return Type("list", item=parse_type(" ".join(words[2:])))
+    if len(words) > 1 and words[0] in ("real", "int") and (limits := parse_range(words[-1])):
+        return replace(parse_type(" ".join(words[:-1])), range=limits)
+    if words[:2] == ["text", "of"] and len(words) == 3:
+        return Type("text", of=parse_of(words[2]))
     if len(words) == 2 and words[0] == "real":
         return Type("real", Unit(words[1]).symbol)
     if len(words) == 2 and words[0] == "text":
@@ -144,7 +169,8 @@ def parse_type(text: str) -> Type:
     if len(words) == 1 and words[0] in _KINDS:
         return Type(words[0])
     raise MisuseError(
-        f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT, text WORD|WORD"
+        f"no type {text!r}; there are {', '.join(_KINDS)}, list of TYPE, real UNIT, text WORD|WORD,"
+        " text of SYMBOL.parameter, and a range behind a number, real UNIT 0.."
     )
 
 
@@ -186,7 +212,7 @@ def type_of(annotation: Any) -> Type:
     if get_origin(annotation) is Literal:
         return _one_of(arguments)
     if get_origin(annotation) is Annotated:
-        return _with_unit(type_of(arguments[0]), arguments[1:])
+        return _annotated(type_of(arguments[0]), arguments[1:])
     if get_origin(annotation) is tuple and len(arguments) == 2 and arguments[1] is Ellipsis:
         return Type("list", item=type_of(arguments[0]))
     raise MisuseError(
@@ -196,10 +222,18 @@ def type_of(annotation: Any) -> Type:
     )
 
 
-def _with_unit(plain: Type, extras: tuple[Any, ...]) -> Type:
+def _annotated(plain: Type, extras: tuple[Any, ...]) -> Type:
     for extra in extras:
         if isinstance(extra, Unit):
-            if plain.kind != "real":
-                raise MisuseError(f"only a real has a unit, not {plain}")
-            return Type("real", extra.symbol)
+            plain = _limited(plain, ("real",), "unit", extra.symbol)
+        elif isinstance(extra, Range):
+            plain = _limited(plain, ("real", "int"), "range", extra)
+        elif isinstance(extra, Of):
+            plain = _limited(plain, ("text",), "of", extra)
     return plain
+
+
+def _limited(plain: Type, kinds: tuple[str, ...], name: str, extra: Any) -> Type:
+    if plain.kind not in kinds or plain.words:
+        raise MisuseError(f"{extra} is for {' or '.join(kinds)}, not for {plain}")
+    return replace(plain, **{name: extra})

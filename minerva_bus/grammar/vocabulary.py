@@ -42,6 +42,15 @@ Entry = Primitive | Transformation | AgentKind | EventType
 _E = TypeVar("_E", Primitive, Transformation, AgentKind, EventType)
 
 
+def _check_unlimited(owner: str, fields: Fields) -> None:
+    for one in fields.all:
+        if one.type.range is not None or one.type.source is not None:
+            raise MisuseError(
+                f"{owner}: {one.name} is a {one.type}; only data of event types have a range or a"
+                " source"
+            )
+
+
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
     """The alphabets P, T, A and the event types D of a world."""
@@ -63,7 +72,28 @@ class Vocabulary:
         )
         for kind in made.kinds.values():
             made._check_events_of(kind)
+        for symbol in (*made.primitives.values(), *made.transformations.values()):
+            _check_unlimited(symbol.name, symbol.fields)
+        for kind in made.kinds.values():
+            _check_unlimited(kind.name, kind.fields)
+        for event_type in made.events.values():
+            made._check_sources_of(event_type)
         return made
+
+    def _check_sources_of(self, event_type: EventType) -> None:
+        """Whether the symbols exist of which the data of an event type are texts."""
+        for one in event_type.fields.all:
+            of = one.type.source
+            if of is None:
+                continue
+            table = self._symbols(of.symbol[:1])
+            names = table[of.symbol].fields.names if of.symbol in table else ()
+            if of.parameter not in names:
+                every = [f"{name}.{own}" for name in table for own in table[name].fields.names]
+                raise MisuseError(
+                    f"{event_type.name}: {one.name} is a text of {of}, which the vocabulary does"
+                    f" not have{nearest(str(of), every)}"
+                )
 
     def _check_events_of(self, kind: AgentKind) -> None:
         for event_type in sorted(kind.subscribes | kind.views):

@@ -46,6 +46,7 @@ def read_description(
         policy=Policy(table.choice("policy", ("sequential", "literal"))),
         frames=own_frames if given.frames is None else given.frames,
         until=_until(table, vocabulary, given.until),
+        give_up=_one_sent(table, "give_up", vocabulary, _event_types(table, "give_up", vocabulary)),
         expected=frozenset(members),
         placement=read_placement(placement, vocabulary),
     )
@@ -104,9 +105,14 @@ def _until(table: Table, vocabulary: Vocabulary, given: str | None) -> str:
             known = nearest(given, list(vocabulary.events))
             raise WorldFileError(f"--until: there is no event type {given}{known}")
         types = (given,) if given else ()
+    return _one_sent(table, "until", vocabulary, types)
+
+
+def _one_sent(table: Table, key: str, vocabulary: Vocabulary, types: tuple[str, ...]) -> str:
+    """The one event type of some, if agents can send it; or none."""
     if len(types) > 1:
-        table.wrong("until", "must be one event type")
+        table.wrong(key, "must be one event type")
     for one in types:
         if vocabulary.events[one].visual:
-            table.wrong("until", f"must be an event that agents send; {one} is visual")
+            table.wrong(key, f"must be an event that agents send; {one} is visual")
     return "".join(types)

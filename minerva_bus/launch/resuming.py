@@ -19,6 +19,7 @@ from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint, LastView
 from minerva_bus.frame.description import World
+from minerva_bus.frame.endings import GIVEN_UP
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
@@ -58,7 +59,9 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
         check_same(file.world, told.world, path)
         checkpoint, scene = record.end()
         if file.world.until != told.world.until:
-            checkpoint = replace(checkpoint, reached=frozenset(), reaching=frozenset())
+            saved = {name: one for name, one in checkpoint.saved.items() if name != GIVEN_UP}
+            nobody: frozenset[str] = frozenset()
+            checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
         past = replace(file.world, scene=scene, past=checkpoint, shown=last_views(record, file))
         check_unfinished(past, path)
     kept = replace(file.record, path=file.record.path or str(path))
@@ -71,7 +74,8 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Words about what was saved for members that are not in a world file."""
-    for name in sorted(checkpoint.saved.keys() - {SOURCE, *(one.name for one in file.processes)}):
+    own = {SOURCE, GIVEN_UP, *(one.name for one in file.processes)}
+    for name in sorted(checkpoint.saved.keys() - own):
         yield f"what {name} has saved waits for a member of this name: no process has it"
 
 
@@ -175,10 +179,8 @@ def check_unfinished(world: World, path: Path) -> None:
     algorithm = FrameAlgorithm(world)
     if algorithm.composition.empty:
         raise MinervaError(f"{path}: this run is over: its string is empty")
-    if algorithm.reached:
-        raise MinervaError(
-            f"{path}: this run is over: every agent has sent {world.until}; --until '' goes on"
-        )
+    if algorithm.finished:
+        raise MinervaError(f"{path}: this run is over: {algorithm.finished}; --until '' goes on")
     if world.frames and world.past.frame >= world.frames:
         raise MinervaError(
             f"{path}: this run is over after {world.past.frame} frames; --frames N goes on to"

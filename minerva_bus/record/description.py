@@ -74,6 +74,7 @@ def encode_description(told: Description) -> bytes:
         "policy": world.policy.value,
         "frames": world.frames,
         "until": world.until,
+        "give_up": world.give_up,
         "expected": sorted(world.expected),
         "norms": [plain_norm(norm) for norm in world.norms],
         "file": told.file,
@@ -119,6 +120,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
         policy=Policy(text(plain["policy"], "the policy")),
         frames=whole(plain["frames"], "frames"),
         until=text(plain["until"], "until"),
+        give_up=text(plain.get("give_up", ""), "give_up"),
         expected=frozenset(_texts(plain["expected"])),
         norms=read_norms(plain.get("norms", []), reader),
     )

@@ -202,6 +202,12 @@ def test_the_clearance_of_a_map_is_computed_once(hall, monkeypatch):
     assert len(computed) == 1
 
 
+@pytest.mark.parametrize("speed", [-1, -0.5, "fast"])
+def test_a_speed_below_zero_is_refused_before_anything_runs(speed):
+    with pytest.raises(MinervaError, match="option speed: expected a number from 0 up, not"):
+        defaults({"speed": speed})
+
+
 def test_a_map_that_changes_is_read_anew(hall):
     before = scene(defaults({"map": hall}))
     image = Path(hall).with_suffix(".pgm")

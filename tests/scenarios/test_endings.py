@@ -1,7 +1,7 @@
 """How a world ends: by its rules, by a person, in any phase; and what its members report."""
 
 import pytest
-from pond import Add, Counter, Mother, Screen, counters, eDone, expect, host, service
+from pond import Add, Counter, Mother, Screen, counters, eCroak, eDone, expect, host, service
 
 from minerva_bus import EMPTY, Agent, on
 from minerva_bus.frame import messages as m
@@ -42,6 +42,53 @@ def test_it_is_not_reached_while_one_of_the_kind_has_not_sent_it():
     bus.run(10)
     assert bus.ended is None
     assert not bus.algorithm.reached
+
+
+class Quitter(Counter, symbol="ACounter"):
+    """Gives up at 4, and is done at 7 all the same."""
+
+    @on("eAdd")
+    def add(self, add, moment):
+        self.n += add.n
+        if self.n in (4, 7):
+            moment.emit(eDone() if self.n == 7 else eCroak(0.5))
+
+
+def test_agents_that_give_up_end_a_world_too_and_it_says_why():
+    bus = counters(
+        "ACounter#a<n=5> · ACounter#b<n=2>", until="eDone", give_up="eCroak",
+        members={"host": host("host", Quitter)},
+    )  # fmt: skip
+    bus.start()
+    bus.run()
+    assert bus.ended.reason == "#b has given up: eCroak<x=0.5>"
+    assert not bus.algorithm.reached
+    assert "b: gave up: eCroak<x=0.5>" in "\n".join(bus.trace)
+
+
+def test_one_that_gives_up_and_goes_on_can_still_reach_it():
+    bus = counters(
+        "ACounter#a<n=2> · ACounter#b<n=-4>", until="eDone", give_up="eCroak",
+        members={"host": host("host", Quitter)},
+    )  # fmt: skip
+    bus.start()
+    bus.run(3)
+    state = bus.algorithm.checkpoint
+    assert bus.ended is None
+    bus.run()
+    assert bus.ended.reason == "#b has given up: eCroak<x=0.5>"
+    again = counters(
+        str(bus.algorithm.scene), until="eDone", give_up="eCroak", past=state,
+        members={"host": host("host", Quitter)},
+    )  # fmt: skip
+    assert again.algorithm.finished == ""
+
+
+def test_nothing_ends_with_giving_up_where_no_end_is_wanted():
+    bus = counters("ACounter#a<n=2>", give_up="eCroak", members={"host": host("host", Quitter)})
+    bus.start()
+    bus.run(9)
+    assert bus.ended is None
 
 
 class Mayfly(Agent, symbol="ACounter"):

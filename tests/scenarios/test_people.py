@@ -1,11 +1,17 @@
 """What people may send: not what a generator makes, unless the world file gives it to them."""
 
+from typing import Annotated
+
 import pytest
 from pond import Steps, counters, eAdd, service
 from test_orders import Taker, taking
 
+from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
 from minerva_bus.bus.control import refusal_of_order
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.people import unknown_value
 
 
 def refusal(bus, event_type):
@@ -63,3 +69,24 @@ def test_what_a_keyboard_makes_people_may_send_too(hands):
 
     bus = started(counters(members={"steps": service("steps", Hands)}))
     assert bool(refusal(bus, "eStep")) is not hands
+
+
+def signs(string):
+    eGo = EventType("eGo", to=Annotated[str, Of("PSign", "name")])
+    PSign = Primitive("PSign", name=str)
+    world = World("signs", parse(string), Vocabulary.of(eGo, PSign), expected=frozenset())
+    return FrameAlgorithm(world), eGo
+
+
+def test_an_order_may_only_name_what_the_world_has():
+    algorithm, eGo = signs('PSign<name="kitchen"> · PSign<name="store">')
+    assert unknown_value(algorithm, eGo("store")) == ""
+    assert unknown_value(algorithm, eGo("stor")) == (
+        "eGo: to is 'stor', but no PSign of the world has this name; expected kitchen, store"
+        "; did you mean 'store'?"
+    )
+
+
+def test_a_world_that_names_nothing_says_nothing():
+    algorithm, eGo = signs("")
+    assert unknown_value(algorithm, eGo("anywhere")) == ""

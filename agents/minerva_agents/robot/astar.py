@@ -95,6 +95,7 @@ def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> None
         return
     if robot.objective_cell() is None:
         forget_looks(robot.writable("grid"))
+        robot.searches += 1
     path = _path_aside(robot, closed, here, moment)
     if path is not None:
         robot.pause = 0

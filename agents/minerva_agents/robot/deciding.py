@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from minerva_agents.robot import astar, errand, wandering
 from minerva_agents.robot.arriving import MAKE_WAY, has_arrived, make_way
 from minerva_agents.robot.following import is_open, pass_corners, step
+from minerva_agents.robot.giving_up import gives_up
 from minerva_agents.robot.ground import cell_of
 from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.looking import look
@@ -38,7 +39,7 @@ def notice(robot: ARobot) -> None:
 def decide(robot: ARobot, moment: Moment) -> Move:
     """The robot's next move; at its objective it says so, once, and has none any more.
 
-    On an errand it does there what the errand asks for.
+    On an errand it does there what the errand asks for. A robot that gives its objective up stays.
     """
     if not holds(robot.grid, cell_of(robot.position)):
         robot.forget_plan()  # it has lost its way, and its map with it
@@ -54,7 +55,9 @@ def decide(robot: ARobot, moment: Moment) -> Move:
         if not robot.objective:
             make_way(robot, place)
         return STAY
-    return PLANNERS[robot.planner](robot, moment) if robot.speed > 0 else STAY
+    if robot.speed <= 0 or gives_up(robot, moment):
+        return STAY
+    return PLANNERS[robot.planner](robot, moment)
 
 
 def _stand_or_make_way(robot: ARobot, dt: float) -> Move:

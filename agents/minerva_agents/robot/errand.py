@@ -75,6 +75,12 @@ def hear_of_another(robot: ARobot, marker: str, moment: Moment) -> None:
         _go_on(robot, "another robot has come first", moment)
 
 
+def give_up(robot: ARobot, why: str, moment: Moment) -> None:
+    """End an errand that cannot be done, and say why; what the robot carries it takes along."""
+    moment.emit(eGivenUp(robot.objective, robot.target, why))
+    _end(robot)
+
+
 def carry(robot: ARobot, position: Position, moment: Moment) -> None:
     """Tell what the robot carries where it will be."""
     if robot.load:
@@ -97,8 +103,7 @@ def _go_on(robot: ARobot, why: str, moment: Moment) -> None:
     if robot.load:
         robot.seek(robot.target, robot.target)
     else:
-        moment.emit(eGivenUp(robot.objective, robot.target, why))
-        _end(robot)
+        give_up(robot, why, moment)
 
 
 def _end(robot: ARobot) -> None:

@@ -46,6 +46,7 @@ class Options:
     def read(options: Mapping[str, Any]) -> Options:
         """The options with their defaults. Raises WorldFileError; passes over others' options."""
         given = _Given(options)
+        given.check_from_zero("speed")
         return Options(
             given.text("map", ""),
             given.places("markers"),
@@ -189,6 +190,12 @@ class _Given:
         if number is None or number <= 0:
             raise _wrong(name, self.values[name], "a number above 0")
         return number
+
+    def check_from_zero(self, name: str) -> None:
+        """Whether an option of another process, where it is given, is a number from 0 up."""
+        number = _number(self.values.get(name, 0.0))
+        if number is None or number < 0:
+            raise _wrong(name, self.values[name], "a number from 0 up")
 
     def one_of(self, name: str, choices: list[str]) -> str:
         value = self.text(name, choices[0])

@@ -28,6 +28,7 @@ from minerva_bus import (
     MetresPerSecond,
     Moment,
     Scene,
+    Seconds,
     on,
     view,
 )
@@ -55,6 +56,9 @@ class ARobot(Agent, symbol="ARobot"):
         purpose: what the way is for.
         pause: frames for which it still waits.
         failures: how often in a row it has found no way.
+        searches: how often it has looked everywhere for this objective, in vain.
+        most_known: cells that it knew, and had looked at, at most since it has this objective.
+        stale: for how long it has not been more.
 
     What an errand needs, see `errand`:
         target: where it is to bring what it fetches; empty if it is on no errand.
@@ -84,6 +88,9 @@ class ARobot(Agent, symbol="ARobot"):
     purpose: str = ""
     pause: int = 0
     failures: int = 0
+    searches: int = 0
+    most_known: int = 0
+    stale: Seconds = 0.0
 
     target: str = ""
     later: str = ""
@@ -199,6 +206,8 @@ class ARobot(Agent, symbol="ARobot"):
     def seek(self, objective: str, target: str = "") -> None:
         """Go to another marker, on an errand if there is a target; plan anew."""
         self.objective, self.target, self.waits = objective, target, 0
+        self.failures = self.searches = self.most_known = 0
+        self.stale = 0.0
         self.forget_plan()
 
     def set_way(self, way: list[Position], purpose: str) -> None:

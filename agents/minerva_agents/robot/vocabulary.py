@@ -3,13 +3,16 @@
 Tables 3 and 4 have PMap, PRobot, TMove, TRotate and the six events eLaser to eSpeed. Added are
 TPlace, which says where a robot or a marker stands; PMarker, for a floor shows the rooms' markers;
 PGrid, PPath and PGoal, which show what a robot knows and means to do; eCollision, by which physics
-reaches an agent (section 5); eReached, by which the robot reports; ePicture, a second view.
+reaches an agent (section 5); eReached and eUnreachable, by which the robot reports; ePicture, a
+second view.
 For the transport of objects (4.1) there are PParcel, eErrand, which a person orders, and the six
 events from eTake to eGivenUp, by which robots and parcels carry it out; see `errand`.
 
 Rows of a grid grow along the world's x, columns along its y. Lengths are metres, angles degrees,
 counter-clockwise.
 """
+
+from typing import Annotated
 
 from minerva_bus import (
     Cells,
@@ -22,7 +25,9 @@ from minerva_bus import (
     Metres,
     MetresPerSecond,
     Motion,
+    Of,
     Primitive,
+    Range,
     Raster,
     Transformation,
 )
@@ -114,10 +119,12 @@ with 0 the cell is that of the paper's formula to the letter.
 eDecide = EventType("eDecide")
 """The robot makes a decision."""
 
-eObjective = EventType("eObjective", marker=str)
+_MARKER = Annotated[str, Of("PMarker", "name")]
+
+eObjective = EventType("eObjective", marker=_MARKER)
 """The user sets the objective marker."""
 
-eSpeed = EventType("eSpeed", speed=MetresPerSecond)
+eSpeed = EventType("eSpeed", speed=Annotated[MetresPerSecond, Range(least=0.0)])
 """The user sets a new speed."""
 
 eCollision = EventType(
@@ -139,7 +146,10 @@ contact and (nx, ny) the normal, which points to the robot. The robot itself nee
 eReached = EventType("eReached", marker=str)
 """A robot has reached its objective; sent by the robot itself."""
 
-eErrand = EventType("eErrand", source=str, target=str)
+eUnreachable = EventType("eUnreachable", marker=str, why=str)
+"""A robot has given its objective up, and stops; sent by the robot itself."""
+
+eErrand = EventType("eErrand", source=_MARKER, target=_MARKER)
 """The user orders a robot to bring what stands at one marker to another.
 
 Without receivers it is for all robots: all set out, the first at the source gets what stands there,

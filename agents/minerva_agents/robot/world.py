@@ -56,6 +56,7 @@ vocabulary: Final = Vocabulary.of(
     words.eSpeed,
     words.eCollision,
     words.eReached,
+    words.eUnreachable,
     words.eErrand,
     words.eTake,
     words.eTaken,

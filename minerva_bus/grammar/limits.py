@@ -1,0 +1,91 @@
+"""What a type says of its values beside their kind: a range, or where a text is known.
+
+| text             | in Python                                    | value                         |
+|------------------|----------------------------------------------|-------------------------------|
+| `real m/s 0..`   | `Annotated[MetresPerSecond, Range(least=0)]` | a number from 0 up            |
+| `int 1..6`       | `Annotated[int, Range(1, 6)]`                | a number from 1 to 6          |
+| `text of P.name` | `Annotated[str, Of("P", "name")]`            | a `name` of a P in the string |
+
+Both are for the data of event types. A range holds wherever an event is made. What the string
+holds only the coordinator knows: it looks when people give an order.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.errors import MisuseError
+
+_BETWEEN: Final = ".."
+_SYMBOL: Final = re.compile(r"[PTA][A-Za-z0-9_]*")
+_PARAMETER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Numbers from `least` to `most`, both included, in the unit of the type."""
+
+    least: float = -math.inf
+    most: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.least <= self.most or (math.isinf(self.least) and math.isinf(self.most)):
+            raise MisuseError(f"a range has a least number, or a most above it, not {self}")
+
+    def __str__(self) -> str:
+        least, most = (_shown(end) for end in (self.least, self.most))
+        return f"{least}{_BETWEEN}{most}"
+
+    @property
+    def words(self) -> str:
+        """As a person reads it."""
+        if math.isinf(self.most):
+            return f"from {_shown(self.least)} up"
+        if math.isinf(self.least):
+            return f"up to {_shown(self.most)}"
+        return f"from {_shown(self.least)} to {_shown(self.most)}"
+
+    def holds(self, number: float) -> bool:
+        """Whether a number lies in it."""
+        return self.least <= number <= self.most
+
+
+def parse_range(text: str) -> Range | None:
+    """The range that a text such as `0..` names, None if it names none. Raises MisuseError."""
+    least, between, most = text.partition(_BETWEEN)
+    if not between:
+        return None
+    try:
+        return Range(float(least or "-inf"), float(most or "inf"))
+    except ValueError:
+        raise MisuseError(f"no range {text!r}; a range is written 0.., ..6 or 0..6") from None
+
+
+def _shown(end: float) -> str:
+    return "" if math.isinf(end) else repr(float(end)).removesuffix(".0")
+
+
+@dataclass(frozen=True, slots=True)
+class Of:
+    """The values that a parameter of a symbol has in the world's string."""
+
+    symbol: str
+    parameter: str
+
+    def __post_init__(self) -> None:
+        if not (_SYMBOL.fullmatch(self.symbol) and _PARAMETER.fullmatch(self.parameter)):
+            raise MisuseError(
+                f"a text is known as SYMBOL.parameter, such as PMarker.name, not as {self}"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.symbol}.{self.parameter}"
+
+
+def parse_of(text: str) -> Of:
+    """Where a text is known, from `SYMBOL.parameter`. Raises MisuseError."""
+    symbol, _, parameter = text.partition(".")
+    return Of(symbol, parameter)

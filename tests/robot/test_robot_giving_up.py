@@ -1,0 +1,77 @@
+"""A robot that cannot reach its objective says so and stops, whatever the reason is."""
+
+import numpy as np
+import pytest
+from floor_simulator import Simulator
+from robots import after, robot
+
+from minerva_agents.robot.giving_up import FAILURES, SEARCHES
+from minerva_agents.robot.knowledge import FREE, SEEN
+from minerva_agents.robot.motion import STAY, action_of, move_of
+from minerva_agents.robot.occupancy import OccupancyMap
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.vocabulary import eDecide
+from minerva_agents.robot.world import scene
+from minerva_bus import Frame, evolve
+from minerva_bus.grammar.scene import agents
+
+STANDING = {"action": action_of(STAY, "r", 0.18), "speed": 0.5, "objective": "kitchen"}
+
+
+def decision(string, frame=1, dt=0.1):
+    made = evolve(string, [eDecide()], [ARobot], Frame(frame, dt))
+    return [str(event) for event in made.emitted.get("r", ())]
+
+
+def test_it_gives_up_after_some_searches():
+    state = {**STANDING, "searches": SEARCHES + 1}
+    (said,) = decision(robot(**state))
+    assert 'eUnreachable<marker="kitchen", why="not found, though the robot has looked' in said
+    now = after(robot(**state), eDecide())
+    assert (now.objective, now.searches, now.way) == ("", 0, [])
+    assert move_of(now.action) == STAY
+    assert decision(now.string) == []
+
+
+def test_it_gives_up_a_marker_that_it_sees_and_cannot_get_to():
+    grid = np.full((40, 40), FREE, np.int16)
+    grid[:, 30] = 9
+    grid[20, 35] = 16
+    (said,) = decision(robot(grid, **STANDING, failures=FAILURES))
+    assert 'why="no way to it after 12 attempts"' in said
+
+
+def test_it_gives_up_an_errand_and_goes_on_with_what_it_did_before():
+    state = {**STANDING, "target": "store", "later": "lab", "searches": SEARCHES + 1}
+    (said,) = decision(robot(**state))
+    assert 'eGivenUp<source="kitchen", target="store"' in said
+    assert after(robot(**state), eDecide()).objective == "lab"
+
+
+@pytest.mark.parametrize("planner", ["astar", "random"])
+def test_it_gives_up_when_nothing_new_is_seen_for_long(planner):
+    grid = np.full((40, 40), SEEN, np.int16)
+    state = {**STANDING, "planner": planner, "most_known": 3200}
+    assert decision(robot(grid, **state, stale=500.0)) != []
+    assert decision(robot(grid, **state, stale=200.0)) == []
+
+
+def test_news_keep_it_searching():
+    grid = np.full((40, 40), SEEN, np.int16)
+    now = after(robot(grid, **STANDING, most_known=3000, stale=200.0), eDecide(), frame=20)
+    assert (now.most_known, now.stale) == (3200, 0.0)
+
+
+def test_in_a_room_without_the_marker_it_stops(tmp_path):
+    cells = np.full((70, 70), 100, np.int16)
+    cells[2:-2, 2:-2] = 0
+    floor = OccupancyMap(cells, 0.05)
+    image = np.where(floor.cells.T[::-1] == 0, 254, 0).astype(np.uint8)
+    (tmp_path / "room.pgm").write_bytes(b"P5\n70 70\n255\n" + image.tobytes())
+    options = {"map": str(tmp_path / "room.pgm"), "parcels": "", "markers": {"here": [1.0, 1.0]}}
+    simulator = Simulator(floor, [], scene(options), "nowhere")
+    run = simulator.go(1500)
+    assert run.reached, "the simulator stops at the first thing that the robot says"
+    assert run.metres < 60
+    (node,) = agents(simulator.scene)
+    assert node.state["objective"] == ""
