@@ -16,6 +16,7 @@ from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
 from minerva_bus.frame.participant import Anew, Participant
+from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import (
@@ -106,14 +107,14 @@ def bridge_source(kind: str, source: str, way: Way, name: str, options: dict[str
 
 
 def leave_on_signals(member: BusMember) -> None:
-    """Let Ctrl-C and SIGTERM mean that the member leaves its world; a second one ends it."""
+    """Let signals that ask to end make the member leave its world; a second one ends it."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
         member.leave()
 
-    signal.signal(signal.SIGINT, leave)
-    signal.signal(signal.SIGTERM, leave)
+    for number in end_signals():
+        signal.signal(number, leave)
 
 
 def _participant(spec: str, name: str, options: dict[str, str]) -> Participant:

@@ -6,6 +6,8 @@ What a command's options are is in cli/commands, and nothing else is imported at
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 
 import typer
@@ -38,6 +40,10 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except BrokenPipeError:
         sys.exit(0)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        os._exit(INTERRUPTED)  # The terminal was closed: there is nobody to print for.
 
 
 if __name__ == "__main__":

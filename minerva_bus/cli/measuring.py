@@ -9,6 +9,7 @@ from types import FrameType
 from minerva_bus.cli.places import client
 from minerva_bus.cli.saying import tell
 from minerva_bus.launch.exporting import Exporter
+from minerva_bus.launch.interrupts import end_signals
 
 
 def serve_metrics(listen: str, connect: str, world: str) -> None:
@@ -19,7 +20,7 @@ def serve_metrics(listen: str, connect: str, world: str) -> None:
         stop.set()
 
     with client(connect, world) as asked, Exporter(asked.world, listen, asked.ask) as exporter:
-        signal.signal(signal.SIGINT, end)
-        signal.signal(signal.SIGTERM, end)
+        for number in end_signals():
+            signal.signal(number, end)
         tell(f"{asked.world}: metrics at {exporter.url}")
         stop.wait()

@@ -13,6 +13,7 @@ from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
@@ -45,7 +46,8 @@ def run_world(
     failure = ""
     try:
         if in_process:
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
+            for number in end_signals():
+                signal.signal(number, signal.default_int_handler)
             summary = Alone(file, console, began).run()
         else:
             supervisor = Supervisor(file, console, began, profiling)

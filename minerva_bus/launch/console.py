@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, TextIO
 
@@ -67,8 +68,7 @@ class Console:
         now = time.time()
         for line in text.rstrip("\n").split("\n"):
             entry = Entry(now, level, self.world, self.frame, member, line)
-            self.stream.write(entry.json() + "\n")
-        self.stream.flush()
+            self._put(entry.json() + "\n")
 
     def live(self, line: str) -> None:
         """Let the line at the bottom be this."""
@@ -77,8 +77,7 @@ class Console:
         width = shutil.get_terminal_size().columns - 1
         line = line[:width]
         if line != self._live:
-            self.stream.write(f"\r\x1b[2K{line}")
-            self.stream.flush()
+            self._put(f"\r\x1b[2K{line}")
             self._live = line
 
     def progress(self, name: str, done: int, total: int, rest: str) -> None:
@@ -88,15 +87,19 @@ class Console:
     def end(self) -> None:
         """Take the line at the bottom away."""
         if self._live:
-            self.stream.write("\r\x1b[2K")
-            self.stream.flush()
+            self._put("\r\x1b[2K")
             self._live = ""
+
+    def _put(self, text: str) -> None:
+        """Write to a terminal that may have been closed: the run goes on to its regular end."""
+        with suppress(OSError):
+            self.stream.write(text)
+            self.stream.flush()
 
     def _above(self, lines: str) -> None:
         live = self._live
         self.end()
-        self.stream.write(lines)
-        self.stream.flush()
+        self._put(lines)
         if live:
             self.live(live)
 

@@ -1,4 +1,4 @@
-"""The signals that a launcher lives with: Ctrl-C, SIGTERM, and that of a child's end."""
+"""The signals that a launcher handles: those that ask it to end, and that of a child's end."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ from types import FrameType
 from minerva_bus.launch.pipes import Pipes
 
 
+def end_signals() -> tuple[signal.Signals, ...]:
+    """The signals that ask this process to end: Ctrl-C, SIGTERM, and the terminal's hang-up.
+
+    A hang-up that is ignored, as under `nohup`, stays ignored.
+    """
+    numbers = signal.SIGINT, signal.SIGTERM
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    return numbers if ignored else (*numbers, signal.SIGHUP)
+
+
 @contextmanager
 def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Generator[None]:
-    """Let all of them end the waiting for pipes, and `interrupted` hear of SIGINT and SIGTERM."""
+    """Let all of them end the wait for pipes, and call `interrupted` with those that ask to end."""
 
     def interrupt(number: int, _: FrameType | None) -> None:
         interrupted(signal.Signals(number))
@@ -23,10 +33,8 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     pipes.listen(read, lambda: pipes.read(read))
-    wanted = {signal.SIGCHLD: _ignore, signal.SIGINT: interrupt, signal.SIGTERM: interrupt}
-    before = {number: signal.getsignal(number) for number in wanted}
-    for number, handler in wanted.items():
-        signal.signal(number, handler)
+    wanted = {signal.SIGCHLD: _ignore, **dict.fromkeys(end_signals(), interrupt)}
+    before = {number: signal.signal(number, handler) for number, handler in wanted.items()}
     try:
         yield
     finally:

@@ -20,6 +20,7 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reports import Lines, Reports, parsed
 from minerva_bus.launch.starters import Child, fork
 
@@ -79,7 +80,7 @@ class Crew:
             os.set_blocking(end, False)
         self._selector.register(self._wake[0], selectors.EVENT_READ)
         signal.set_wakeup_fd(self._wake[1], warn_on_full_buffer=False)
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in end_signals():
             self._handlers[number] = signal.signal(number, self._on_interrupt)
         return self
 

@@ -1,11 +1,23 @@
 """Ctrl-C, SIGTERM and worse: a world ends in under two seconds and leaves no process behind."""
 
+import json
 import os
+import pty
 import signal
 import time
 
 import pytest
-from running import ALL_KINDS, MEMBERS, World, alive, eventually, write_world
+from running import (
+    ALL_KINDS,
+    MEMBERS,
+    MINERVA,
+    World,
+    alive,
+    environment,
+    eventually,
+    here,
+    write_world,
+)  # fmt: skip
 
 AT_ONCE = 2.0
 
@@ -23,7 +35,7 @@ def interrupted(world, number):
 
 
 @pytest.mark.parametrize(("number", "word"), [
-    (signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"),
+    (signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated"), (signal.SIGHUP, "terminated"),
 ])  # fmt: skip
 def test_a_running_world_ends_at_once(tmp_path, number, word):
     path = write_world(tmp_path, ALL_KINDS, frames=0, rate=50)
@@ -32,6 +44,41 @@ def test_a_running_world_ends_at_once(tmp_path, number, word):
         assert interrupted(world, number) == 130
         assert f'"ended": "{word}"' in "\n".join(world.output)
         assert "Traceback" not in world.text
+
+
+def in_a_terminal(folder, *words):
+    """Start a command in a terminal of its own; its process id and the terminal's other end."""
+    pid, terminal = pty.fork()
+    if not pid:
+        os.chdir(folder)
+        os.execve(MINERVA[0], [*MINERVA, *map(str, words)], environment(folder))
+    return pid, terminal
+
+
+@pytest.mark.parametrize("words", [(), ("--in-process",)])
+def test_a_closed_terminal_ends_the_world_and_its_record_in_order(tmp_path, words):
+    pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+    path = write_world(tmp_path, frames=0, rate=50)
+    pid, terminal = in_a_terminal(tmp_path, "run", path, "--record", "run.mcap", *words)
+    shown = b""
+    while b"frame 2" not in shown:  # the line at the bottom counts frames
+        shown += os.read(terminal, 4096)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 130
+    info = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
+    assert info["complete"]
+    assert not list((tmp_path / "runtime").glob("*.json"))
+
+
+def test_a_hang_up_that_is_ignored_stays_ignored(tmp_path):
+    path = write_world(tmp_path, frames=0, rate=50)
+    with World(path, inside=("nohup",)) as world:
+        world.runs("steps", "walkers")
+        world.kill(signal.SIGHUP)
+        with world.client() as asked:
+            frame = asked.operator.status().frame
+            eventually(lambda: asked.operator.status().frame > frame + 5, "it runs on")
+        assert interrupted(world, signal.SIGINT) == 130
 
 
 def test_also_while_it_runs_as_fast_as_it_can(tmp_path):
