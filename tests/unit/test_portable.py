@@ -202,3 +202,41 @@ def test_draws_are_distributed_as_they_should_be():
     waits = many.exponential(2.0)
     assert abs(waits.mean() - 2) < 0.03
     assert abs((waits > 2 * math.log(10)).mean() - 0.1) < 0.003
+
+
+ROOT = Path(portable.__file__).parents[2]
+OURS = "minerva_bus/grammar minerva_bus/semantics minerva_bus/world minerva_bus/frame"
+OURS += " agents/minerva_agents services/minerva_services examples"
+PICTURES = "vision opengl web sprites sound svg window sight.py picture.py"
+OUTSIDE = (
+    "drift.py ros2/messages.py ros_robot.py node.py floor.py"  # reports, and a real robot's side
+)
+SAME_ON_NONE = {
+    "math": "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log"
+    " log1p log2 log10 cbrt pow hypot dist gamma lgamma erf erfc",
+    "np": "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp exp2"
+    " expm1 log log1p log2 log10 cbrt power float_power hypot logaddexp dot inner vdot matmul"
+    " einsum tensordot linalg fft polyfit cov corrcoef convolve",
+}
+
+
+def of_the_libraries(path):
+    """Names of functions in a file whose last bits depend on the processor."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            if node.attr in SAME_ON_NONE.get(node.value.id, "").split():
+                yield f"{node.value.id}.{node.attr}, line {node.lineno}"
+        elif isinstance(node, ast.ImportFrom) and node.module == "math":
+            for name in node.names:
+                if name.name in SAME_ON_NONE["math"].split():
+                    yield f"math.{name.name}, line {node.lineno}"
+
+
+def test_what_gets_into_the_string_uses_portable_functions():
+    beside = PICTURES.split()
+    for folder in OURS.split():
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            if not set(path.parts) & set(beside) and not path.as_posix().endswith(
+                tuple(OUTSIDE.split())
+            ):
+                assert not list(of_the_libraries(path)), path.relative_to(ROOT)
