@@ -6,7 +6,6 @@ does not exist would drive until its battery is empty, and nobody would know why
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from minerva_agents.robot import errand
 from minerva_agents.robot.knowledge import SEEN, UNKNOWN
 from minerva_agents.robot.vocabulary import eUnreachable
-from minerva_bus import Moment
+from minerva_bus import Moment, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -69,5 +68,5 @@ def _count_news(robot: ARobot, moment: Moment) -> None:
 
 
 def _patience(robot: ARobot) -> float:
-    across = math.hypot(*robot.grid.shape) * robot.cell
+    across = portable.hypot(*robot.grid.shape) * robot.cell
     return _LEAST_SECONDS + _CROSSINGS * across / max(robot.speed, 0.01)
