@@ -15,6 +15,7 @@ from minerva_services.ros2.geometry import Command, MotorGeometry
 from minerva_services.ros2.mounts import mount_of
 from minerva_services.ros2.network import Attachment, Network
 from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.rhythm import Rhythm
 from minerva_services.ros2.senses import scanned_from, seen_from
 from minerva_services.ros2.steering import Limits, driven
 from minerva_services.ros2.track import Track
@@ -23,6 +24,31 @@ from minerva_services.ros_messages import Frames, Mounting
 SCAN = "sensor_msgs/msg/LaserScan"
 HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
 LIMITS = Limits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
+
+
+# --- the rhythm of commands ---
+
+
+def test_the_time_that_the_world_needs_is_time_of_the_next_command():
+    rhythm, now = Rhythm(), 100.0
+    assert rhythm.begin(0.1, now) == pytest.approx(0.1)
+    for _ in range(10):
+        now = rhythm.due + 0.04
+        assert rhythm.begin(0.1, now) == pytest.approx(0.06)
+    assert rhythm.due == pytest.approx(101.1)
+
+
+def test_a_world_that_is_too_slow_has_no_wait_at_all():
+    rhythm = Rhythm()
+    rhythm.begin(0.1, 100.0)
+    assert rhythm.begin(0.1, 100.25) == 0.0
+    assert rhythm.begin(0.1, 100.30) == pytest.approx(0.05)
+
+
+def test_after_a_rest_the_rhythm_begins_anew():
+    rhythm = Rhythm()
+    rhythm.begin(0.1, 100.0)
+    assert rhythm.begin(0.1, 160.0) == pytest.approx(0.1)
 
 
 # --- keys, tokens, attachments ---

@@ -23,6 +23,7 @@ from minerva_services.ros2.motors import Motors
 from minerva_services.ros2.mounts import mount_of
 from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.plane import Pose
+from minerva_services.ros2.rhythm import Rhythm
 from minerva_services.ros2.senses import Senses
 from minerva_services.ros2.session import Session
 from minerva_services.ros2.steering import Limits, driven
@@ -47,9 +48,10 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
 
     It stands in a world file where physics would, and to the world it is the same: a turn and a
     move are carried out within a frame's `dt` of real time, or as much longer as the limits make
-    of it, and what the robot is short of is told by `eCollision(shortfall)`. The robot is steered
-    by its odometry. Scans and sightings are told as from where the string has the robot: what is
-    between that and where odometry had it when they were taken is in their mounts.
+    of it; the time that the world needs between two commands is part of it. What the robot is
+    short of is told by `eCollision(shortfall)`. The robot is steered by its odometry. Scans and
+    sightings are told as from where the string has the robot: what is between that and where
+    odometry had it when they were taken is in their mounts.
 
     Args:
         router: the endpoint of the robot's Zenoh router or zenoh-bridge-ros2dds.
@@ -145,6 +147,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
 
     def _begin(self) -> None:
         self._driver = Driver(self._limits, self._care)
+        self._rhythm = Rhythm()
         self._ordered: Ordered | None = None
         self._shown: int | None = None
         self._carried_out = -1
@@ -278,7 +281,8 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         """Drive; the metres that were not driven, once nothing more comes of it."""
         if self._stepper is not None:
             return self._stepper.carry_out(command, seconds)
-        self._driver.begin(command, seconds, _now())
+        now = _now()
+        self._driver.begin(command, self._rhythm.begin(seconds, now), now)
         if self._link is not None:
             self._link.nudge()
         lost = False
