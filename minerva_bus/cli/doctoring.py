@@ -96,10 +96,11 @@ def _exchange() -> str:
 
 
 def _registry() -> str:
-    from minerva_bus.launch.registry import folder, running
+    from minerva_bus.launch.registry import running
+    from minerva_bus.launch.runtime_folder import runtime_folder
 
     worlds = ", ".join(one.world for one in running()) or "none"
-    return f"{worlds}; noted in {folder()}"
+    return f"{worlds}; noted in {runtime_folder()}"
 
 
 def _memory() -> Finding:

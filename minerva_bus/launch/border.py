@@ -12,7 +12,7 @@ from minerva_bus.bus.credentials import Rights, family_start, rights_of
 from minerva_bus.bus.endpoints import check_endpoint, check_listening
 from minerva_bus.bus.guard import LOCAL_KIND, Security
 from minerva_bus.errors import BusError, KeysError
-from minerva_bus.launch.registry import folder
+from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.table import Table
 from minerva_bus.protocol.keys import COORDINATOR
 from minerva_bus.protocol.limits import DEFAULT, Limits
@@ -109,7 +109,7 @@ def _check_families(rights: Mapping[str, Rights], started: Iterable[str]) -> Non
 
 def local_endpoint(world: str) -> str:
     """Where processes of this machine find a secured world. Raises BusError."""
-    place = folder()
+    place = runtime_folder()
     path = str((place / f"{world}.sock").absolute())
     if len(os.fsencode(path)) > LONGEST_PATH:
         raise BusError(

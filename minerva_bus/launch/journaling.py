@@ -9,14 +9,14 @@ from pathlib import Path
 from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.roster import Attending
-from minerva_bus.launch.registry import folder
+from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.record.journal import Journal, Journaled, read_journal
 
 
 def journal_path(file: WorldFile) -> Path:
     """Where a world's journal is: in the folder that was asked for, or with what runs here."""
-    place = Path(file.bus.journal) if file.bus.journal else folder()
+    place = Path(file.bus.journal) if file.bus.journal else runtime_folder()
     return place / f"{file.world.name}.journal"
 
 

@@ -9,12 +9,17 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO
 
 from minerva_bus.errors import BusError
+from minerva_bus.launch.runtime_folder import (
+    check_runtime_folder,
+    make_runtime_folder,
+    open_private,
+    runtime_folder,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +31,6 @@ class Running:
     pid: int
 
 
-def folder() -> Path:
-    """Where the files are: MINERVA_RUNTIME_DIR, XDG_RUNTIME_DIR/minerva or a folder in /tmp."""
-    named = os.environ.get("MINERVA_RUNTIME_DIR")
-    if named:
-        return Path(named)
-    system = os.environ.get("XDG_RUNTIME_DIR")
-    if system and Path(system).is_dir():
-        return Path(system) / "minerva"
-    return Path(tempfile.gettempdir()) / f"minerva-{os.getuid()}"
-
-
 class Claim:
     """The right to run a world of some name on this machine, held until `release`.
 
@@ -45,20 +39,12 @@ class Claim:
 
     def __init__(self, world: str) -> None:
         self.world = world
-        place = folder()
-        try:
-            place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        except OSError as error:
-            raise BusError(
-                f"{place} cannot hold what runs here: {error.strerror}; MINERVA_RUNTIME_DIR names"
-                " another folder"
-            ) from None
-        self._path = place / f"{world}.json"
+        self._path = make_runtime_folder() / f"{world}.json"
         self._file = self._lock()
 
     def _lock(self) -> IO[str]:
         while True:
-            file = self._path.open("a+", encoding="utf-8")
+            file = self._open()
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
@@ -72,6 +58,13 @@ class Claim:
             if _same_file(file, self._path):
                 return file
             file.close()
+
+    def _open(self) -> IO[str]:
+        try:
+            descriptor = open_private(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+        except OSError as error:
+            raise BusError(f"{self._path} cannot be opened: {error.strerror}; remove it") from None
+        return os.fdopen(descriptor, "a+", encoding="utf-8")
 
     def publish(self, endpoint: str) -> None:
         """Tell others on this machine where the world can be found."""
@@ -96,16 +89,23 @@ def _same_file(file: IO[str], path: Path) -> bool:
 
 def _read(path: Path) -> Running | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        with os.fdopen(open_private(path, os.O_RDONLY), encoding="utf-8") as file:
+            found = json.load(file)
         return Running(str(found["world"]), str(found["endpoint"]), int(found["pid"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def running() -> list[Running]:
-    """The worlds that run here, by name; what is left over of others is removed."""
+    """The worlds that run here, by name; what is left over of others is removed.
+
+    Raises BusError where another user could have written of them.
+    """
     found: list[Running] = []
-    for path in sorted(folder().glob("*.json")):
+    place = runtime_folder()
+    if not check_runtime_folder(place):
+        return found
+    for path in sorted(place.glob("*.json")):
         world = _read(path)
         if _is_locked(path):
             if world is not None:
@@ -117,7 +117,7 @@ def running() -> list[Running]:
 
 def _is_locked(path: Path) -> bool:
     try:
-        with path.open("r", encoding="utf-8") as file:
+        with os.fdopen(open_private(path, os.O_RDONLY)) as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return False
     except FileNotFoundError:

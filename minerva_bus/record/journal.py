@@ -134,7 +134,8 @@ class Journal:
         if self._file >= 0 and self._is_followed():
             raise Followed(self._complaint())
         anew = self.path.with_name(f"{self.path.name}.{os.getpid()}")
-        file = os.open(anew, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        new = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
+        file = os.open(anew, new, 0o600)
         old, self._file = self._file, file
         self._put(["begin", FORMAT, key_of(self._algorithm.world), self._epoch])
         self._put(_plain_string(self._algorithm))

@@ -1,0 +1,76 @@
+"""The folder of running worlds is used only where no other user can have put anything into it."""
+
+import json
+import os
+
+import pytest
+
+from minerva_bus.errors import BusError
+from minerva_bus.launch.registry import Claim, running
+from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """The folder, as it is named in a temporary folder that others can write to, too."""
+    monkeypatch.delenv("MINERVA_RUNTIME_DIR", raising=False)
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert runtime_folder().parent == tmp_path
+    return runtime_folder()
+
+
+def refused(problem):
+    """Neither starting a world nor looking for one uses the folder."""
+    for use in (make_runtime_folder, lambda: Claim("w"), running):
+        with pytest.raises(BusError, match=f"{problem}.*MINERVA_RUNTIME_DIR"):
+            use()
+
+
+def test_it_is_made_for_its_user_alone(place):
+    assert running() == []
+    assert make_runtime_folder() == place
+    assert place.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_of_another_user_is_refused(place, monkeypatch):
+    place.mkdir(mode=0o700)
+    before = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: before + 1)
+    monkeypatch.setattr("minerva_bus.launch.runtime_folder.runtime_folder", lambda: place)
+    monkeypatch.setattr("minerva_bus.launch.registry.runtime_folder", lambda: place)
+    refused("belongs to another user")
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
+def test_a_folder_that_others_can_write_to_is_refused(place, mode):
+    place.mkdir()
+    place.chmod(mode)
+    refused("is writable by others")
+
+
+def test_a_link_in_place_of_the_folder_is_refused(place, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    place.symlink_to(tmp_path / "elsewhere")
+    refused("is a symbolic link")
+    assert not any((tmp_path / "elsewhere").iterdir())
+
+
+def test_a_file_in_place_of_the_folder_is_refused(place):
+    place.write_text("")
+    with pytest.raises(BusError, match="MINERVA_RUNTIME_DIR"):
+        make_runtime_folder()
+    with pytest.raises(BusError, match="is not a folder"):
+        running()
+
+
+def test_a_link_in_the_folder_is_not_written_through(place, tmp_path):
+    valuable = tmp_path / "valuable.json"
+    valuable.write_text(json.dumps({"world": "w", "endpoint": "tcp/attacker:1", "pid": 1}))
+    before = valuable.read_text()
+    make_runtime_folder()
+    (place / "w.json").symlink_to(valuable)
+    with pytest.raises(BusError, match=r"w\.json cannot be opened"):
+        Claim("w")
+    assert running() == []
+    assert valuable.read_text() == before
