@@ -135,6 +135,7 @@ def draw(
             f"{drawn.uncorrected} scans are not corrected for the robot's motion: there is no"
             " odometry of their times; if the lidar has a clock of its own, give --time-offset"
         )
+    told += drawn.notes
     try:
         save_picture(drawn, picture)
         told.append(f"{picture}: the same as a picture")

@@ -15,10 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.canvas import Extent, canvas_of
+from minerva_agents.robot.doubling import doubling_told
 from minerva_agents.robot.drift import Drift, Gone
 from minerva_agents.robot.going import Place
 from minerva_agents.robot.knowledge import free, obstacles
-from minerva_agents.robot.locating import NO_MOTION, Located, Motion, located_scans, shortened
+from minerva_agents.robot.locating import (
+    NO_MOTION,
+    Located,
+    Motion,
+    located_scans,
+    place_of,
+    shortened,
+)
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
@@ -33,7 +41,8 @@ class Drawn:
 
     The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres. `drift` compares the way
     with the one that was published, if it is another and there is one. `uncorrected` counts scans
-    that are drawn as if their beams had been measured at once, for want of odometry.
+    that are drawn as if their beams had been measured at once, for want of odometry. `notes` are
+    lines on loops and on walls that are drawn twice.
     """
 
     grid: Cells
@@ -45,6 +54,7 @@ class Drawn:
     left_out: int
     uncorrected: int
     drift: Drift | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def map(self) -> OccupancyMap:
@@ -58,9 +68,12 @@ class Drawn:
 def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progress) -> Drawn:
     """Draw the map of a recording, which is opened twice. Raises MinervaError."""
     extent, located, uncorrected = Extent(), _Located(), 0
+    posed_all: list[Posed] = []
     with closing(open()) as recording:
         for posed in located.first(recording, choice, lambda part: progress(part / 2)):
             extent.take(posed)
+            if isinstance(posed, Posed):
+                posed_all.append(posed)
             uncorrected += needs_path(posed.scan)
     canvas = canvas_of(extent, choice.cell)
     with closing(open()) as recording:
@@ -70,8 +83,19 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     progress(1.0)
     way, angle = np.array(canvas.way), canvas.first_angle
     left_out, drift = extent.unposed, located.drift
+    scans, places = [one.scan for one in posed_all], [place_of(one) for one in posed_all]
+    notes = (*located.notes, *doubling_told(scans, places, choice.poses))
     return Drawn(
-        canvas.grid, choice.cell, canvas.x, canvas.y, way, angle, left_out, uncorrected, drift
+        canvas.grid,
+        choice.cell,
+        canvas.x,
+        canvas.y,
+        way,
+        angle,
+        left_out,
+        uncorrected,
+        drift,
+        notes,
     )
 
 
@@ -81,6 +105,7 @@ class _Located:
     def __init__(self) -> None:
         self._taken: list[tuple[Place | None, tuple[Displacement, ...]]] = []
         self._gone: list[Gone] = []
+        self.notes: list[str] = []
 
     @property
     def drift(self) -> Drift | None:
@@ -93,12 +118,32 @@ class _Located:
         if choice.poses == "published":
             yield from _published(recording, choice, progress)
             return
-        located = list(_located(recording, choice, progress, NO_MOTION))
-        if choice.poses == "matched" and any(needs_path(one.scan) for one in located):
-            located = list(_located(recording, choice, progress, Motion.of(located)))
+        located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
+        if choice.poses == "matched":
+            if any(needs_path(one.scan) for one in located):
+                located = list(_located(recording, choice, lambda part: None, Motion.of(located)))
+            located = self._closed(located, lambda part: progress(0.6 + 0.4 * part))
         for one in located:
             self._remember(one)
             yield one.posed
+
+    def _closed(self, located: list[Located], progress: Progress) -> list[Located]:
+        """The scans at the places that they have once loops are closed."""
+        try:
+            from minerva_agents.robot.loops import closed_loops  # late: needs scipy
+        except ImportError:
+            self.notes.append(
+                "loops are not closed: that needs scipy; install it with: pip install"
+                " 'minerva-bus[maps]'"
+            )
+            return located
+        known = [one for one in located if one.taken is not None]
+        places = [one.taken for one in known if one.taken is not None]
+        closed = closed_loops([one.scan for one in known], places, progress)
+        if closed.closures or closed.rejected:
+            self.notes.append(str(closed))
+        at = iter(closed.places)
+        return [one if one.taken is None else replace(one, taken=next(at)) for one in located]
 
     def again(
         self, recording: Recording, choice: MapChoice, progress: Progress

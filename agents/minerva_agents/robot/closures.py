@@ -1,0 +1,195 @@
+"""Closures: keyframes far apart on the way whose surroundings are the same place.
+
+A closure is searched by correlation over all shifts and turns in a window (Olson, "Real-Time
+Correlative Scan Matching", ICRA 2009). What fits equally well at several places, as in a corridor,
+has a large covariance there, and pulls accordingly little. A closure counts only where each of both
+scans has walls where the other has them, and does not see through the other's walls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import scipy.fft
+import scipy.spatial
+from numpy.typing import NDArray
+
+from minerva_agents.robot.keyframes import (
+    MIN_LOOP,
+    Keyframe,
+    between,
+    moved,
+    seen_through,
+)
+from minerva_agents.robot.pose_graph import Edge
+
+Reals: TypeAlias = NDArray[np.float64]
+_fft: Any = scipy.fft
+_spatial: Any = scipy.spatial
+
+_CELL: Final = 0.2
+_POINTS: Final = 400
+_AROUND: Final = 4
+"""Keyframes before and after one that belong to its surroundings."""
+
+_DRIFT, _MAX_WINDOW = 0.05, 12.0
+_DEGREES: Final = 18.0
+_STEP_DEGREES: Final = 3.0
+_NEAR: Final = 0.15
+_MIN_FIT: Final = 0.6
+_MAX_SEEN_THROUGH: Final = 0.15
+_EVERY: Final = 2.0
+"""Metres of way from one search to the next."""
+
+_TEMPERATURE: Final = 0.02
+
+
+class Surroundings:
+    """The walls about a keyframe, in its own frame, and how well other points fit them."""
+
+    def __init__(self, keys: Sequence[Keyframe], poses: Reals, number: int) -> None:
+        around = range(max(0, number - _AROUND), min(len(keys), number + _AROUND + 1))
+        self.points = np.concatenate(
+            [moved(keys[k].points, between(poses[number], poses[k])) for k in around]
+        )
+        self.half = math.ceil((min(25.0, np.abs(self.points).max()) + 1.0) / _CELL)
+        grid = np.zeros((2 * self.half, 2 * self.half))
+        cells = np.floor(self.points / _CELL).astype(np.intp) + self.half
+        inside = np.all((cells >= 1) & (cells < 2 * self.half - 1), axis=1)
+        cells = cells[inside]
+        for down, right, worth in _NEIGHBOURS:
+            at = (cells[:, 0] + down, cells[:, 1] + right)
+            grid[at] = np.maximum(grid[at], worth)
+        self.grid = grid
+        self.tree: Any = _spatial.cKDTree(self.points)
+
+    def fit(self, points: Reals) -> float:
+        """The part of points that have a wall within _NEAR metres."""
+        dist, _ = self.tree.query(points, distance_upper_bound=_NEAR)
+        return float(np.mean(np.isfinite(dist)))
+
+
+_NEIGHBOURS: Final = [
+    (i, j, math.exp(-(i * i + j * j) / 2.0)) for i in (-1, 0, 1) for j in (-1, 0, 1)
+]
+
+
+def correlated(
+    walls: Surroundings, points: Reals, guess: Reals, window: float
+) -> tuple[Reals, float, Reals]:
+    """The pose at which points fit walls best, its part of fitting points, and its covariance.
+
+    All shifts up to `window` metres about the guess are tried, by correlation (FFT), and turns of
+    up to _DEGREES.
+    """
+    size = 2 * walls.half
+    reach = min(size - 1, math.ceil(window / _CELL))
+    side = _fft.next_fast_len(size + 2 * reach, real=True)
+    shape = (side, side)
+    spectrum = np.conj(_fft.rfft2(walls.grid, shape))
+    best, parts = (-1.0, guess), []
+    turns = np.arange(-_DEGREES, _DEGREES + 0.1, _STEP_DEGREES)
+    for turn in turns.tolist():
+        pose = np.array([guess[0], guess[1], guess[2] + math.radians(turn)])
+        cells = np.floor(moved(points, pose) / _CELL).astype(np.intp) + walls.half
+        cells = cells[np.all((cells >= 0) & (cells < size), axis=1)]
+        image = np.zeros(shape)
+        np.add.at(image, (cells[:, 0], cells[:, 1]), 1.0)
+        scores = _fft.irfft2(np.conj(_fft.rfft2(image) * spectrum), shape) / len(points)
+        scores = np.roll(scores, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
+        parts.append((turn, scores))
+        row, column = divmod(int(scores.argmax()), scores.shape[1])
+        if scores[row, column] > best[0]:
+            shift = np.array([(row - reach) * _CELL, (column - reach) * _CELL, 0.0])
+            best = float(scores[row, column]), pose + shift
+    return best[1], best[0], _covariance(parts, best[0], reach)
+
+
+def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Reals:
+    """How much a pose may move without fitting worse (Olson 2009, 3)."""
+    steps = np.arange(-reach, reach + 1) * _CELL
+    x, y = np.meshgrid(steps, steps, indexing="ij")
+    total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for turn, scores in parts:
+        near = scores > best - 6 * _TEMPERATURE
+        weight = np.exp((scores[near] - best) / _TEMPERATURE)
+        at = np.stack([x[near], y[near], np.full(len(weight), math.radians(turn))], axis=1)
+        total += float(weight.sum())
+        first += weight @ at
+        second += (weight[:, None] * at).T @ at
+    mean = first / total
+    least = np.diag([0.05**2, 0.05**2, math.radians(0.7) ** 2])
+    return second / total - np.outer(mean, mean) + least
+
+
+def polished(walls: Surroundings, points: Reals, pose: Reals) -> Reals:
+    """A pose made exact: points to the nearest walls, iterated (ICP, trimmed)."""
+    for limit in (0.4, 0.25, 0.2, 0.15, 0.15):
+        here = moved(points, pose)
+        dist, index = walls.tree.query(here, distance_upper_bound=limit)
+        near = np.isfinite(dist)
+        if np.count_nonzero(near) < 30:
+            return pose
+        ours, theirs = here[near], walls.points[index[near]]
+        a, b = ours - ours.mean(0), theirs - theirs.mean(0)
+        turn = math.atan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
+        cos, sin = math.cos(turn), math.sin(turn)
+        shift = theirs.mean(0) - np.array([[cos, -sin], [sin, cos]]) @ ours.mean(0)
+        x, y = np.array([[cos, -sin], [sin, cos]]) @ pose[:2] + shift
+        pose = np.array([x, y, pose[2] + turn])
+    return pose
+
+
+def candidates(keys: Sequence[Keyframe], poses: Reals) -> list[tuple[int, int, float]]:
+    """Pairs of keyframes that may be at one place, and metres by which they may be off."""
+    way = np.array([key.way for key in keys])
+    pairs, next_way = [], 0.0
+    for later in range(len(keys)):
+        if way[later] < next_way:
+            continue
+        before = np.flatnonzero(way <= way[later] - MIN_LOOP)
+        if not len(before):
+            continue
+        apart = np.hypot(*(poses[before, :2] - poses[later, :2]).T)
+        window = np.minimum(_MAX_WINDOW, 1.0 + _DRIFT * (way[later] - way[before]))
+        part = apart / (window + 2.0)
+        nearest = int(part.argmin())
+        if part[nearest] < 1.0:
+            pairs.append((int(before[nearest]), later, float(window[nearest])))
+            next_way = way[later] + _EVERY
+    return pairs
+
+
+def closure(
+    keys: Sequence[Keyframe], poses: Reals, first: int, second: int, window: float
+) -> Edge | None:
+    """The edge between two keyframes, if they are at one place."""
+    walls = Surroundings(keys, poses, first)
+    others = Surroundings(keys, poses, second)
+    points = others.points[:: max(1, len(others.points) // _POINTS)]
+    pose, _, covariance = correlated(walls, points, between(poses[first], poses[second]), window)
+    pose = polished(walls, points, pose)
+    if not _fits(keys[first], keys[second], walls, others, points, pose):
+        return None
+    return Edge(first, second, pose, np.asarray(np.linalg.inv(covariance), np.float64), closes=True)
+
+
+def _fits(
+    first: Keyframe,
+    second: Keyframe,
+    walls: Surroundings,
+    others: Surroundings,
+    points: Reals,
+    pose: Reals,
+) -> bool:
+    back = between(pose, np.zeros(3))
+    fits = walls.fit(moved(points, pose))
+    again = others.fit(moved(first.points, back))
+    through = max(
+        seen_through(moved(second.points, pose), first.reach),
+        seen_through(moved(first.points, back), second.reach),
+    )
+    return min(fits, again) >= _MIN_FIT and through <= _MAX_SEEN_THROUGH

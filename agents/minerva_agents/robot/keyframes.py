@@ -1,0 +1,102 @@
+"""Keyframes of a way: the scans by which places are compared, and poses as arrays.
+
+A pose is (x, y, radians), in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot.going import Place
+from minerva_bus.world.beams import hits
+from minerva_bus.world.readings import Scan
+
+Reals: TypeAlias = NDArray[np.float64]
+
+KEY_METRES, KEY_DEGREES = 0.8, 40.0
+"""From one keyframe to the next, at most, if scans are as near as that."""
+
+MIN_LOOP: Final = 12.0
+"""Metres of way between two keyframes that may be one place again."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyframe:
+    """A scan of the way: its number, its hits from the robot in metres, (n, 2), and its reach.
+
+    `reach` are metres to the nearest hit in each degree, (360,); 0 where nothing was hit. `way` is
+    the length of the way to it.
+    """
+
+    number: int
+    points: Reals
+    reach: Reals
+    way: float
+
+
+def keyframes_of(scans: Sequence[Scan], places: Sequence[Place]) -> list[Keyframe]:
+    """Some scans of a way, no farther from one another than the way needs."""
+    keys: list[Keyframe] = []
+    way, last = 0.0, -1
+    for number, (scan, place) in enumerate(zip(scans, places, strict=True)):
+        if number:
+            before = places[number - 1]
+            way += math.hypot(place.x - before.x, place.y - before.y)
+        if keys:
+            turn = abs(math.remainder(place.angle - places[last].angle, 360.0))
+            if way - keys[-1].way < KEY_METRES and turn < KEY_DEGREES:
+                continue
+        dist, angle = hits(scan)
+        if len(dist) < 20:
+            continue
+        keys.append(Keyframe(number, _points(dist, angle), _reach(dist, angle), way))
+        last = number
+    return keys
+
+
+def _points(dist: Reals, angle: Reals) -> Reals:
+    heading = np.radians(angle)
+    return np.stack([dist * np.cos(heading), dist * np.sin(heading)], axis=1)
+
+
+def _reach(dist: Reals, angle: Reals) -> Reals:
+    reach = np.full(360, np.inf)
+    np.minimum.at(reach, np.floor(angle).astype(np.intp) % 360, dist)
+    least = np.minimum(reach, np.minimum(np.roll(reach, 1), np.roll(reach, -1)))
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def poses_of(places: Sequence[Place]) -> Reals:
+    """Places as poses, (n, 3)."""
+    return np.array([(p.x, p.y, math.radians(p.angle)) for p in places])
+
+
+def between(first: Reals, second: Reals) -> Reals:
+    """A pose as seen from another."""
+    cos, sin = math.cos(first[2]), math.sin(first[2])
+    x, y = second[0] - first[0], second[1] - first[1]
+    turn = math.remainder(second[2] - first[2], math.tau)
+    return np.array([cos * x + sin * y, cos * y - sin * x, turn])
+
+
+def moved(points: Reals, pose: Reals) -> Reals:
+    """Points of a pose's own frame in the outer one."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
+
+
+def seen_through(points: Reals, reach: Reals) -> float:
+    """The part of points, seen from a keyframe, that stand where it has looked through."""
+    dist = np.hypot(points[:, 0], points[:, 1])
+    degree = np.floor(np.degrees(np.arctan2(points[:, 1], points[:, 0]))).astype(np.intp) % 360
+    limit = reach[degree]
+    known = limit > 0
+    if np.count_nonzero(known) < 20:
+        return 0.0
+    return float(np.mean(dist[known] < limit[known] - 0.3 - 0.03 * limit[known]))

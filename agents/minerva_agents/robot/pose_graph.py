@@ -1,0 +1,87 @@
+"""A pose graph: where the poses of a way lie whose edges say how they lie to one another.
+
+After Grisetti, Kümmerle, Stachniss and Burgard, "A Tutorial on Graph-Based SLAM" (2010). An edge
+that closes a loop and contradicts the others is turned off by dynamic covariance scaling (Agarwal
+and others, "Robust Map Optimization using Dynamic Covariance Scaling", ICRA 2013).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import linalg
+
+Reals: TypeAlias = NDArray[np.float64]
+_linalg: Any = linalg
+
+_SWITCH: Final = 10.0
+"""Squared standard deviations beyond which dynamic covariance scaling weakens a closure."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """Where keyframe `to` is as seen from `begin`: metres, metres, radians; and how sure that is.
+
+    `information` is the inverse of its covariance, (3, 3).
+    """
+
+    begin: int
+    to: int
+    step: Reals
+    information: Reals
+    closes: bool = False
+
+
+def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Reals, Reals]:
+    """The poses at which edges contradict least, and how much each edge counts, 0 to 1.
+
+    By Gauss and Newton; the first pose stays.
+    """
+    poses, counts = poses.copy(), np.ones(len(edges))
+    begin = np.array([edge.begin for edge in edges])
+    to = np.array([edge.to for edge in edges])
+    steps = np.array([edge.step for edge in edges])
+    information = np.array([edge.information for edge in edges])
+    closes = np.array([edge.closes for edge in edges])
+    columns = np.concatenate([3 * begin[:, None] + [0, 1, 2], 3 * to[:, None] + [0, 1, 2]], axis=1)
+    for _ in range(rounds):
+        errors, slopes = _errors(poses[begin], poses[to], steps)
+        chi = np.einsum("ei,eij,ej->e", errors, information, errors)
+        counts = np.where(closes, np.minimum(1.0, 2 * _SWITCH / (_SWITCH + chi)) ** 2, 1.0)
+        weights = information * counts[:, None, None]
+        squares = np.einsum("eki,ekl,elj->eij", slopes, weights, slopes)
+        sides = np.einsum("eki,ekl,el->ei", slopes, weights, errors)
+        rows = np.repeat(columns[:, :, None], 6, axis=2)
+        matrix = sparse.coo_matrix(
+            (squares.ravel(), (rows.ravel(), rows.transpose(0, 2, 1).ravel())),
+            shape=(poses.size, poses.size),
+        ).tocsc()
+        right = np.bincount(columns.ravel(), sides.ravel(), poses.size)
+        change = np.zeros(poses.size)
+        change[3:] = _linalg.spsolve(matrix[3:, 3:], -right[3:])
+        poses += change.reshape(-1, 3)
+        if np.abs(change).max() < 1e-4:
+            break
+    return poses, counts
+
+
+def _errors(first: Reals, second: Reals, steps: Reals) -> tuple[Reals, Reals]:
+    """How far poses are from what edges say, (e, 3), and the slopes of that, (e, 3, 6)."""
+    cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
+    x, y = (second[:, :2] - first[:, :2]).T
+    ahead, left = cos * x + sin * y, cos * y - sin * x
+    turn = second[:, 2] - first[:, 2] - steps[:, 2]
+    turn = (turn + np.pi) % (2 * np.pi) - np.pi
+    errors = np.stack([ahead - steps[:, 0], left - steps[:, 1], turn], axis=1)
+    slopes = np.zeros((len(first), 3, 6))
+    slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 0, 2] = -cos, -sin, left
+    slopes[:, 1, 0], slopes[:, 1, 1], slopes[:, 1, 2] = sin, -cos, -ahead
+    slopes[:, 0, 3], slopes[:, 0, 4] = cos, sin
+    slopes[:, 1, 3], slopes[:, 1, 4] = -sin, cos
+    slopes[:, 2, 2], slopes[:, 2, 5] = -1.0, 1.0
+    return errors, slopes
