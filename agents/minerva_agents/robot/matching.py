@@ -117,7 +117,9 @@ class _Search:
         doubt: Doubt,
     ) -> None:
         self._dist, angle = hits
-        self._angle = np.radians(angle)
+        headings = np.radians(angle)
+        self._ahead = self._dist * portable.cos(headings)
+        self._aside = self._dist * portable.sin(headings)
         self._guess = guess
         self._doubt = Doubt(doubt.metres / cell, doubt.degrees)
         self.steps = math.ceil(_WIDTH * doubt.metres / cell)
@@ -148,9 +150,10 @@ class _Search:
 
         Of what it can be worth; (n, n) where n steps across are tried in each direction.
         """
-        headings = self._angle + math.radians(angle)
-        down = centre.row - self._row + self._dist * portable.cos(headings)
-        right = centre.column - self._column + self._dist * portable.sin(headings)
+        turn = math.radians(angle)
+        cos, sin = portable.cos(turn), portable.sin(turn)
+        down = centre.row - self._row + (self._ahead * cos - self._aside * sin)
+        right = centre.column - self._column + (self._ahead * sin + self._aside * cos)
         rows = (down + across[:, None]).astype(np.intp) * self._worths.shape[1]
         columns = (right + across[:, None]).astype(np.intp)
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
