@@ -26,8 +26,23 @@ def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
     ranges = scan.ranges[::every]
     # The limit as float32 too, or a beam that reads just the limit might seem to be below it.
     beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
-    dist: Reals = ranges[beams].astype(np.float64)
-    beams = beams * every
+    return _ends(scan, beams * every, ranges[beams].astype(np.float64))
+
+
+def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
+    """As `hits`, of each beam that met nothing; it counts as free for `most` metres at most.
+
+    A sensor whose `range_max` is no positive number says of no beam that it met nothing.
+    """
+    free = min(scan.range_max, most)
+    if not free > 0:
+        return np.empty(0), np.empty(0)
+    beams = np.flatnonzero(scan.ranges[::every] >= np.float32(scan.range_max))
+    return _ends(scan, beams * every, np.full(len(beams), float(free)))
+
+
+def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Reals]:
+    """Where beams end that go so many metres from the sensor."""
     if not (scan.mount_x or scan.mount_y or scan.path):
         return dist, _bearings(scan, beams)
     x, y, degrees = origins(scan, beams)

@@ -45,7 +45,8 @@ class Scan:
     """One turn of a laser range finder.
 
     `ranges[i]` is the distance from the sensor at `first + i·step` degrees from where it points;
-    `range_max` or more, and 0 or less, mean that nothing was hit. Shape (n,), metres.
+    `range_max` or more, also infinity, means that nothing was hit; 0 or less, and NaN, that nothing
+    was measured. Shape (n,), metres.
 
     `time` is that of the first beam; beam i is measured `i·beam_time` seconds later, all beams at
     once where that is 0. `path` is how the robot moved meanwhile, in the order of time, from the

@@ -14,6 +14,7 @@ from minerva_agents.robot.motion import Pose, move_of
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import (
     eCamera,
+    eClear,
     eDecide,
     eLaser,
     eObjective,
@@ -101,9 +102,10 @@ class Simulator:
         x, y = self.place()
         angles = np.arange(BEAMS) * (360.0 / BEAMS)
         ranges = self.floor.cast(x, y, angles + self.pose.angle, LASER_RANGE)
-        scan = zip(ranges.tolist(), angles.tolist(), strict=True)
+        scan = list(zip(ranges.tolist(), angles.tolist(), strict=True))
         lasers = [eLaser(dist, angle) for dist, angle in scan if dist < LASER_RANGE]
-        return [*lasers, *self.sightings(x, y), *self.first, eDecide()]
+        clears = [eClear(dist, angle) for dist, angle in scan if dist >= LASER_RANGE]
+        return [*lasers, *clears, *self.sightings(x, y), *self.first, eDecide()]
 
     def sightings(self, x, y):
         for marker in self.markers:

@@ -7,7 +7,7 @@ import pytest
 from robots import after, changed, robot
 
 from minerva_agents.robot.knowledge import FREE, MARKER, SEEN, UNKNOWN
-from minerva_agents.robot.looking import forget_looks, frontier, is_news, look, out_of_view
+from minerva_agents.robot.looking import forget_looks, frontier, look, out_of_view
 from minerva_agents.robot.motion import Pose
 from minerva_agents.robot.vocabulary import eCamera
 
@@ -99,8 +99,6 @@ def test_what_is_news():
     assert not out_of_view(grid).any()
     grid[20:23, 5:8] = FREE
     assert out_of_view(grid).sum() == 9
-    assert is_news(grid, (21, 6))
-    assert not is_news(grid, (25, 20))
     forget_looks(grid)
     assert (grid != SEEN).all()
 

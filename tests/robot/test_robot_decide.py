@@ -220,9 +220,27 @@ def test_it_looks_for_a_marker_that_it_has_not_seen():
     grid = floor(free=0)
     grid[10:31, 10:31] = FREE
     now = after(seeking(grid), eDecide())
-    assert now.purpose == "search"
-    assert now.way
+    assert now.purpose in ("search", "look")
+    assert now.news > 1
     assert move_of(now.action) != STAY
+
+
+def test_a_place_where_it_has_been_and_a_turn_that_shows_nothing_are_not_tried_again():
+    """The unknown beyond stays unknown here, for no laser clears it: the search comes to an end."""
+    grid = floor((14, 14, 14, 26), (26, 26, 14, 26), (14, 26, 14, 14), free=0)
+    grid[15:26, 15:27] = FREE
+    now, _ = drive(seeking(grid), 900)
+    assert now.objective == ""
+
+
+def test_a_way_that_leads_nowhere_is_none():
+    """The cell that it stands in is the only one that it may go to."""
+    grid = with_marker(
+        floor((18, 18, 0, 39), (23, 23, 0, 39), (0, 39, 18, 18), (0, 39, 23, 23)), 35, 35
+    )
+    now = after(seeking(grid), eDecide())
+    assert now.failures == 1
+    assert not now.way
 
 
 def test_where_there_is_no_way_it_waits_and_tries_again():

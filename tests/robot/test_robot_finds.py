@@ -5,6 +5,7 @@ Seeds and floors are fixed, so the same run comes out every time.
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from floor_simulator import Simulator
 
@@ -74,6 +75,19 @@ def test_astar_finds_its_way_on_maps_of_real_floors(name, objective, frames):
         pytest.skip("the ROS maps are not here")
     run = simulator({"map": str(ROS_MAPS / name)}, objective).go(frames)
     assert run.reached
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize("start", ["1.5, 1.5, 0", "10, 1.5, 90", "1.5, 10.5, 180"])
+def test_astar_crosses_a_hall_that_is_wider_than_its_laser_reaches(start, tmp_path):
+    """Most beams meet nothing; what they say of the ground before them is all there is."""
+    picture = np.zeros((420, 420), np.uint8)
+    picture[10:-10, 10:-10] = 254
+    (tmp_path / "hall.pgm").write_bytes(b"P5 420 420 255\n" + picture.tobytes())
+    options = {"map": str(tmp_path / "hall.pgm"), "start": start, "markers": {"A": [15.5, 10.5]}}
+    run = simulator(options).go(900)
+    assert run.reached
+    assert run.metres < 45
     assert run.least_gap > RADIUS
 
 

@@ -18,7 +18,7 @@ from minerva_agents.robot.knowledge import (
     at_distance,
     doubt,
 )
-from minerva_agents.robot.vocabulary import eLaser
+from minerva_agents.robot.vocabulary import eClear, eLaser
 
 
 def marked(grid):
@@ -109,6 +109,34 @@ def test_the_events_of_a_frame_add_up():
     angles = [0.0, 90.0, 180.0, -90.0]
     grid = after(robot(), *(eLaser(0.5, angle) for angle in angles)).grid
     assert sorted(marked(grid)) == [(15, 20), (20, 15), (20, 25), (25, 20)]
+
+
+def test_a_beam_that_meets_nothing_clears_its_way():
+    grid = after(robot(), eClear(1.0, 90.0)).grid
+    assert (grid[20, 20:30] == FREE).all()
+    assert grid[20, 30] == UNKNOWN
+    assert not marked(grid)
+
+
+def test_a_beam_that_meets_nothing_counts_up_to_a_known_obstacle():
+    """It may have failed to come back: what lies behind stays unknown."""
+    known = after(robot(), eLaser(0.6, 0.0)).string
+    grid = after(known, eClear(1.5, 0.0)).grid
+    assert grid[26, 20] == 3
+    assert not grid[27:, 20].any()
+
+
+def test_an_obstacle_that_has_gone_is_forgotten_where_nothing_comes_back():
+    scene = after(robot(), eLaser(0.6, 0.0)).string
+    for _ in range(4):
+        scene = after(scene, eClear(1.5, 0.0)).string
+    assert (scene.nodes[0].state["grid"][20:35, 20] == FREE).all()
+
+
+def test_the_farther_half_of_an_open_beam_counts_in_every_eighth_frame():
+    known = after(robot(), eLaser(1.2, 0.0)).string
+    assert after(known, eClear(1.5, 0.0), frame=7).grid[32, 20] == 4
+    assert after(known, eClear(1.5, 0.0), frame=8).grid[32, 20] == 3
 
 
 def test_the_string_of_the_frame_is_left_as_it_is():

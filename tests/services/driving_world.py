@@ -101,6 +101,7 @@ class ADriver(Agent, symbol="ADriver"):
 
 EVENTS = (
     EventType("eLaser", dist=Metres, angle=Degrees),
+    EventType("eClear", dist=Metres, angle=Degrees),
     EventType("eCamera", marker=str, dist=Metres, angle=Degrees),
     EventType("eCollision", shortfall=Metres),
     EventType("eObjective", marker=str),

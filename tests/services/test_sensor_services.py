@@ -71,6 +71,48 @@ def test_equal_beams_of_two_scans_are_two_events_where_the_type_has_a_time(beams
     assert count == {"plain": beams, "timed": 2 * beams}
 
 
+def clears(made: Scan, **options: Any) -> list[tuple[float, float]]:
+    events = single(joined(Laser(clear="eClear", **options)).generate(tick(1, made)))
+    return [(event.dist, event.angle) for event in events if event.type == "eClear"]
+
+
+@pytest.mark.parametrize("nothing", [5.0, 7.0, math.inf])
+def test_a_beam_without_return_says_how_far_it_is_free(nothing: float) -> None:
+    assert clears(scan([nothing, 1.0])) == [(5.0, -90.0)]
+
+
+@pytest.mark.parametrize("invalid", [0.0, -1.0, math.nan, -math.inf])
+def test_an_invalid_range_says_nothing(invalid: float) -> None:
+    assert clears(scan([invalid, 1.0])) == []
+
+
+def test_a_beam_without_return_counts_no_farther_than_it_may() -> None:
+    assert clears(scan([90.0, 1.0], range_max=80.0)) == [(10.0, -90.0)]
+    assert clears(scan([90.0, 1.0], range_max=80.0), clear_range=3.0) == [(3.0, -90.0)]
+    assert clears(scan([math.inf], range_max=math.inf)) == [(10.0, -90.0)]
+    assert clears(scan([math.inf, 5.0], range_max=math.nan)) == []
+
+
+def test_beams_without_return_have_the_angles_of_their_beams() -> None:
+    made = scan([5.0, 1.0, 5.0, 5.0, 1.0, 5.0], mount_angle=10.0)
+    assert [angle for _, angle in clears(made)] == [-80.0, 10.0, 55.0, 145.0]
+    assert [angle for _, angle in clears(made, every=3)] == [-80.0, 55.0]
+
+
+def test_without_a_type_for_it_no_event_says_what_is_free() -> None:
+    assert Laser(clear="eClear").generates() == ("eLaser", "eClear")
+    assert hits(scan([5.0, math.inf])) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [({"clear_range": 0.0}, "clear_range is 0.0"), ({"clear": "eLaser"}, "both 'eLaser'")],
+)
+def test_wrong_options_for_beams_that_meet_nothing(options: Any, problem: str) -> None:
+    with pytest.raises(MinervaError, match=f"laser: .*{problem}"):
+        Laser(**options)
+
+
 def test_every_so_many_th_beam() -> None:
     assert hits(scan([1, 2, 3, 4, 5, 4, 3]), every=3) == [(1, -90), (4, 45), (3, 180)]
 

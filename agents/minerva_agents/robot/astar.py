@@ -1,5 +1,9 @@
 """Decisions by A*: straight to the objective where it is known, else in search of it.
 
+A search goes from one look to the next, see `searching`. A place where the robot has been for a
+look is not chosen again, nor is a turn that has shown nothing; when nothing is left the search
+begins again.
+
 A plan is kept until it ends or is contradicted by something that has turned up, for most frames
 need no new one. Where no way is found, mostly because another robot stands in it, the robot waits
 for a random while, so that of two robots one moves first; if that does not help it steps aside.
@@ -7,73 +11,145 @@ for a random while, so that of two robots one moves first; if that does not help
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from minerva_agents.robot.arriving import APPROACH, NEAR, PATIENCE, good_places, is_near
-from minerva_agents.robot.following import is_open, step
+from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.ground import (
     blocked,
     cell_of,
     centre_of,
     straightened,
 )
-from minerva_agents.robot.knowledge import Cell, Mask, doubt
-from minerva_agents.robot.looking import forget_looks, is_news
-from minerva_agents.robot.motion import STAY, Move
+from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt
+from minerva_agents.robot.looking import forget_looks
+from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.planning import Path, nearest, shortest_path
-from minerva_agents.robot.searching import path_to_news
+from minerva_agents.robot.searching import Goal, Known, news_ahead, news_at, next_goal
 from minerva_bus import Moment, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
 SEARCH: Final = "search"
+LOOK: Final = "look"
 ASIDE: Final = "aside"
 
+_REVIEW: Final = 5
+"""Frames after which the robot asks again whether its way is worth going on."""
 
-def decide(robot: ARobot, moment: Moment) -> Move:
-    """The next move on the way to the objective, or in search of it."""
+_FACING: Final = 0.01
+"""Degrees within which a robot faces where it wants to look."""
+
+
+def decide(
+    robot: ARobot, moment: Moment, choose: Callable[[Known], Goal | None] = next_goal
+) -> Move:
+    """The next move on the way to the objective, or in search of it; `choose` is how to search."""
     if robot.pause > 0:
         robot.pause -= 1
         return STAY
     place = robot.objective_cell()
-    if not (_holds_good(robot, place) and is_open(robot)):
+    if place is None:
+        _take_note(robot)
+    if not _holds_good(robot, place, moment):
         robot.forget_plan()
-        _make_plan(robot, place, moment)
+        _make_plan(robot, place, moment, choose)
+    if robot.purpose == LOOK:
+        return turn_to(robot.pose, robot.heading, moment.dt)
     return step(robot, moment.dt)
 
 
-def _holds_good(robot: ARobot, place: Cell | None) -> bool:
-    """Whether the way still leads where the robot wants to go."""
-    if not robot.plan_rows:
+def _take_note(robot: ARobot) -> None:
+    """Remember what has come of a look, or of the way to one, when it is over."""
+    if robot.plan_rows or robot.purpose not in (SEARCH, LOOK):
+        return
+    cell = cell_of(robot.position)
+    number = cell[0] * robot.grid.shape[1] + cell[1]
+    if robot.purpose == SEARCH:
+        robot.been = (*robot.been, number)
+    elif abs(wrapped(robot.heading - robot.angle)) > _FACING:
+        return
+    elif news_ahead(_known(robot), cell, robot.heading) > robot.news / 2:
+        robot.dull = (*robot.dull, number)
+    robot.forget_plan()
+
+
+def _holds_good(robot: ARobot, place: Cell | None, moment: Moment) -> bool:
+    """Whether the plan still leads where the robot wants to go, and nothing stands in the way."""
+    if robot.purpose == LOOK:
+        return place is None
+    if not is_open(robot):
         return False
     if robot.purpose == ASIDE:
         return True
-    if robot.purpose not in (APPROACH, SEARCH):
-        return False
     end = robot.plan_rows[-1], robot.plan_columns[-1]
     if robot.purpose == APPROACH:
         return place is not None and portable.dist(end, centre_of(place)) * robot.cell <= NEAR
-    return place is None and is_news(robot.grid, cell_of(end))
+    if robot.purpose != SEARCH or place is not None:
+        return False
+    is_due = moment.number % _REVIEW == 0
+    return not is_due or news_at(_known(robot), cell_of(end)) >= robot.news / 2
 
 
-def _make_plan(robot: ARobot, place: Cell | None, moment: Moment) -> None:
+def _make_plan(
+    robot: ARobot, place: Cell | None, moment: Moment, choose: Callable[[Known], Goal | None]
+) -> None:
     closed = blocked(robot.grid, robot.position, robot.room)
     here = cell_of(robot.position)
-    if place is not None:
-        path, purpose = _path_to(robot, closed, here, place), APPROACH
+    if place is None:
+        is_made = _plan_look(robot, choose(replace(_known(robot), closed=closed)))
     else:
-        path, purpose = path_to_news(robot.grid, closed, robot.pose, robot.cell), SEARCH
-    if path is not None:
-        robot.set_way(straightened(robot.grid, robot.position, path.cells, robot.room), purpose)
-    if is_open(robot):
+        is_made = _plan_approach(robot, closed, here, place)
+    if is_made:
         robot.failures = 0
     elif place is not None and is_near(robot, place):
         robot.set_way([], APPROACH)  # the way ends here
     else:
         _do_without(robot, closed, here, moment)
+
+
+def _plan_look(robot: ARobot, goal: Goal | None) -> bool:
+    """Plan to go or turn to the next look; False if there is none to be had."""
+    if goal is None:
+        return False
+    robot.news = goal.news
+    if goal.cells:
+        return _set_out(robot, goal.cells, SEARCH)
+    robot.set_way([], LOOK)
+    robot.heading = goal.heading
+    return True
+
+
+def _plan_approach(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> bool:
+    path = _path_to(robot, closed, here, place)
+    return path is not None and _set_out(robot, path.cells, APPROACH)
+
+
+def _set_out(robot: ARobot, cells: Sequence[Cell], purpose: str) -> bool:
+    """Have a way along cells; False if it leads nowhere, or something stands in it."""
+    robot.set_way(straightened(robot.grid, robot.position, cells, robot.room), purpose)
+    pass_corners(robot)
+    return is_open(robot)
+
+
+def _known(robot: ARobot) -> Known:
+    """What the search goes by, before anything is closed."""
+    wide = robot.grid.shape[1]
+    return Known(
+        robot.grid,
+        robot.grid < UNKNOWN,
+        robot.pose,
+        robot.cell,
+        robot.fov,
+        robot.sight,
+        [divmod(cell, wide) for cell in robot.been],
+        [divmod(cell, wide) for cell in robot.dull],
+    )
 
 
 def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> Path | None:
@@ -95,11 +171,12 @@ def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> None
         return
     if robot.objective_cell() is None:
         forget_looks(robot.writable("grid"))
+        robot.been = robot.dull = ()
         robot.searches += 1
     path = _path_aside(robot, closed, here, moment)
     if path is not None:
         robot.pause = 0
-        robot.set_way(straightened(robot.grid, robot.position, path.cells, robot.room), ASIDE)
+        _set_out(robot, path.cells, ASIDE)
 
 
 def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> Path | None:

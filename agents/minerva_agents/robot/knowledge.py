@@ -61,6 +61,7 @@ def doubt(grid: Cells) -> None:
 
 _PASSED: Final = _after_passing()
 _STEPS: Final = np.arange(100_000, dtype=np.float64)
+_NONE: Final = np.empty(0, np.intp)
 
 
 def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
@@ -99,13 +100,50 @@ def clear_beam(
     """The cells that a beam passes before it ends are free.
 
     All along the beam what was unknown is free now. What was thought an obstacle loses evidence on
-    the first `part` of it only. From one cell looked up to the next it is one row and one column at
-    most, so none is left out; the cell in which the beam ends is none of them.
+    the first `part` of it only.
+    """
+    cells, count = _passed(grid, row, column, to_row, to_column)
+    flat: Codes = grid.reshape(-1)
+    codes: Codes = flat.take(cells)
+    np.maximum(codes, FREE, out=codes)
+    near = codes[: math.ceil(part * count)]
+    _PASSED.take(near, out=near, mode="clip")  # which spares a copy; no code is out of bounds
+    flat[cells] = codes
+
+
+def clear_open_beam(
+    grid: Cells, row: float, column: float, to_row: float, to_column: float, part: float = 1.0
+) -> None:
+    """The cells that a beam passes which meets nothing are free, up to a known obstacle.
+
+    A beam may fail to come back from a wall. So it loses evidence only of the first obstacle on
+    its way, if that lies on the first `part` of it, and says nothing of what lies behind.
+    """
+    cells, count = _passed(grid, row, column, to_row, to_column)
+    flat: Codes = grid.reshape(-1)
+    codes: Codes = flat.take(cells)
+    walls = np.flatnonzero(obstacles(codes))
+    if walls.size:
+        end = int(walls[0])
+        cells, codes = cells[: end + 1], codes[: end + 1]
+        if end < part * count:
+            codes[end] = _PASSED[codes[end]]
+    np.maximum(codes, FREE, out=codes)
+    flat[cells] = codes
+
+
+def _passed(
+    grid: Cells, row: float, column: float, to_row: float, to_column: float
+) -> tuple[NDArray[np.intp], int]:
+    """The flat indices of the cells that a beam passes, and their number with those outside.
+
+    From one cell looked up to the next it is one row and one column at most, so none is left out;
+    the cell in which the beam ends is none of them.
     """
     down, across = to_row - row, to_column - column
     count = math.ceil(max(abs(down), abs(across)))
     if not count:
-        return
+        return _NONE, 0
     down, across = down / count, across / count
     last = math.floor((count - 1) * down + row), math.floor((count - 1) * across + column)
     if last == (math.floor(to_row), math.floor(to_column)):
@@ -120,12 +158,7 @@ def clear_beam(
         rows, columns = rows[inside], columns[inside]
     rows *= wide
     rows += columns
-    flat: Codes = grid.reshape(-1)
-    codes: Codes = flat.take(rows)
-    np.maximum(codes, FREE, out=codes)
-    near = codes[: math.ceil(part * count)]
-    _PASSED.take(near, out=near, mode="clip")  # which spares a copy; no code is out of bounds
-    flat[rows] = codes
+    return rows, count
 
 
 def place_of(grid: Cells, marker: int) -> Cell | None:

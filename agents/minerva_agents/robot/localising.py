@@ -3,6 +3,7 @@
 | event   | what it does besides ARobot                                                          |
 |---------|--------------------------------------------------------------------------------------|
 | eLaser  | keeps the hit, for a scan can only be matched as a whole                             |
+| eClear  | keeps the beam, until the pose is right                                              |
 | eCamera | corrects its pose by the scan first, then draws it, then marks the marker            |
 | eDecide | likewise, if no marker has come first; so each frame needs its decision after eLaser |
 
@@ -15,11 +16,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_agents.robot.filling import filled
 from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
+    clear_open_beam,
     mark_obstacle,
     part_that_counts,
 )
@@ -49,10 +52,15 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
     driven: Metres = 0.0
 
     _hits: tuple[tuple[float, float], ...] = ()
+    _misses: tuple[tuple[float, float], ...] = ()
 
     def sense_obstacle(self, laser: Event, moment: Moment) -> None:
         """Remember (distance in metres, degrees) until the scan is whole, in the same frame."""
         self._hits = (*self._hits, (laser.dist, laser.angle))
+
+    def sense_free(self, beam: Event, moment: Moment) -> None:
+        """Remember (distance in metres, degrees) of a beam that met nothing, likewise."""
+        self._misses = (*self._misses, (beam.dist, beam.angle))
 
     def sense_marker(self, camera: Event, moment: Moment) -> None:
         """g', after the pose is right."""
@@ -70,20 +78,36 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
 
     def _find_itself(self, moment: Moment) -> None:
         """Correct the pose by the scan, and take the scan into the grid if it has some news."""
-        if not self._hits:
+        hits, misses = self._in_cells(self._hits), self._in_cells(self._misses)
+        self._hits, self._misses = (), ()
+        if not len(hits) and not len(misses):
             return
-        hits = np.array(self._hits, np.float64)
-        dist, angle, self._hits = hits[:, 0] / self.cell, hits[:, 1], ()
         if self.turned or self.driven:
-            doubt = Doubt.after(self.turned, self.driven)
-            walls = filled(dist, angle, _GAP / self.cell)
-            found = match(self.grid, self.pose, walls, self.cell, doubt)
-            self.row, self.column, self.angle = found.row, found.column, wrapped(found.angle)
+            self._correct(hits)
             if self.turned < _TURN and self.driven < _WAY:
                 return
             self.turned = self.driven = 0.0
-        grid, part = self.writable("grid"), part_that_counts(moment.number)
-        for far, aside in zip(dist.tolist(), angle.tolist(), strict=True):
-            to = at_distance(self.row, self.column, self.angle + aside, far)
-            clear_beam(grid, self.row, self.column, *to, part)
+        self._draw(hits, misses, part_that_counts(moment.number))
+
+    def _in_cells(self, beams: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+        """Rows of distances in cells and angles in degrees, (n, 2)."""
+        return np.array(beams, np.float64).reshape(-1, 2) / (self.cell, 1.0)
+
+    def _correct(self, hits: NDArray[np.float64]) -> None:
+        """Stand where the hits fit the map best; a scan without hits fits anywhere."""
+        if not len(hits):
+            return
+        doubt = Doubt.after(self.turned, self.driven)
+        walls = filled(hits[:, 0], hits[:, 1], _GAP / self.cell)
+        best = match(self.grid, self.pose, walls, self.cell, doubt)
+        self.row, self.column, self.angle = best.row, best.column, wrapped(best.angle)
+
+    def _draw(self, hits: NDArray[np.float64], misses: NDArray[np.float64], part: float) -> None:
+        grid, row, column = self.writable("grid"), self.row, self.column
+        for dist, angle in hits.tolist():
+            to = at_distance(row, column, self.angle + angle, dist)
+            clear_beam(grid, row, column, *to, part)
             mark_obstacle(grid, *to)
+        for dist, angle in misses.tolist():
+            to = at_distance(row, column, self.angle + angle, dist)
+            clear_open_beam(grid, row, column, *to, part)

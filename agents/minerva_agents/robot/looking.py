@@ -7,17 +7,13 @@ looks for a marker remembers which free cells its camera has had in view.
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Cell, Mask, free
+from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Mask, free
 from minerva_agents.robot.motion import Pose
 from minerva_bus import Cells, portable
-
-_WINDOW: Final = 3
-"""Cells around one that decide whether there is news to be had from it."""
 
 
 def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
@@ -56,7 +52,7 @@ def out_of_view(grid: Cells) -> Mask:
 
 def expanses(mask: Mask) -> Mask:
     """What is left of a mask without all that is less than three cells wide."""
-    return _grown(_all_around(mask))
+    return grown(_all_around(mask))
 
 
 def grown_to_sides(mask: Mask) -> Mask:
@@ -67,14 +63,6 @@ def grown_to_sides(mask: Mask) -> Mask:
     made[:, 1:] |= mask[:, :-1]
     made[:, :-1] |= mask[:, 1:]
     return made
-
-
-def is_news(grid: Cells, cell: Cell) -> bool:
-    """Whether a cell still is on the frontier or out of view."""
-    top, left = max(0, cell[0] - _WINDOW), max(0, cell[1] - _WINDOW)
-    window = grid[top : cell[0] + _WINDOW + 1, left : cell[1] + _WINDOW + 1]
-    here = cell[0] - top, cell[1] - left
-    return bool(frontier(window)[here] or out_of_view(window)[here])
 
 
 def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> NDArray[np.intp]:
@@ -89,7 +77,7 @@ def _all_around(mask: Mask) -> Mask:
     return made
 
 
-def _grown(mask: Mask) -> Mask:
+def grown(mask: Mask) -> Mask:
     """Where a cell or one of its eight neighbours is True."""
     down = mask.copy()
     down[1:] |= mask[:-1]

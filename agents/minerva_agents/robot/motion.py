@@ -87,6 +87,12 @@ def towards(pose: Pose, row: float, column: float, cell: float, farthest: float,
     return Move(turn, min(dist, farthest))
 
 
+def turn_to(pose: Pose, angle: float, dt: float) -> Move:
+    """The move of one frame towards a heading, the shorter way round."""
+    turn, most = wrapped(angle - pose.angle), TURNING * dt
+    return Move(math.copysign(min(abs(turn), most), turn)) if turn else STAY
+
+
 def wrapped(angle: float) -> float:
     """The same direction in [-180, 180)."""
     return angle if -180.0 <= angle < 180.0 else (angle + 180.0) % 360.0 - 180.0

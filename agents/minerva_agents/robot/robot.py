@@ -11,6 +11,7 @@ from minerva_agents.robot.ground import Position, room_of
 from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
+    clear_open_beam,
     mark_marker,
     mark_obstacle,
     part_that_counts,
@@ -56,6 +57,10 @@ class ARobot(Agent, symbol="ARobot"):
         purpose: what the way is for.
         pause: frames for which it still waits.
         failures: how often in a row it has found no way.
+        heading: where it turns to for a look, while that is its purpose.
+        news: square metres that it hopes to see at the end of its way or turn.
+        been: cells that it has gone to for a look in this search, as row * columns + column.
+        dull: cells where a turn has shown nothing new, likewise.
         searches: how often it has looked everywhere for this objective, in vain.
         most_known: cells that it knew, and had looked at, at most since it has this objective.
         stale: for how long it has not been more.
@@ -88,6 +93,10 @@ class ARobot(Agent, symbol="ARobot"):
     purpose: str = ""
     pause: int = 0
     failures: int = 0
+    heading: Degrees = 0.0
+    news: float = 0.0
+    been: tuple[int, ...] = ()
+    dull: tuple[int, ...] = ()
     searches: int = 0
     most_known: int = 0
     stale: Seconds = 0.0
@@ -105,6 +114,13 @@ class ARobot(Agent, symbol="ARobot"):
         part = part_that_counts(moment.number)
         clear_beam(grid, self.row, self.column, row, column, part)
         mark_obstacle(grid, row, column)
+
+    @on("eClear")
+    def sense_free(self, beam: Event, moment: Moment) -> None:
+        """g': no obstacle up to (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
+        dist, part = beam.dist / self.cell, part_that_counts(moment.number)
+        end = at_distance(self.row, self.column, self.angle + beam.angle, dist)
+        clear_open_beam(self.writable("grid"), self.row, self.column, *end, part)
 
     @on("eCamera")
     def sense_marker(self, camera: Event, moment: Moment) -> None:
@@ -208,6 +224,7 @@ class ARobot(Agent, symbol="ARobot"):
         self.objective, self.target, self.waits = objective, target, 0
         self.failures = self.searches = self.most_known = 0
         self.stale = 0.0
+        self.been = self.dull = ()
         self.forget_plan()
 
     def set_way(self, way: list[Position], purpose: str) -> None:

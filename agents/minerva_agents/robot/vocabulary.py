@@ -1,10 +1,10 @@
 """The alphabets of the robot's world: Tables 3 and 4 of the paper, and what an implementation adds.
 
-Tables 3 and 4 have PMap, PRobot, TMove, TRotate and the six events eLaser to eSpeed. Added are
-TPlace, which says where a robot or a marker stands; PMarker, for a floor shows the rooms' markers;
-PGrid, PPath and PGoal, which show what a robot knows and means to do; eCollision, by which physics
-reaches an agent (section 5); eReached and eUnreachable, by which the robot reports; ePicture, a
-second view.
+Tables 3 and 4 have PMap, PRobot, TMove, TRotate, eLaser and the five events eCamera to eSpeed.
+Added are eClear, for beams that meet nothing; TPlace, which says where a robot or a marker stands;
+PMarker, for a floor shows the rooms' markers; PGrid, PPath and PGoal, which show what a robot knows
+and means to do; eCollision, by which physics reaches an agent (section 5); eReached and
+eUnreachable, by which the robot reports; ePicture, a second view.
 For the transport of objects (4.1) there are PParcel, eErrand, which a person orders, and the six
 events from eTake to eGivenUp, by which robots and parcels carry it out; see `errand`.
 
@@ -107,6 +107,13 @@ TPlace = Transformation(
 
 eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
 """The laser detects an obstacle at this distance and angle from the robot's heading."""
+
+eClear = EventType("eClear", dist=Metres, angle=Degrees)
+"""The laser detects no obstacle up to this distance at this angle from the robot's heading.
+
+Table 4 has no such event: its eLaser is for obstacles only. Without it a robot in a hall that is
+wider than its laser reaches would never know that the ground before it is free.
+"""
 
 eCamera = EventType("eCamera", marker=str, dist=Metres, angle=Default(Degrees, 0.0))
 """The camera detects a marker.

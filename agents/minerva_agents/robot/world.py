@@ -50,6 +50,7 @@ vocabulary: Final = Vocabulary.of(
     words.TRotate,
     words.TPlace,
     words.eLaser,
+    words.eClear,
     words.eCamera,
     words.eDecide,
     words.eObjective,

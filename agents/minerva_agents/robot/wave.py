@@ -1,0 +1,106 @@
+"""How far the cells of a grid are from one of them, found ring by ring and only as far as needed.
+
+A ring is all cells that one more step reaches. Odd steps go to the four sides, even steps to the
+diagonals too, so a ring is an octagon: n steps are n cells straight on and 1.06 n at 45 degrees,
+1.12 n at most. That is near enough to compare ways, and numpy takes a whole ring at a time.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot.knowledge import Cell, Mask
+
+STEP: Final = 1.06
+"""The length of a step in cells, between the extremes."""
+
+Flats = NDArray[np.intp]
+
+
+class Wave:
+    """Rings of cells about a start on a grid (bool, rows x columns) that says where one may go.
+
+    `steps` is the number of steps to each cell, -1 where no ring has come; (rows, columns) int32.
+    """
+
+    def __init__(self, passable: Mask, start: Cell) -> None:
+        rows, self._width = passable.shape[0] + 2, passable.shape[1] + 2
+        padded = np.zeros((rows, self._width), np.bool_)
+        padded[1:-1, 1:-1] = passable
+        self._free = padded.ravel()
+        self._fresh = self._free.copy()
+        self._owner = np.empty(self._free.size, np.int32)
+        self._steps = np.full(self._free.size, -1, np.int32)
+        origin = (start[0] + 1) * self._width + start[1] + 1
+        self._ring: Flats = np.array([origin], np.intp)
+        self._fresh[origin] = False
+        self._steps[origin] = 0
+        self._count = 0
+        self._reached: list[Flats] = [self._ring]
+
+    @property
+    def steps(self) -> NDArray[np.int32]:
+        """Steps to each cell so far, -1 where none lead."""
+        return self._steps.reshape(-1, self._width)[1:-1, 1:-1]
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all cells that can be reached have been."""
+        return not self._ring.size
+
+    def grow(self, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Go on to `most` steps in all; rows and columns of the cells reached by now, in order."""
+        while self._ring.size and self._count < most:
+            self._count += 1
+            self._ring = self._next_ring()
+            self._steps[self._ring] = self._count
+            self._reached.append(self._ring)
+        rows, columns = np.divmod(np.concatenate(self._reached), self._width)
+        return rows - 1, columns - 1
+
+    def path_to(self, cell: Cell) -> list[Cell]:
+        """Cells from the start to one that was reached, each beside the one before."""
+        flat, made = (cell[0] + 1) * self._width + cell[1] + 1, list[int]()
+        while True:
+            made.append(flat)
+            count = int(self._steps[flat])
+            if not count:
+                break
+            flat = self._before(flat, count)
+        return [(one // self._width - 1, one % self._width - 1) for one in reversed(made)]
+
+    def _next_ring(self) -> Flats:
+        width, ring = self._width, self._ring
+        parts = [ring + width, ring - width, ring + 1, ring - 1]
+        if self._count % 2 == 0:
+            parts += [ring[self._may_cut(ring, *sides)] + sum(sides) for sides in self._diagonals]
+        cells = np.concatenate(parts)
+        cells = cells[self._fresh[cells]]
+        self._fresh[cells] = False
+        numbers = np.arange(cells.size, dtype=np.int32)
+        self._owner[cells] = numbers
+        return cells[self._owner[cells] == numbers]
+
+    @property
+    def _diagonals(self) -> tuple[tuple[int, int], ...]:
+        width = self._width
+        return (width, 1), (width, -1), (-width, 1), (-width, -1)
+
+    def _may_cut(self, cells: Flats, down: int, across: int) -> Mask:
+        """Where a diagonal passes no corner of what is blocked."""
+        return self._free[cells + down] & self._free[cells + across]
+
+    def _before(self, flat: int, count: int) -> int:
+        """A cell of the ring before from which a step leads here; the same one every time."""
+        width = self._width
+        for step in (width, -width, 1, -1):
+            if self._steps[flat + step] == count - 1:
+                return flat + step
+        for down, across in self._diagonals:
+            is_free = self._free[flat + down] and self._free[flat + across]
+            if is_free and self._steps[flat + down + across] == count - 1:
+                return flat + down + across
+        raise AssertionError(f"no cell of ring {count - 1} is beside cell {flat} of ring {count}")

@@ -1,0 +1,257 @@
+"""How far a robot drives to find a marker on a floor that it has never seen.
+
+    python -m benchmarks.exploration [--json] [--seeds 1,2] [--held-out 11,12] [--noise]
+                                     [--strategy astar|nearest|random] [--only NAME] [--large]
+                                     [--check] [--jobs 2]
+
+Each floor is explored for two markers: the one farthest away, as `minerva run robot --map` takes
+it, and another one. `ratio` is the distance driven over the length of the shortest path on the true
+map for a disc of the robot's radius, by moves to eight neighbours. A run is given up after as many
+frames as it takes to drive 25 times that, and 3,000 more. `reported` says that the robot has said
+that it cannot find the marker. Seeds are for floors that the strategy was tuned on, held-out ones
+for floors that it was not. `--check` runs some of the floors in the whole world as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from benchmarks.exploring.driving import Drive, Floor, Noise
+from benchmarks.exploring.floors import Named, generated, large, of_others
+from benchmarks.exploring.strategies import use
+from minerva_agents.robot.distances import clearance
+from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
+from minerva_agents.robot.placing import roomiest, spread
+from minerva_agents.robot.planning import shortest_path
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.world import scene
+from minerva_bus.grammar.scene import agents
+
+RADIUS, SPEED = 0.18, 0.8
+NOISE = Noise(laser=0.02, dropout=0.02, drive=0.02)
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A run to be made."""
+
+    named: Named
+    start: Pose
+    marker: Marker
+    shortest: float
+    noise: Noise
+    strategy: str
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of it; metres and seconds."""
+
+    map: str
+    marker: str
+    held_out: bool
+    noise: bool
+    strategy: str
+    reached: bool
+    ratio: float
+    metres: float
+    shortest: float
+    collisions: int
+    frames: int
+    reported: bool
+    ms_per_frame: float
+    slowest_ms: float
+
+
+def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> Iterator[Task]:
+    """Two markers on each floor."""
+    for named in floors:
+        start = named.floor.start or roomiest(named.floor, RADIUS)
+        places = named.floor.markers or spread(named.floor, 4, RADIUS, start)
+        for marker in (places[0], places[-1]):
+            shortest = _shortest(named.floor, start, marker)
+            for noise in noises:
+                yield Task(named, start, marker, shortest, noise, strategy)
+
+
+def _shortest(floor: OccupancyMap, start: Pose, marker: Marker) -> float:
+    """The length of the shortest path for a disc on the true map, in metres."""
+    solid = np.pad(floor.obstacles, 1, constant_values=True)
+    closed = (clearance(solid) <= RADIUS / floor.resolution)[1:-1, 1:-1]
+    ends = floor.cell_at(start[0], start[1]), floor.cell_at(marker.x, marker.y)
+    path = shortest_path(closed, *ends)
+    return math.nan if path is None else path.length * floor.resolution
+
+
+def run(task: Task) -> Result:
+    """Make a run."""
+    use(task.strategy)
+    with tempfile.TemporaryDirectory() as folder:
+        options = _options(task, Path(folder))
+        (node,) = agents(scene(options))
+    robot = cast("ARobot", ARobot.thaw(node))
+    robot.speed, robot.planner = SPEED, task.strategy
+    robot.seek(task.marker.name)
+    most = 3000 + int(25 * task.shortest / (SPEED * 0.1)) if task.shortest > 0 else 3000
+    drive = Drive(_floor(task.named.name, task.named.floor), (task.marker,), robot, task.noise, 1)
+    made = drive.go(most)
+    return Result(
+        task.named.name,
+        task.marker.name,
+        task.named.held_out,
+        task.noise != Noise(),
+        task.strategy,
+        made.reached,
+        round(made.metres / task.shortest, 3),
+        round(made.metres, 2),
+        round(task.shortest, 2),
+        made.collisions,
+        made.frames,
+        made.reported,
+        round(1000 * made.seconds / made.frames, 2),
+        round(1000 * made.slowest, 1),
+    )
+
+
+_FLOORS: dict[str, Floor] = {}
+
+
+def _floor(name: str, floor: OccupancyMap) -> Floor:
+    if name not in _FLOORS:
+        _FLOORS.clear()
+        _FLOORS[name] = Floor(floor)
+    return _FLOORS[name]
+
+
+def _options(task: Task, folder: Path) -> dict[str, Any]:
+    """The options of the robot's world for a task; its map goes into a folder."""
+    floor = task.named.floor
+    cells = np.select([floor.cells == 0, floor.cells == 100], [254, 0], 205).astype(np.uint8)
+    picture = cells.T[::-1]
+    high, wide = picture.shape
+    (folder / "map.pgm").write_bytes(f"P5 {wide} {high} 255\n".encode() + picture.tobytes())
+    keys = {
+        "image": "map.pgm",
+        "resolution": floor.resolution,
+        "origin": [floor.x, floor.y, math.radians(floor.angle)],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    (folder / "map.yaml").write_text(json.dumps(keys))
+    x, y, angle = task.start
+    return {
+        "map": str(folder / "map.yaml"),
+        "start": f"{x}, {y}, {angle}",
+        "markers": {task.marker.name: [task.marker.x, task.marker.y]},
+        "parcels": "",
+    }
+
+
+def in_world(task: Task) -> dict[str, Any]:
+    """The same run by `minerva run robot`: frames, metres, whether it was reached."""
+    with tempfile.TemporaryDirectory() as folder:
+        options = _options(task, Path(folder))
+        place = f"{{{task.marker.name} = [{task.marker.x}, {task.marker.y}]}}"
+        command = [
+            sys.executable, "-m", "minerva_bus.cli", "run", "robot", "--in-process", "--json",
+            "--map", options["map"], "--start", options["start"], "--markers", place,
+            "--parcels", "", "--frames", str(3000 + int(25 * task.shortest / (SPEED * 0.1))),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout.splitlines()[-1])
+    return {key: said[key] for key in ("reached", "frames", "distance_driven", "collisions")}
+
+
+def summary(results: Sequence[Result]) -> dict[str, Any]:
+    """What the runs have in common."""
+    ratios = [one.ratio for one in results if one.reached]
+    lost = [one for one in results if not one.reached]
+    return {
+        "runs": len(results),
+        "reached": sum(one.reached for one in results),
+        "mean_ratio": round(statistics.fmean(ratios), 3) if ratios else None,
+        "median_ratio": round(statistics.median(ratios), 3) if ratios else None,
+        "ratio_of_sums": round(
+            sum(one.metres for one in results) / sum(one.shortest for one in results), 3
+        ),
+        "worst_ratio": max(ratios, default=None),
+        "collisions": sum(one.collisions for one in results),
+        "lost_and_not_reported": sum(not one.reported for one in lost),
+        "ms_per_frame": round(statistics.fmean([one.ms_per_frame for one in results]), 2),
+    }
+
+
+def _groups(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    groups: dict[str, list[Result]] = {}
+    for one in results:
+        where = "held out" if one.held_out else "tuned on"
+        groups.setdefault(f"{where}{', noise' if one.noise else ''}", []).append(one)
+    return {name: summary(group) for name, group in groups.items()}
+
+
+def _chosen(arguments: argparse.Namespace) -> list[Task]:
+    floors: list[Named] = list(of_others())
+    for seeds, held_out in ((arguments.seeds, False), (arguments.held_out, True)):
+        for seed in (int(one) for one in seeds.split(",") if one):
+            floors += generated(seed, held_out=held_out)
+            if arguments.large:
+                floors += large(seed, held_out=held_out)
+    floors = [one for one in floors if arguments.only in one.name]
+    noises = (Noise(), NOISE) if arguments.noise else (Noise(),)
+    return list(tasks(iter(floors), noises, arguments.strategy))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=cast("str", __doc__).splitlines()[0])
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--seeds", default="1")
+    parser.add_argument("--held-out", default="11")
+    parser.add_argument("--noise", action="store_true")
+    parser.add_argument("--strategy", default="astar", choices=("astar", "nearest", "random"))
+    parser.add_argument("--only", default="")
+    parser.add_argument("--large", action="store_true")
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args()
+    chosen = _chosen(arguments)
+    results: list[Result] = []
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        for task, result in zip(chosen, pool.map(run, chosen), strict=True):
+            results.append(result)
+            _say(result, in_world(task) if arguments.check else None, arguments.json)
+    for name, group in _groups(results).items():
+        print(json.dumps({"group": name, **group}) if arguments.json else f"{name}: {group}")
+
+
+def _say(result: Result, world: dict[str, Any] | None, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(asdict(result) | ({"world": world} if world else {})), flush=True)
+        return
+    noise = " noise" if result.noise else ""
+    print(
+        f"{result.map:16} {result.marker:8}{noise:6} {'' if result.reached else 'NOT REACHED '}"
+        f"ratio {result.ratio:6.2f}  {result.metres:7.1f} of {result.shortest:6.1f} m"
+        f"  {result.frames:6} frames  {result.collisions} collisions"
+        f"  {result.ms_per_frame:5.1f} ms, at most {result.slowest_ms:.0f}"
+        f"{'  reported' if result.reported else ''}{f'  world: {world}' if world else ''}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

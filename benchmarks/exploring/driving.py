@@ -1,0 +1,196 @@
+"""A robot on a floor, frame by frame: λ itself, with beams and motion made as fast as they go.
+
+There is no bus and no string between two frames; what the laser and the camera measure, and where
+commands lead, is worked out over the true map. `check` in `benchmarks.exploration` compares it with
+the whole world.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_agents.robot import deciding
+from minerva_agents.robot.distances import clearance
+from minerva_agents.robot.knowledge import (
+    at_distance,
+    clear_beam,
+    clear_open_beam,
+    mark_marker,
+    mark_obstacle,
+    part_that_counts,
+)
+from minerva_agents.robot.maps import Marker, OccupancyMap
+from minerva_agents.robot.motion import STAY, Move, Pose
+from minerva_agents.robot.robot import ARobot
+from minerva_bus import Frame
+from minerva_bus.world.moment import Moment
+
+Reals = NDArray[np.float64]
+
+BEAMS, REACH, FOV, SIGHT, DT = 90, 8.0, 60.0, 5.0, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Errors: of a beam's distance in metres, of beams that do not come back, of what is driven."""
+
+    laser: float = 0.0
+    dropout: float = 0.0
+    drive: float = 0.0
+
+
+@dataclass(slots=True)
+class Run:
+    """What came of a run; metres and seconds."""
+
+    reached: bool = False
+    frames: int = 0
+    metres: float = 0.0
+    collisions: int = 0
+    reported: bool = False
+    slowest: float = 0.0
+    seconds: float = 0.0
+
+
+class Floor:
+    """What a map holds, for rays and discs; all that is not free is solid."""
+
+    def __init__(self, floor: OccupancyMap) -> None:
+        self.side = floor.resolution
+        self.solid = np.pad(floor.obstacles, 1, constant_values=True)
+        self.x, self.y = floor.x - self.side, floor.y - self.side
+        self._far = clearance(self.solid) * self.side
+        self._steps = np.maximum(self._far - 0.71 * self.side, 0.004)
+        self._steps[self.solid] = 0.0
+
+    def cast(self, x: float, y: float, angles: Reals, longest: float) -> Reals:
+        """How far rays go from a point, in degrees, before they hit something, or `longest`."""
+        cos, sin = np.cos(np.radians(angles)), np.sin(np.radians(angles))
+        lengths, live = np.zeros(len(angles)), np.arange(len(angles))
+        while live.size:
+            at = lengths[live]
+            rows = ((x + at * cos[live] - self.x) / self.side).astype(np.intp)
+            columns = ((y + at * sin[live] - self.y) / self.side).astype(np.intp)
+            steps = self._steps[rows, columns]
+            lengths[live] = at + steps
+            live = live[(steps > 0) & (at + steps < longest)]
+        return np.minimum(lengths, longest)
+
+    def gap(self, x: float, y: float) -> float:
+        """The distance from a point to the nearest solid, exact where it is below half a metre."""
+        row, column = int((x - self.x) / self.side), int((y - self.y) / self.side)
+        if self._far[row, column] > 0.5 + self.side:
+            return 0.5
+        reach = math.ceil(0.5 / self.side)
+        top, left = max(0, row - reach), max(0, column - reach)
+        solid = np.argwhere(self.solid[top : row + reach + 1, left : column + reach + 1])
+        low = (solid + np.array([top, left])) * self.side + (self.x, self.y)
+        away = np.maximum(np.maximum(low - (x, y), (x, y) - (low + self.side)), 0.0)
+        return float(np.hypot(*away.T).min(initial=0.5))
+
+
+class Drive:
+    """One robot on its way to an objective. `robot` is thawed and stays so."""
+
+    def __init__(
+        self, floor: Floor, markers: tuple[Marker, ...], robot: ARobot, noise: Noise, seed: int
+    ) -> None:
+        self._floor, self._markers, self._robot, self._noise = floor, markers, robot, noise
+        self._true = robot.pose
+        self._chance = np.random.default_rng(seed)
+        self._seed = seed
+        self._move = STAY
+        self.run = Run()
+
+    def go(self, frames: int) -> Run:
+        """Drive until the robot reports that it is there, or for so many frames."""
+        run = self.run
+        begin = time.perf_counter()
+        while run.frames < frames and not run.reached:
+            self._frame()
+            run.frames += 1
+        run.seconds = time.perf_counter() - begin
+        return run
+
+    def _frame(self) -> None:
+        self._carry_out()
+        robot = self._robot
+        self._sense()
+        moment = Moment(Frame(self.run.frames, DT, self._seed), f"#{robot.id}")
+        begin = time.perf_counter()
+        deciding.notice(robot)
+        robot.row, robot.column, robot.angle = self._believed
+        self._move = deciding.decide(robot, moment)
+        self.run.slowest = max(self.run.slowest, time.perf_counter() - begin)
+        for event in moment.emitted:
+            self.run.reached |= event.type == "eReached"
+        self.run.reported |= robot.searches > 0
+
+    def _carry_out(self) -> None:
+        """Drive on the true floor, and stop where it touches."""
+        robot, move = self._robot, self._move
+        cell = robot.cell
+        believed = robot.pose.after(move, cell)
+        driven = move.dist * (1.0 + self._noise.drive * self._chance.standard_normal())
+        end, moved = self._true, 0.0
+        for part in (0.25, 0.5, 0.75, 1.0):
+            after = self._true.after(Move(move.turn, driven * part), cell)
+            x, y = robot.metres(after.position)
+            if move.dist and self._floor.gap(x, y) < robot.radius:
+                self.run.collisions += 1
+                believed = believed.after(Move(0.0, moved - driven), cell)
+                touch = robot.radius / cell + 0.5
+                mark_obstacle(robot.grid, *at_distance(*believed.position, believed.angle, touch))
+                robot.forget_plan()
+                break
+            end, moved = after, driven * part
+        self._true = end
+        self.run.metres += abs(moved)
+        self._believed = believed.row, believed.column, believed.angle
+        robot.row, robot.column, robot.angle = self._believed
+
+    def _sense(self) -> None:
+        robot, grid = self._robot, self._robot.writable("grid")
+        x, y = robot.metres(self._true.position)
+        angles = np.arange(BEAMS) * (360.0 / BEAMS)
+        ranges = self._floor.cast(x, y, angles + self._true.angle, REACH)
+        hit = ranges < REACH
+        if self._noise.laser:
+            ranges = ranges + self._noise.laser * self._chance.standard_normal(BEAMS) * hit
+        if self._noise.dropout:
+            hit &= self._chance.random(BEAMS) >= self._noise.dropout
+        part, row, column = part_that_counts(self.run.frames), robot.row, robot.column
+        beams = list(zip(angles.tolist(), ranges.tolist(), hit.tolist(), strict=True))
+        for angle, dist, is_hit in beams:
+            if is_hit:
+                to = at_distance(row, column, robot.angle + angle, dist / robot.cell)
+                clear_beam(grid, row, column, *to, part)
+                mark_obstacle(grid, *to)
+        for angle, _, is_hit in beams:
+            if not is_hit:
+                to = at_distance(row, column, robot.angle + angle, REACH / robot.cell)
+                clear_open_beam(grid, row, column, *to, part)
+        for name, dist, angle in self._sightings(x, y):
+            to = at_distance(row, column, robot.angle + angle, dist / robot.cell)
+            mark_marker(grid, *to, robot.markers.index(name))
+
+    def _sightings(self, x: float, y: float) -> Iterator[tuple[str, float, float]]:
+        for marker in self._markers:
+            dist = math.hypot(marker.x - x, marker.y - y)
+            bearing = math.degrees(math.atan2(marker.y - y, marker.x - x))
+            angle = (bearing - self._true.angle + 180.0) % 360.0 - 180.0
+            if dist > SIGHT or abs(angle) > FOV / 2:
+                continue
+            if self._floor.cast(x, y, np.array([bearing]), dist)[0] >= dist - 0.01:
+                yield marker.name, dist, angle
+
+
+def pose_of(robot: ARobot) -> Pose:
+    """Where a robot believes to be."""
+    return robot.pose

@@ -1,0 +1,42 @@
+"""What a robot's exploration is measured against: the nearest frontier, and a random walk."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import cast
+
+import numpy as np
+
+from minerva_agents.robot import astar, deciding
+from minerva_agents.robot.knowledge import UNKNOWN, free
+from minerva_agents.robot.looking import expanses, frontier, out_of_view
+from minerva_agents.robot.searching import Goal, Known
+from minerva_agents.robot.wave import Wave
+
+
+def nearest(known: Known) -> Goal | None:
+    """The nearest cell that is on the frontier or out of view, by the way there [Yamauchi 1997]."""
+    grid = known.grid
+    here = math.floor(known.pose.row), math.floor(known.pose.column)
+    news = (frontier(grid) | out_of_view(grid)) & ~known.closed
+    news[here] = False
+    for cell in known.been:
+        news[max(0, cell[0] - 1) : cell[0] + 2, max(0, cell[1] - 1) : cell[1] + 2] = False
+    wave = Wave(~known.closed & ~expanses(grid == UNKNOWN) & (free(grid) | (grid == 0)), here)
+    rows, columns = wave.grow(grid.size)
+    hits = np.flatnonzero(news[rows, columns])
+    if not hits.size:
+        return None
+    cell = int(rows[hits[0]]), int(columns[hits[0]])
+    return Goal(tuple(wave.path_to(cell)), 0.0, 0.0)
+
+
+def use(strategy: str) -> None:
+    """Have a strategy among the robot's planners."""
+    planners = cast("dict[str, object]", deciding.PLANNERS)
+    if strategy == "nearest":
+        planners["nearest"] = partial(astar.decide, choose=nearest)
+
+
+__all__ = ["nearest", "use"]

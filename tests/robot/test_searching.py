@@ -1,0 +1,170 @@
+"""Where a search looks next: a pure function of what is known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from minerva_agents.robot.distances import inflate
+from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, obstacles
+from minerva_agents.robot.looking import look
+from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.planning import shortest_path
+from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of
+from minerva_agents.robot.searching import Known, news_ahead, news_at, next_goal
+from minerva_agents.robot.wave import STEP, Wave
+
+CELL = 0.1
+
+
+def room(rows=80, columns=80, code=SEEN):
+    """A room with walls around it, all of it in view if not said otherwise."""
+    grid = np.full((rows, columns), 9, np.int16)
+    grid[1:-1, 1:-1] = code
+    return grid
+
+
+def known(grid, row=40.5, column=40.5, angle=0.0, **more):
+    return Known(grid, inflate(obstacles(grid), 2.5), Pose(row, column, angle), CELL, **more)
+
+
+def test_nothing_is_left_to_see():
+    assert next_goal(known(room())) is None
+
+
+def test_what_lies_behind_is_seen_by_a_turn():
+    grid = room(code=FREE)
+    look(grid, Pose(40.5, 40.5, 0.0), 60.0, 50.0)
+    goal = next_goal(known(grid))
+    assert goal.cells == ()
+    assert abs(goal.heading) > 30
+    assert goal.news > 3
+
+
+def test_what_is_out_of_reach_is_gone_to():
+    grid = room(200, 40)
+    grid[150:199, 1:-1] = FREE
+    goal = next_goal(known(grid, row=20.5, column=20.5))
+    assert goal.cells[0] == (20, 20)
+    assert goal.cells[-1][0] > 90
+    assert goal.news > 3
+
+
+def test_what_cannot_be_reached_is_no_goal():
+    grid = room(200, 40)
+    grid[100] = 9
+    grid[150:199, 1:-1] = FREE
+    assert next_goal(known(grid, row=20.5, column=20.5)) is None
+
+
+def test_the_own_cell_is_no_place_to_go_to():
+    """A robot that stands on the frontier has to go on, not to stay."""
+    grid = np.full((200, 200), UNKNOWN, np.int16)
+    grid[60:100, 60:140] = SEEN
+    goal = next_goal(known(grid, row=99.5, column=100.5, angle=180.0))
+    assert goal.cells == () or len(goal.cells) > 1
+    dull = next_goal(known(grid, row=99.5, column=100.5, angle=180.0, dull=[(99, 100)]))
+    assert len(dull.cells) > 1
+
+
+def test_no_place_is_gone_to_twice():
+    grid, been = room(200, 40), []
+    grid[150:199, 1:-1] = FREE
+    while goal := next_goal(known(grid, row=20.5, column=20.5, been=been)):
+        blocks = {(row // 5, column // 5) for row, column in been}
+        row, column = goal.cells[-1]
+        assert (row // 5, column // 5) not in blocks
+        been.append(goal.cells[-1])
+    assert been
+
+
+def test_a_corner_waits_until_nothing_larger_is_left():
+    grid = room(200, 60)
+    grid[30:37, 1:8] = FREE
+    grid[120:199, 1:-1] = FREE
+    assert next_goal(known(grid, row=60.5, column=30.5, angle=0.0)).cells[-1][0] > 60
+    grid[120:199, 1:-1] = SEEN
+    assert next_goal(known(grid, row=60.5, column=30.5, angle=0.0)) is not None
+
+
+@pytest.mark.parametrize("shift", [0, 7, 33])
+def test_the_choice_does_not_depend_on_where_the_grid_begins(shift):
+    grid = room(120, 120)
+    grid[60:119, 1:-1] = FREE
+    wide = np.zeros((200, 200), np.int16)
+    wide[5 * shift // 5 * 5 : 5 * shift // 5 * 5 + 120, :120] = 0
+    goal = next_goal(known(grid, row=20.5, column=20.5))
+    bigger = np.pad(grid, ((0, 50), (0, 50)))
+    assert next_goal(known(bigger, row=20.5, column=20.5)) == goal
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.1))
+def test_a_goal_is_reached_by_steps_that_cut_no_corner(seed, share):
+    random = np.random.default_rng(seed)
+    grid = random.choice([FREE, SEEN], (70, 70)).astype(np.int16)
+    grid[random.random(grid.shape) < share] = 9
+    grid[random.integers(70), random.integers(70)] = UNKNOWN
+    what = known(grid, row=35.5, column=35.5, angle=float(random.uniform(-180, 180)))
+    goal = next_goal(what)
+    assert goal == next_goal(what)
+    if goal is None or not goal.cells:
+        return
+    assert goal.cells[0] == (35, 35)
+    for (row, column), (down, across) in zip(goal.cells, goal.cells[1:], strict=False):
+        assert max(abs(row - down), abs(column - across)) == 1
+        assert not what.closed[down, across]
+        assert not what.closed[down, column] or (down, column) == (35, 35)
+        assert not what.closed[row, across] or (row, across) == (35, 35)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.4))
+def test_a_wave_comes_where_a_path_leads_and_counts_nearly_its_length(seed, share):
+    random = np.random.default_rng(seed)
+    blocked = random.random((30, 30)) < share
+    blocked[3, 3] = False
+    wave = Wave(~blocked, (3, 3))
+    wave.grow(10_000)
+    assert wave.is_over
+    for row, column in random.integers(0, 30, (10, 2)).tolist():
+        path = shortest_path(blocked, (3, 3), (row, column))
+        steps = int(wave.steps[row, column])
+        assert (path is None) == (steps < 0)
+        if path is not None:
+            assert path.length / 1.2 - 1 <= steps <= 1.42 * path.length + 1
+            assert wave.path_to((row, column))[-1] == (row, column)
+            assert len(wave.path_to((row, column))) == steps + 1
+    assert 1.0 < STEP < 1.13
+
+
+def test_a_view_counts_square_metres_up_to_the_walls():
+    views = Prospects(kinds_of(room(60, 60, FREE)), 50.0, CELL).views(
+        np.array([30]), np.array([30])
+    )
+    assert views.shape == (1, RAYS)
+    assert views.sum() == pytest.approx(5.8 * 5.8, rel=0.1)
+    disc = Prospects(kinds_of(room(160, 160, FREE)), 50.0, CELL).views(
+        np.array([80]), np.array([80])
+    )
+    assert disc.sum() == pytest.approx(math.pi * 25, rel=0.1)
+
+
+def test_a_view_ends_at_walls_with_gaps_between_beams():
+    grid = room(120, 120, FREE)
+    grid[70] = SEEN
+    grid[70, ::3] = 9
+    grid[:70, 1:-1] = np.where(grid[:70, 1:-1] == FREE, SEEN, grid[:70, 1:-1])
+    assert news_at(grid_known := known(grid, row=40.5, column=60.5), (40, 60)) == 0
+    grid[70] = SEEN
+    assert news_at(grid_known, (40, 60)) > 5
+
+
+def test_news_ahead_is_in_the_cameras_view():
+    grid = room(160, 160)
+    grid[81:, 1:-1] = np.where(grid[81:, 1:-1] == SEEN, FREE, 9)
+    what = known(grid, row=80.5, column=80.5)
+    assert news_ahead(what, (80, 80), 0.0) == pytest.approx(math.pi * 25 / 6, rel=0.2)
+    assert news_ahead(what, (80, 80), 180.0) == 0
