@@ -40,7 +40,7 @@ FLAGS = [
     "--disable-sync",
 ]
 WIDTH, HEIGHT = 800, 400
-COARSE = "?fixedDpr=0.2"  # Pixels are drawn by the processor here.
+COARSE = "&fixedDpr=0.2"  # Pixels are drawn by the processor here.
 PATIENCE = 40.0
 
 
@@ -170,7 +170,7 @@ def test_the_page_shows_a_world_that_moves(page, building):
 
 
 def test_nothing_is_asked_for_from_elsewhere(page, building):
-    here = building.url.removeprefix("http://")
+    here = building.url.removeprefix("http://").partition("/")[0]
     allowed = (f"http://{here}", f"ws://{here}", f"blob:http://{here}", "data:")
     assert page.asked
     assert [one for one in page.asked if not one.startswith(allowed)] == []

@@ -61,7 +61,7 @@ def test_a_port_may_be_chosen():
     taken, port = taken_port()
     taken.close()
     server = serve("127.0.0.1", port)
-    assert url(server) == f"http://127.0.0.1:{port}"
+    assert url(server) == f"http://127.0.0.1:{port}/?token={server.access.token}"
     assert server.request_share_url() is None
     stop(server)
 

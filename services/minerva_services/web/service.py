@@ -15,10 +15,9 @@ from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.listing import event_types
 
 if TYPE_CHECKING:
-    from viser import ViserServer
-
     from minerva_services.web.desk import Desk
     from minerva_services.web.panel import Panel
+    from minerva_services.web.serving import Server
     from minerva_services.web.stage import Stage
 
 _LAST_WORDS = 0.12
@@ -30,13 +29,15 @@ class Web(Device, draws=("ePicture",)):
 
     Args:
         host: the address to listen at; 0.0.0.0 lets others than this machine in, and whoever
-            gets in may give orders.
+            has the token may give orders.
         port: where to listen; 0: the first free port from 8080.
         rate: views a second, at most.
         draws: visual event types, separated by commas; their views lie over one another in this
             order.
         click: the event type that a click on a text sends; "": the first that people may send
             and whose only datum is a text.
+        names: host names by which browsers may reach it beside its address, separated by commas:
+            a proxy's, for example.
         shadows: whether things cast shadows; without, slow machines draw many times as fast.
 
     Raises MisuseError where viser is not installed and for options that cannot be.
@@ -53,6 +54,7 @@ class Web(Device, draws=("ePicture",)):
         draws: str = "ePicture",
         click: str = "",
         shadows: bool = True,
+        names: str = "",
     ) -> None:
         if importlib.util.find_spec("viser") is None:
             raise MisuseError("web: a page needs viser: pip install 'minerva-bus[web]'")
@@ -66,7 +68,8 @@ class Web(Device, draws=("ePicture",)):
         self._port = port
         self._click = click
         self._shadows = shadows
-        self._server: ViserServer | None = None
+        self._names = [name.strip() for name in names.split(",") if name.strip()]
+        self._server: Server | None = None
         self._lists: dict[str, Lists] = {}
         self._pictures: dict[str, Picture] = {}
         self._skeletons: dict[str, Scene] = {}
@@ -82,7 +85,7 @@ class Web(Device, draws=("ePicture",)):
 
         self._check_click(world)
         self._lists = {one: Lists(world.vocabulary) for one in self.draws}
-        self._server = server = serve(self._host, self._port)
+        self._server = server = serve(self._host, self._port, self._names)
         self._stage: Stage = Stage(server, shadows=self._shadows)
         self._desk: Desk = Desk(world, self._stage, self._click)
         self._panel: Panel = Panel(server, world.world, world.vocabulary, self._desk)

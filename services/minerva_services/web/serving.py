@@ -5,26 +5,32 @@ from __future__ import annotations
 import errno
 import io
 import socket
+from collections.abc import Collection
 from contextlib import closing, redirect_stdout
 
 from viser import ViserServer
 
 from minerva_bus.errors import MisuseError
+from minerva_services.web.access import PageAccess, guarding, token_for
 
 FIRST_PORT = 8080
 _PORTS = 1000
 
 
 class Server(ViserServer):
-    """A server that never makes itself known outside."""
+    """A server that never makes itself known outside, with the rules for who may use it."""
+
+    access: PageAccess
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Nothing: pages are for those who can reach the host."""
         return None
 
 
-def serve(host: str, port: int) -> Server:
+def serve(host: str, port: int, names: Collection[str] = ()) -> Server:
     """Serve at a host and port; with port 0 at the first free one from 8080.
+
+    `names` are those by which the page may be reached beside its address.
 
     Raises MisuseError where that cannot be.
     """
@@ -37,8 +43,11 @@ def serve(host: str, port: int) -> Server:
     chosen = chosen or next((one for one in ports if _free(host, one)), 0)
     if not chosen:
         raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; choose one (port)")
-    with redirect_stdout(io.StringIO()):
-        return Server(host=host, port=chosen, verbose=False)
+    access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
+    with redirect_stdout(io.StringIO()), guarding(access):
+        server = Server(host=host, port=chosen, verbose=False)
+    server.access = access
+    return server
 
 
 def stop(server: ViserServer) -> None:
@@ -64,8 +73,8 @@ def _free(host: str, port: int) -> bool:
     return True
 
 
-def url(server: ViserServer) -> str:
-    """Where the page is, for a browser on this machine."""
+def url(server: Server) -> str:
+    """Where the page is, for a browser on this machine, with the token that lets it in."""
     host = server.get_host()
     shown = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, host)  # noqa: S104
-    return f"http://{shown}:{server.get_port()}"
+    return f"http://{shown}:{server.get_port()}/?token={server.access.token}"

@@ -1,0 +1,151 @@
+"""Who may see a page and give orders there: those who were given its address with the token.
+
+A page of another site runs in the same browser, and can open connections to this machine. It is
+kept out in three ways: every request needs the token, from the address or from a cookie that other
+sites cannot use; `Host` must be a name of this page (a foreign name that was made to point here is
+refused); and `Origin`, where a browser sends it, must be this page's own (RFC 6454).
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import os
+import secrets
+import socket
+import threading
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.launch.runtime_folder import make_runtime_folder, open_private
+
+_LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))
+_WILDCARDS: Final = ("0.0.0.0", "::")  # noqa: S104
+_TOKEN_BYTES: Final = 18
+
+
+@dataclass(frozen=True, slots=True)
+class PageAccess:
+    """The token of a page, and the names by which it may be reached.
+
+    `host` is where it listens. Where that is every address of the machine, any address and the
+    machine's name are the page's, too; `names` are further ones, such as a proxy's.
+    """
+
+    host: str
+    port: int
+    token: str
+    names: frozenset[str] = frozenset()
+
+    @property
+    def cookie(self) -> str:
+        """The cookie that lets a browser in again; one for each port, which cookies do not see."""
+        return f"{self._cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+
+    @property
+    def _cookie_name(self) -> str:
+        return f"minerva-{self.port}"
+
+    def refusal(self, path: str, headers: Mapping[str, str]) -> str:
+        """Why a request is refused, or an empty text. `path` has the query."""
+        host = headers.get("Host", "")
+        if not self._is_own(_name_of(f"//{host}")):
+            return f"this page is not known as {host[:100]!r}: use the address that was printed"
+        origin = headers.get("Origin", "")
+        if origin and urlsplit(origin).netloc != host:
+            return f"a page of {origin[:100]!r} may not use this one"
+        given = (*parse_qs(urlsplit(path).query).get("token", ()), self._in_cookie(headers))
+        if not any(hmac.compare_digest(one.encode(), self.token.encode()) for one in given):
+            return "the token is missing or wrong: open the whole address that was printed"
+        return ""
+
+    def _is_own(self, name: str) -> bool:
+        if name in _LOCAL or name in self.names or name == self.host:
+            return True
+        return self.host in _WILDCARDS and (_is_address(name) or name == socket.gethostname())
+
+    def _in_cookie(self, headers: Mapping[str, str]) -> str:
+        try:
+            found = SimpleCookie(headers.get("Cookie", "")).get(self._cookie_name)
+        except CookieError:
+            return ""
+        return found.value if found is not None else ""
+
+
+def _name_of(address: str) -> str:
+    with suppress(ValueError):
+        return urlsplit(address).hostname or ""
+    return ""
+
+
+def _is_address(name: str) -> bool:
+    with suppress(ValueError):
+        return bool(ipaddress.ip_address(name))
+    return False
+
+
+def token_for(port: int) -> str:
+    """The token of the page at a port: the same when its process is started again.
+
+    So a browser that was let in finds the page again. It is kept in a file of this user's alone.
+    """
+    new = secrets.token_urlsafe(_TOKEN_BYTES)
+    try:
+        path = make_runtime_folder() / f"page-{port}.token"
+        with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "r+", encoding="utf-8") as file:
+            kept = file.read(200).strip()
+            if kept:
+                return kept
+            file.write(new)
+    except (OSError, ValueError, MinervaError):
+        pass  # Without the file the token holds until the process ends.
+    return new
+
+
+_patching = threading.Lock()
+
+
+@contextmanager
+def guarding(access: PageAccess) -> Generator[None]:
+    """Let a server that starts within the context answer only requests that `access` allows.
+
+    viser offers no place for a check of its own, so the function it serves with is wrapped.
+    """
+    from websockets.asyncio import server as sockets
+
+    original: Any = sockets.serve
+
+    def serve(*given: Any, process_request: Any, **options: Any) -> Any:
+        checked = _checked(access, process_request)
+        return original(*given, process_request=checked, **options)
+
+    with _patching:
+        sockets.serve = serve  # pyright: ignore[reportAttributeAccessIssue]
+        try:
+            yield
+        finally:
+            sockets.serve = original
+
+
+def _checked(access: PageAccess, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    from websockets import Headers
+    from websockets.http11 import Response
+
+    def process(connection: Any, request: Any) -> Any:
+        refusal = access.refusal(request.path, request.headers)
+        if refusal:
+            headers = Headers({"Content-Type": "text/plain; charset=utf-8"})
+            return Response(403, "Forbidden", headers, f"{refusal}\n".encode())
+        response = answer(connection, request)
+        if response is not None:
+            response.headers["Set-Cookie"] = access.cookie
+            response.headers["Referrer-Policy"] = "no-referrer"
+            response.headers["X-Frame-Options"] = "DENY"
+        return response
+
+    return process
