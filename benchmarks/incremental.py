@@ -125,7 +125,7 @@ def on_bus(what: str, size: int, frames: int) -> list[float]:
     times: list[float] = []
     members = Members("incremental", {name: partial(participant, name) for name in MEMBERS})
     watchers = Watchers(
-        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
         listening=members.tell,
         stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),

@@ -150,7 +150,7 @@ def coordinate(pipes: Pipes, names: list[str]) -> None:
             os.write(pipes.is_ready, b"x")
 
     watchers = Watchers(
-        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
         listening=pipes.listening,
         stalled=lambda name, _: None,

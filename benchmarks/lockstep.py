@@ -84,7 +84,7 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
         expected=frozenset(names),
     )
     watchers = Watchers(
-        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
         listening=members.tell,
         stalled=lambda name, _: None,

@@ -203,7 +203,7 @@ def on_bus(task: Task) -> Figures:
             coordinator.tell(s.End(f"{gone[0]} has failed"))
 
     watchers = Watchers(
-        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=look,
         listening=members.tell,
         stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),

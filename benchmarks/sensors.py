@@ -148,7 +148,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         expected=frozenset(one.name for one in parts),
     )
     watchers = Watchers(
-        said=lambda name, line: print(f"{name}: {line}", file=sys.stderr),
+        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
         listening=listening,
         stalled=lambda name, _: None,

@@ -6,6 +6,9 @@
     │   └── VocabularyError      its symbols or values are not those of the world
     ├── WorldFileError           a world file cannot be used as it is written
     ├── MisuseError              code that uses this library asks for something it cannot have
+    │   ├── StateError           an attribute of an agent has a value that it cannot have
+    │   └── SignatureError       a method takes other arguments than it is called with
+    ├── UserCodeError            a method of an agent or a service failed
     ├── ProtocolError            a member of the bus sent what the protocol does not allow
     ├── BusError                 a session, an endpoint or a world on the bus cannot be reached
     ├── KeysError                a key or a certificate is missing, or is not what is needed
@@ -13,6 +16,11 @@
 
 A message says who, where, what was expected and what to do next.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 
 class MinervaError(Exception):
@@ -64,6 +72,47 @@ class WorldFileError(MinervaError):
 
 class MisuseError(MinervaError):
     """Code that uses this library asks for something it cannot have."""
+
+
+class StateError(MisuseError):
+    """An attribute of an agent has a value that it cannot have."""
+
+    def __init__(self, problem: str, attribute: str = "") -> None:
+        super().__init__(problem)
+        self.attribute = attribute
+
+
+class SignatureError(MisuseError):
+    """A method takes other arguments than it is called with; `handler` is the method."""
+
+    def __init__(self, problem: str, handler: Callable[..., Any]) -> None:
+        super().__init__(problem)
+        self.handler = handler
+
+
+class UserCodeError(MinervaError):
+    """A method of an agent or a service raised, or returned what it may not; `__cause__` says what.
+
+    `where` names the method and what it was called for; `handler` is the method, if it is known.
+    `minerva_bus.blame.report` writes the error with its file, line and source line.
+    """
+
+    def __init__(self, where: str, handler: Callable[..., Any] | None = None) -> None:
+        super().__init__(where)
+        self.where = where
+        self.handler = handler
+
+    def __str__(self) -> str:
+        cause = self.__cause__
+        return self.where if cause is None else f"{self.where}: {_named(cause)}"
+
+
+def _named(error: BaseException) -> str:
+    """An error of ours as it speaks for itself, any other one with its type."""
+    text = str(error)
+    if isinstance(error, MinervaError):
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 class ProtocolError(MinervaError):

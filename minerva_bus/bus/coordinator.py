@@ -267,10 +267,11 @@ class BusCoordinator:
     def _log(self, member: str, text: str, level: str) -> None:
         self.diary.said(time.time(), member, text, self.algorithm.frame, level)
 
-    def _say(self, member: str, text: str) -> None:
-        text = on_screen(text)
-        self._log(member, text, "warning")
-        self._watch.said(member, text)
+    def _say(self, member: str, text: str, details: str = "") -> None:
+        """Log a word about a member, with its details, and show it without them."""
+        text, details = on_screen(text), on_screen(details)
+        self._log(member, f"{text}\n{details}" if details else text, "warning")
+        self._watch.said(member, text, details)
 
     def _heard(self, member: str, data: bytes) -> None:
         if data == self._nothing and self.algorithm.awaits_tick(member):
@@ -364,7 +365,7 @@ class BusCoordinator:
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
-            self._say(instruction.member, instruction.text)
+            self._say(instruction.member, instruction.text, instruction.details)
         else:
             self.ended = instruction
 

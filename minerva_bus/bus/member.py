@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 
+from minerva_bus.blame import blamed, report, whole
 from minerva_bus.bus.asking import ask, question_key
 from minerva_bus.bus.credentials import Credentials
 from minerva_bus.bus.diagnosis import obstacle
@@ -24,7 +24,7 @@ from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.own_threads import OwnThreads
 from minerva_bus.bus.session import closed_in_time, not_let_in, open_client
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
-from minerva_bus.errors import BusError, MinervaError, ProtocolError, SceneError
+from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
@@ -33,6 +33,12 @@ from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.epochs import stamp, stamped
 from minerva_bus.protocol.keys import COORDINATOR, Keys, checked_name
 from minerva_bus.world.services import Device
+
+RAISED: Final = 70
+"""The exit code of a member whose user code failed, and would so again by the same input."""
+
+RAISED_BY_CHANCE: Final = 75
+"""The same, where another try may help: input and output, and whatever runs by the clock."""
 
 GREETING = 10.0
 NAME_FREE_AGAIN = 4.0
@@ -91,6 +97,7 @@ class BusMember:
         self._claimed_at = 0.0
         self._unheard = 0
         self._figures: m.Figures = {}
+        self.failure: Exception | None = None
         self._threads = OwnThreads(participant.name, self.inbox.put, tell, ends=ends)
         self._deeds: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._heard_first,
@@ -130,11 +137,16 @@ class BusMember:
                 self._threads.stop()
                 self._lookout.close()
                 self.inbox.close()
-                if self.participant.service is not None:
-                    self.participant.service.close()
+                self._close_service()
                 self._name.give_back()
                 for one in declared:
                     one.undeclare()
+
+    def _close_service(self) -> None:
+        service = self.participant.service
+        if service is not None:
+            with blamed(service.close):
+                service.close()
 
     def _ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         answer = ask(self._session, self._control, question, ANSWERED_WITHIN, details)
@@ -201,8 +213,7 @@ class BusMember:
         except (Refusal, BusError):
             raise
         except Exception as error:
-            self._report_failure(error)
-            return 1
+            return self._report_failure(error)
         finally:
             self._greeting.cancel()
         return 0
@@ -257,8 +268,11 @@ class BusMember:
         self._threads.felt()
         if service is None:
             return True
-        service.pulse()
-        return self._leave(Leave()) if service.leaves() else True
+        with blamed(service.pulse):
+            service.pulse()
+        with blamed(service.leaves):
+            leaves = service.leaves()
+        return self._leave(Leave()) if leaves else True
 
     def _tell_figures(self, _: Count) -> None:
         """Tell how the member does, where that has changed."""
@@ -391,13 +405,13 @@ class BusMember:
         elif self._stamp:
             self._answers.put(self._stamp + encode(message))
 
-    def _report_failure(self, error: Exception) -> None:
+    def _report_failure(self, error: Exception) -> int:
+        """Tell the coordinator that user code failed; the exit code."""
+        self.failure = error
         frame = self.participant.frame
-        shown = "".join(traceback.format_exception(error))
-        problem = (
-            str(error) if isinstance(error, MinervaError) else f"{type(error).__name__}: {error}"
-        )
-        self._send(m.Failed(self.participant.name, frame, problem, shown))
+        self._send(m.Failed(self.participant.name, frame, report(error), whole(error)))
+        outside = isinstance(error.__cause__ or error, OSError)
+        return RAISED_BY_CHANCE if outside or frame < 0 else RAISED
 
 
 def _begins(read: Callable[[bytes], m.ToMember], body: bytes) -> bool:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from minerva_bus.bus.notices import Count, Leave, Outlet, Pulse
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.participant import Unready
+from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator, Service
 
 COUNTED_EVERY = 1.0
@@ -66,8 +67,10 @@ class OwnThreads:
                 self._put(Leave())
         except MinervaError as error:
             self._put(Unready(f"{self._name} cannot go on: {error}"))
-        except Exception as error:
-            self._put(error)
+        except (Exception, SystemExit) as error:
+            failure = UserCodeError(handler_name(service.run), service.run)
+            failure.__cause__ = error
+            self._put(failure)
 
     def _count(self) -> None:
         while not self._stop.wait(COUNTED_EVERY):

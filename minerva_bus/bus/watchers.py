@@ -46,7 +46,8 @@ class Asked:
 class Watchers:
     """Whom the coordinator tells what happens; each is called in its main thread."""
 
-    said: Callable[[str, str], None]
+    said: Callable[[str, str, str], None]
+    """About which member, what, and details that are for the log."""
     status: Callable[[Status], None]
     listening: Callable[[str], None]
     stalled: Callable[[str, float], None]

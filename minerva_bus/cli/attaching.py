@@ -8,10 +8,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from minerva_bus.blame import report
 from minerva_bus.bus.diagnosis import check_reachable
 from minerva_bus.bus.endpoints import check_endpoint
 from minerva_bus.bus.member import BACK_WITHIN, BusMember
 from minerva_bus.bus.session import REACHED_WITHIN, end_at_once
+from minerva_bus.cli.exit_codes import FAILED
 from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
@@ -88,7 +90,9 @@ def _attached(participant: Participant, way: Way) -> int:
     member = BusMember(participant, world, endpoint, tell, own=own, ends=ends, back_within=within)
     leave_on_signals(member)
     tell(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
-    code = member.run() or int(getattr(service, "failed", False))
+    code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
+    if member.failure is not None:
+        tell(f"{participant.name}: failed: {report(member.failure)}")
     if participant.stopped:
         tell(f"{participant.name}: the world has ended: {participant.stopped}")
     end_at_once(code)

@@ -35,6 +35,7 @@ def run_world(
     json_too: bool,
     quiet: bool,
     profiling: Profiling = NOTHING,
+    traceback: bool = False,
 ) -> None:
     """Run a world and print its summary; exits with 1 where it failed and 130 on Ctrl-C."""
     if in_process and profiling != NOTHING:
@@ -42,7 +43,7 @@ def run_world(
     profiling.check(file)
     as_json = file.watch.log_format == "json"
     quiet = quiet or (json_too and not as_json and not sys.stderr.isatty())
-    console = Console(quiet=quiet, json=as_json, world=file.world.name)
+    console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=traceback)
     failure = ""
     try:
         if in_process:

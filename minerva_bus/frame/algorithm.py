@@ -32,6 +32,9 @@ from minerva_bus.world.evolution import Policy
 from minerva_bus.world.lineage import copy_id
 
 STRANGERS_NAMED = 3
+REPORT_LINES = 10
+"""Of what a member says of its failure, so many lines are shown; its traceback is for the log."""
+
 MOST_WAITING = 100_000
 """Events of one free-running generator that wait for a frame; a paused world takes none."""
 
@@ -377,8 +380,9 @@ class FrameAlgorithm(Attendance):
         member = self.roster.get(told.member)
         if not member.blamed:
             member.blamed = True
-            problem = f"failed in frame {told.frame}: {told.problem}\n{told.traceback}"
-            self._say(member.name, problem)
+            when = f"failed in frame {told.frame}" if told.frame >= 0 else "failed"
+            lines = told.problem.split("\n")[:REPORT_LINES]
+            self._say(member.name, f"{when}: {chr(10).join(lines)}", told.traceback)
 
     def _on_doing(self, told: m.Doing) -> None:
         self.roster.get(told.member).figures = told.figures

@@ -135,8 +135,8 @@ class Core:
     def _send(self, to: str, message: m.ToMember) -> None:
         self._out.append(s.Send(to, message))
 
-    def _say(self, member: str, text: str) -> None:
-        self._out.append(s.Say(member, text))
+    def _say(self, member: str, text: str, details: str = "") -> None:
+        self._out.append(s.Say(member, text, details))
 
     # --- the end ---
 

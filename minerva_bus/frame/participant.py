@@ -12,14 +12,17 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.blame import blamed
+from minerva_bus.errors import MinervaError, MisuseError, UserCodeError
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.calling import made_events, restore, saved_by
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.intake import Intake
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.frame.showing import patch_all
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
@@ -76,6 +79,7 @@ class Participant:
         self._asked: int | None = None
         self._ticked: dict[int, tuple[Outgoing, ...]] = {}
         self._evolved: tuple[int, set[int]] = (-1, set())
+        self._generates: frozenset[str] = frozenset()
         self._sources: dict[str, tuple[str, ...]] = {}
         self._intake = Intake() if service is None else Intake(service.takes, service.nth)
         self._published: dict[str, m.Readings] = {}
@@ -129,10 +133,10 @@ class Participant:
             PROTOCOL_VERSION,
             service=type(service).__name__ if service is not None else "",
             kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
-            generates=tuple(generator.generates()) if generator is not None else (),
+            generates=_generates(generator),
             lockstep=generator is not None and generator.lockstep,
             ahead=generator is not None and generator.lockstep and generator.ahead,
-            orders=tuple(generator.takes_orders()) if generator is not None else (),
+            orders=_takes_orders(generator),
             draws=tuple(device.draws) if device is not None else (),
             coupled=device is not None and device.coupled,
             every=device.every if device is not None else 0,
@@ -162,12 +166,16 @@ class Participant:
             self._go_back(self.service, welcome)
             return
         info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
+        service = self.service
         try:
-            self.service.joined(info)
+            service.joined(info)
         except MinervaError as error:
             raise Unready(f"{self.name} cannot take part: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise UserCodeError(handler_name(service.joined), service.joined) from error
+        self._generates = frozenset(_generates(service))
         if welcome.saved is not None:
-            self.service.restore(welcome.saved)
+            restore(service, welcome.saved)
 
     def _same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:
         """Whether it is still the run that it was in. Raises Anew where that cannot be."""
@@ -182,7 +190,7 @@ class Participant:
         if welcome.frame not in self._ticked:
             self._ticked = {welcome.frame - 1: ()}
             if welcome.saved is not None:
-                service.restore(welcome.saved)
+                restore(service, welcome.saved)
 
     def _on_refused(self, refused: m.Refused) -> None:
         raise Refusal(f"the world does not take {self.name}: {refused.reason}")
@@ -194,7 +202,10 @@ class Participant:
 
     def figures(self) -> m.Figures:
         """How it does; a number that is not finite, as a mean of nothing, is no figure."""
-        told: m.Figures = self.service.report() if self.service is not None else {}
+        told: m.Figures = {}
+        if self.service is not None:
+            with blamed(self.service.report):
+                told = self.service.report() or {}
         figures = {name: one for name, one in told.items() if _is_figure(one)}
         if self._intake.dropped:
             figures["dropped"] = self._intake.dropped
@@ -224,8 +235,9 @@ class Participant:
 
     def _on_readings(self, readings: m.Readings) -> None:
         if isinstance(self.service, Device) and not isinstance(self.service, Generator):
-            for reading in readings.readings:
-                self.service.heard(reading)
+            with blamed(self.service.heard):
+                for reading in readings.readings:
+                    self.service.heard(reading)
             return
         self._intake.put(readings)
         self._tick_if_complete()
@@ -261,10 +273,11 @@ class Participant:
             readings=self._intake.taken(),
             orders=self._ordered(frame),
         )
-        events = self._checked(service.generate(tick))
-        if service.publishes or tick.published:
-            self._publish(service, tick)
-        self._out.append(m.TickReply(self.name, frame, events, service.save()))
+        with blamed(service.generate):
+            events = self._checked(made_events(service.generate(tick)))
+            if service.publishes or tick.published:
+                self._publish(service, tick)
+        self._out.append(m.TickReply(self.name, frame, events, saved_by(service)))
 
     def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
         """What people have ordered for a frame, and for earlier ones in which it was not asked."""
@@ -279,7 +292,15 @@ class Participant:
     def _checked(self, events: Iterable[AnyEvent]) -> tuple[AnyEvent, ...]:
         assert self.world is not None
         check = self.world.vocabulary.check_any
-        return tuple([check(event, self.name) for event in events])
+        checked = tuple([check(event, self.name) for event in events])
+        for event in checked:
+            if event.type not in self._generates:
+                raise MisuseError(
+                    f"it makes {event.type}, which it does not declare;"
+                    f' write class {type(self.service).__name__}(Generator, events=("{event.type}",'
+                    " ...))"
+                )
+        return checked
 
     def _publish(self, service: Service, tick: Tick) -> None:
         by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
@@ -298,7 +319,9 @@ class Participant:
 
     def emitted(self, event: AnyEvent) -> m.Emitted:
         """The message for an event of a free-running generator."""
-        return m.Emitted(self.name, self._checked((event,)))
+        assert isinstance(self.service, Generator)
+        with blamed(self.service.run):
+            return m.Emitted(self.name, self._checked(made_events(event)))
 
     def published(self, topic: str, reading: Reading) -> m.Readings:
         """The message for a reading of a free-running publisher. Raises MisuseError."""
@@ -342,7 +365,9 @@ class Participant:
             self.frame = frame
             if isinstance(self.service, Device):
                 picture = self._pictures[event_type]
-                self.service.show(View(frame, event_type, picture.skeleton, dict(picture.parts)))
+                view = View(frame, event_type, picture.skeleton, dict(picture.parts))
+                with blamed(self.service.show):
+                    self.service.show(view)
 
     # --- agents ---
 
@@ -369,6 +394,20 @@ class Participant:
     def _frame(self, number: int) -> Frame:
         assert self.world is not None
         return Frame(number, self.world.dt, self.world.seed)
+
+
+def _generates(service: Service | None) -> tuple[str, ...]:
+    if not isinstance(service, Generator):
+        return ()
+    with blamed(service.generates):
+        return tuple(service.generates())
+
+
+def _takes_orders(service: Service | None) -> tuple[str, ...]:
+    if not isinstance(service, Generator):
+        return ()
+    with blamed(service.takes_orders):
+        return tuple(service.takes_orders())
 
 
 def _is_figure(value: bool | int | float | str) -> bool:

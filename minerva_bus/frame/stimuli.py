@@ -141,10 +141,11 @@ class Show:
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Tell the people who watch: about whom, and what."""
+    """Tell the people who watch: about whom, and what; `details` are for the log only."""
 
     member: str
     text: str
+    details: str = ""
 
 
 @dataclass(frozen=True, slots=True)

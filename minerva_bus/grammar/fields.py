@@ -56,9 +56,13 @@ class Field:
         """A field from an annotation, or a `Default`. Raises MisuseError."""
         if not NAME.fullmatch(name):
             raise MisuseError(f"{name!r} is no name of a parameter")
-        if not isinstance(annotation, Default):
-            return Field(name, type_of(annotation))
-        kind = type_of(annotation.annotation)
+        with_default = isinstance(annotation, Default)
+        try:
+            kind = type_of(annotation.annotation if with_default else annotation)
+        except MisuseError as error:
+            raise MisuseError(f"{name}: {error}") from None
+        if not with_default:
+            return Field(name, kind)
         try:
             return Field(name, kind, kind.fit(annotation.value))
         except Unfit as unfit:
@@ -101,7 +105,9 @@ class Fields:
         try:
             return one.type.fit(value)
         except Unfit as unfit:
-            raise Unfit(f"{owner}: {one.name} must be {unfit}") from None
+            wrong = Unfit(f"{owner}: {one.name} must be {unfit}")
+            wrong.attribute = one.name
+            raise wrong from None
 
     def fitted(self, owner: str, values: Sequence[Any]) -> list[Value]:
         """Values in the declared order, typed. Raises Unfit."""

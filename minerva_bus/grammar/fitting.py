@@ -18,7 +18,9 @@ from minerva_bus.grammar.units import Quantity
 
 
 class Unfit(Exception):
-    """A value is not of a type; the message says what was expected."""
+    """A value is not of a type; the message says what was expected, `attribute` of what."""
+
+    attribute: str = ""
 
 
 def to_float(value: Any) -> float | None:

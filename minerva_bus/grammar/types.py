@@ -107,7 +107,7 @@ class Type:
         if number is None:
             raise Unfit(f"{wanted}, not {shown(value)}")
         if not math.isfinite(number):
-            raise Unfit(f"{wanted}, a finite one")
+            raise Unfit(f"a finite {wanted.removeprefix('a ')}, not {shown(value)}")
         return number
 
     def _word(self, value: Any) -> str:

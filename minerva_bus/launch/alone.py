@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NoAnswer
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from minerva_bus.blame import blamed, report, whole
 from minerva_bus.bus.control import answer
 from minerva_bus.bus.notices import Outlet, Published
 from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.totals import Totals
-from minerva_bus.errors import BusError, MinervaError, WorldStopped
+from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.diary import Diary
@@ -28,11 +28,26 @@ from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator, Service
 
 NAP = 0.01
 ANSWERED_WITHIN = 1.0
 MICRO = 1e6
+
+
+def close_services(participants: Iterable[Participant]) -> None:
+    """Close all services; raises UserCodeError for the first that fails, when all are closed."""
+    failures: list[UserCodeError] = []
+    for participant in participants:
+        if participant.service is not None:
+            try:
+                with blamed(participant.service.close):
+                    participant.service.close()
+            except UserCodeError as error:
+                failures.append(error)
+    for failure in failures[:1]:
+        raise failure
 
 
 class Alone:
@@ -99,17 +114,28 @@ class Alone:
             runner.tell(s.End(reason))
         except Unready as error:
             raise WorldStopped(str(error)) from None
-        except MinervaError as error:
-            self._log(traceback.format_exc())
-            raise WorldStopped(f"frame {self.algorithm.frame}: {error}") from error
+        except Exception as error:
+            raise self._failed(error) from error
         finally:
             self._stop.set()
             self._record.close()
             self._console.end()
-            for participant in participants:
-                if participant.service is not None:
-                    participant.service.close()
+            close_services(participants)
         return self._summary(runner, reason)
+
+    def _failed(self, error: Exception) -> WorldStopped:
+        """Show an error in a member's code, and why the world stops."""
+        running = self._runner.running
+        member = MEMBERS if running is None else running.name
+        frame = max(self.algorithm.frame if running is None else running.frame, 0)
+        self._console.frame = frame
+        text = f"failed in frame {frame}: {report(error)}"
+        self._console.log(member, text, "error")
+        self._console.details(member, whole(error))
+        self._record.said(member, f"{text}\n{whole(error)}")
+        what = error.where if isinstance(error, UserCodeError) else type(error).__name__
+        hint = "" if self._console.traceback else " (--traceback shows all frames)"
+        return WorldStopped(f"{member} failed in frame {frame}: {what}; the world stops{hint}")
 
     def _log(self, text: str) -> None:
         self._console.frame = self.algorithm.frame
@@ -145,8 +171,11 @@ class Alone:
         for name, service in self._pulsing:
             if now >= self._pulsed.get(name, 0.0) + service.pulse_every:
                 self._pulsed[name] = now
-                service.pulse()
-                if service.leaves():
+                with blamed(service.pulse):
+                    service.pulse()
+                with blamed(service.leaves):
+                    leaves = service.leaves()
+                if leaves:
                     self.tell(s.End(f"{name} was closed"))
 
     # --- free-running generators, each in a thread of its own ---
@@ -163,14 +192,17 @@ class Alone:
             outlet = Outlet(lambda said: self._said.put((participant, said)), self._stop)
             self._outlets[participant.name] = outlet
             service.run(outlet, self._stop)
-        except Exception as error:
-            self._said.put((participant, error))
+        except (Exception, SystemExit) as error:
+            failure = UserCodeError(handler_name(service.run), service.run)
+            failure.__cause__ = error
+            self._said.put((participant, failure))
 
     def _hear(self) -> None:
         for _ in range(self._said.qsize()):  # What comes meanwhile has to wait for a frame.
             participant, said = self._said.get()
+            self._runner.running = participant
             if isinstance(said, Exception):
-                raise MinervaError(f"{participant.name}: {said}") from said
+                raise said
             if isinstance(said, Published):
                 self._runner.pass_on(participant.published(said.topic, said.reading))
             else:
@@ -231,7 +263,8 @@ class Alone:
         if isinstance(instruction, s.Say):
             self._console.frame = self.algorithm.frame
             self._console.log(instruction.member, instruction.text, "warning")
-            self._record.said(instruction.member, instruction.text)
+            said = f"{instruction.text}\n{instruction.details}".rstrip()
+            self._record.said(instruction.member, said)
             frame = self.algorithm.frame
             self.diary.said(time.time(), instruction.member, instruction.text, frame, "warning")
         elif isinstance(instruction, s.FrameDone):

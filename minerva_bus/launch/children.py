@@ -136,9 +136,9 @@ class _Told:
             self._members = len(self.coordinator.algorithm.roster.here())
             self._reports.tell("first_frame")
 
-    def _said(self, member: str, text: str) -> None:
-        self.record.said(member, text)
-        self._reports.tell("said", member=member, text=text)
+    def _said(self, member: str, text: str, details: str) -> None:
+        self.record.said(member, f"{text}\n{details}" if details else text)
+        self._reports.tell("said", member=member, text=text, details=details)
 
     def _status(self, now: Status) -> None:
         self._reports.tell(

@@ -20,7 +20,8 @@ class Console:
     """Writes to a terminal, or plainly to anything else; or JSON, one object a line.
 
     `quiet` leaves out all but what went wrong. `world` and `frame` are those that lines in JSON
-    are about; the frame is the last one that was heard of.
+    are about; the frame is the last one that was heard of. `traceback` shows what else is only in
+    the log: all frames of an error in user code.
     """
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
@@ -28,6 +29,7 @@ class Console:
     json: bool = False
     world: str = ""
     frame: int = -1
+    traceback: bool = False
     _live: str = ""
     _names: dict[str, int] = field(default_factory=dict[str, int])
 
@@ -46,6 +48,11 @@ class Console:
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
             shown = f"\x1b[{color}m{name}\x1b[0m"
         self._above("".join(f"{shown} │ {one}\n" for one in line.rstrip("\n").split("\n")))
+
+    def details(self, name: str, text: str) -> None:
+        """What else there is to an error in a member's code, where people want all of it."""
+        if text and self.traceback:
+            self.log(name, text, "warning")
 
     def note(self, line: str) -> None:
         """A line about the world."""

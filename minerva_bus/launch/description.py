@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.specs import called, load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.watching import read_placement
+from minerva_bus.launch.worldfile import Process
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
 
@@ -24,17 +25,18 @@ def read_description(
     path: Path,
     given: Overrides,
     options: Mapping[str, Any],
-    members: Collection[str],
+    processes: Sequence[Process],
 ) -> tuple[World, float]:
     """The world, without its norms, and its rate: frames a second, 0: as fast as it goes.
 
-    `members` are waited for; `options` are what a scene is made with. Raises WorldFileError and
-    SceneError.
+    The `processes` are waited for; `options` are what a scene is made with. Raises WorldFileError
+    and SceneError.
     """
     table.text("defaults")
     own_name, own_rate = table.text("name", path.stem), table.number("rate", 0.0)
     own_seed, own_frames = table.whole("seed", 0, -(1 << 63)), table.whole("frames", 0)
     vocabulary = _vocabulary(table, path)
+    _check_kinds(processes, vocabulary, path, table.text("vocabulary"))
     world = World(
         name=table.named(given.name or own_name, "a world"),
         scene=_scene(table, vocabulary, path, options),
@@ -47,13 +49,27 @@ def read_description(
         frames=own_frames if given.frames is None else given.frames,
         until=_until(table, vocabulary, given.until),
         give_up=_one_sent(table, "give_up", vocabulary, _event_types(table, "give_up", vocabulary)),
-        expected=frozenset(members),
+        expected=frozenset(process.name for process in processes),
         placement=read_placement(placement, vocabulary),
     )
     table.done()
-    if not members:
+    if not processes:
         raise WorldFileError(f"{path}: no [process.NAME]: nobody would run this world")
     return world, own_rate if given.rate is None else given.rate
+
+
+def _check_kinds(
+    processes: Sequence[Process], vocabulary: Vocabulary, path: Path, spec: str
+) -> None:
+    """Whether the vocabulary has all agents of the processes, before it reads a string of them."""
+    for process in processes:
+        for cls in process.agents:
+            if cls.kind.name not in vocabulary.kinds:
+                raise WorldFileError(
+                    f"{path}: [process.{process.name}]: the vocabulary {spec} has no"
+                    f" {cls.kind.name}: add its class, {cls.__name__} of {cls.__module__}, to"
+                    " Vocabulary.of(...)"
+                )
 
 
 def _seed(seed: int, path: Path) -> int:

@@ -23,6 +23,9 @@ class InProcess:
         self._participants = {one.name: one for one in participants}
         self._queue: deque[s.Stimulus] = deque()
         self._watch = watch
+        self.running: Participant | None = None
+        """Whose code runs, or ran last."""
+
         self.ended: s.Ended | None = None
         self.hear: Callable[[m.Readings], None] | None = None
         """Told of what comes on sensor topics."""
@@ -67,6 +70,7 @@ class InProcess:
 
     def _deliver(self, to: list[Participant], message: m.ToMember | m.Readings) -> None:
         for participant in to:
+            self.running = participant
             answers = participant.receive(message)
             participant.show()
             for answer in answers:

@@ -9,6 +9,7 @@ from functools import partial
 
 from minerva_bus.launch.children import take_part
 from minerva_bus.launch.ending import kill, kill_rest
+from minerva_bus.launch.failures import Failures
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines
 from minerva_bus.launch.starters import Child, command, fork
@@ -78,6 +79,7 @@ class Members:
         self._around = around
         self._printed = printed
         self._watched = {process.name: Watched(process) for process in here}
+        self.failures = Failures()
 
     def __iter__(self) -> Iterator[Watched]:
         return iter(self._watched.values())
@@ -98,7 +100,7 @@ class Members:
         """Start a process, or start it anew."""
         child = self._child(watched.process)
         watched.child, watched.started, watched.restart_at = child, time.monotonic(), None
-        watched.lines = Lines()
+        watched.lines, watched.cause = Lines(), ""
         self._around.pipes.listen(child.output, lambda: self._hear(watched, child))
 
     def _child(self, process: Process) -> Child:

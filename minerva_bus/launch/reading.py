@@ -62,7 +62,7 @@ def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
     bus = _bus(top, path, given)
     about = top.table("world")
     record = read_recording(about, replace(given.recording, path=given.record))
-    world, rate = read_description(about, top.table("placement"), path, given, options, names)
+    world, rate = read_description(about, top.table("placement"), path, given, options, processes)
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     world = replace(world, norms=norms)
     watch = read_watching(top, given.metrics, given.log_format)

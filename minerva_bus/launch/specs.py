@@ -12,8 +12,10 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, cast, get_type_hints
 
+from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
+from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 
@@ -44,18 +46,20 @@ def _import(name: str, spec: str) -> Any:
     try:
         return importlib.import_module(name)
     except MinervaError as error:
-        raise WorldFileError(f"{spec!r}: in {name}: {error}") from error
+        raise WorldFileError(f"{spec!r}: in {name}: {report(error)}") from error
     except ModuleNotFoundError as error:
         if error.name is not None and name.split(".")[0] == error.name.split(".")[0]:
             raise WorldFileError(
                 f"{spec!r}: there is no module {name}; it must be installed or lie beside the"
                 " world file"
             ) from None
+        place = place_of(error)
+        shown = "\n" + "\n".join(place.lines()) if place is not None else ""
         raise WorldFileError(
-            f"{spec!r}: {name} needs {error.name}, which is not installed"
+            f"{spec!r}: {name} needs {error.name}, which is not installed{shown}"
         ) from error
     except (Exception, SystemExit) as error:
-        raise WorldFileError(f"{spec!r}: importing {name} raised {error!r}") from error
+        raise WorldFileError(f"{spec!r}: importing {name}: {report(error)}") from error
 
 
 def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
@@ -70,8 +74,8 @@ def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
         return function(options)
     except MinervaError:
         raise
-    except Exception as error:
-        raise WorldFileError(f"{path}: {spec} raised {error!r}") from error
+    except (Exception, SystemExit) as error:
+        raise WorldFileError(f"{path}: {spec}: {report(error)}") from error
 
 
 @cache
@@ -169,5 +173,17 @@ def _shown(value: Any) -> str:
 def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service:
     try:
         return cls(**cast("dict[str, Any]", options))
-    except (TypeError, ValueError) as error:
+    except MinervaError as error:
         raise WorldFileError(f"{owner}: {error}") from error
+    except (TypeError, ValueError) as error:
+        if _is_installed(cls):  # Its options are documented: no need to look into its code.
+            raise WorldFileError(f"{owner}: {error}") from error
+        raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
+    except (Exception, SystemExit) as error:
+        raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
+
+
+def _is_installed(cls: type[Service]) -> bool:
+    """Whether a class is of a package whose services have names of their own."""
+    package = cls.__module__.partition(".")[0]
+    return any(one.value.partition(".")[0] == package for one in entries(SERVICES).values())

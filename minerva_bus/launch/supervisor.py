@@ -8,11 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.ending import how_ended, kill, next_ended
+from minerva_bus.launch.failures import REPORT_BEGINS
 from minerva_bus.launch.interrupts import caught
 from minerva_bus.launch.members import LAST_WORDS, Members, Watched
 from minerva_bus.launch.memory import prepared, sweep
@@ -32,6 +34,7 @@ CLOSING = 10.0
 """Seconds that members have after a world's regular end to close their files."""
 LAST_PAGE = 5.0
 LONGEST_LINE = 2000
+LASTING = "has failed by the same error in the same frame again"
 
 
 class Supervisor:
@@ -145,11 +148,15 @@ class Supervisor:
             if watched.gave_up or (self._stopping and watched.child is None):
                 self._gave_up(watched)
 
-    def _on_said(self, member: str, text: str) -> None:
+    def _on_said(self, member: str, text: str, details: str = "") -> None:
         watched = self._members.get(member)
-        if watched is not None and text.startswith("failed"):
-            watched.cause = text.splitlines()[0]
-        self._console.log(member, text, "warning")
+        if watched is not None and REPORT_BEGINS.match(text):
+            watched.cause = text
+        if REPORT_BEGINS.match(text):
+            text = self._members.failures.shown(text)
+        if text:
+            self._console.log(member, text, "warning")
+        self._console.details(member, details)
 
     def _on_noted(self, text: str) -> None:
         self._note(text)
@@ -233,9 +240,15 @@ class Supervisor:
         self._deadline = min(self._deadline or 1e18, time.monotonic() + self._last_words)
 
     def _on_failure(self, watched: Watched, code: int) -> None:
-        process, how = watched.process, how_ended(code)
+        process = watched.process
+        if code in (RAISED, RAISED_BY_CHANCE):
+            self._await_cause(watched)
+        how = "has failed" if watched.cause else how_ended(code)
         wait = watched.fail()
-        if wait is not None:
+        if self._members.failures.lasting(process, code, watched.cause) and wait is not None:
+            watched.restart_at = None
+            self._stop_for(watched, f"{LASTING}, so it is not started again")
+        elif wait is not None:
             times = f"restart {watched.failures} of {process.restarts} in {wait:.2f} s"
             self._log(process.name, f"{how}; {times}")
         elif process.on_failure == "ignore":
@@ -246,9 +259,14 @@ class Supervisor:
             times = f", {watched.failures} times in a row" if watched.failures > 1 else ""
             if code > 0:
                 self._await_cause(watched)
-            why = f"{watched.cause or how}{times}"
-            self._stop(f"{process.name} {why}")
-            self._console.log(process.name, f"{why}; the world stops", "error")
+            self._stop_for(watched, f"{how}{times}")
+
+    def _stop_for(self, watched: Watched, why: str) -> None:
+        """Stop the world because of a process; the summary has the cause in one line."""
+        cause = watched.cause.partition("\n")[0]
+        self._stop(f"{watched.process.name} {cause or why}")
+        more = " (--traceback shows all frames)" if cause and not self._console.traceback else ""
+        self._console.log(watched.process.name, f"{why}; the world stops{more}", "error")
 
     def _await_cause(self, watched: Watched) -> None:
         """Hear why it failed: that comes through the coordinator, perhaps after its death."""

@@ -109,7 +109,11 @@ class Table:
         try:
             yield
         except WorldFileError as error:
-            self._raise(key, f": {error}")
+            text, _, place = str(error).partition("\n")
+            if place:  # In a module: the line there says more than the one here.
+                full = f"{self.name}.{key}" if self.name else key
+                raise WorldFileError(f"{self._source}: {full}: {text}\n{place}") from error
+            self._raise(key, f": {text}")
 
     def wrong(self, key: str, problem: str) -> NoReturn:
         """Raise WorldFileError about a key, with its line and a caret."""

@@ -27,7 +27,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
-from minerva_bus.errors import MinervaError, MisuseError, nearest
+from minerva_bus.errors import MinervaError, MisuseError, StateError, nearest
 from minerva_bus.grammar.arrays import SCALARS
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.digest import same_values
@@ -185,28 +185,31 @@ class Agent:
         try:
             fitted = tuple(fields.fitted(f"{self.kind.name}#{self.id}", values))
         except Unfit as unfit:
-            raise MisuseError(str(unfit)) from None
+            raise StateError(str(unfit), unfit.attribute) from None
         if old is not None and stayed and same_values(fitted, old.values):
             return old
         return AgentNode(self.kind.name, self.id, fields.names, fitted, self.scope)
 
     def _check_own(self, old: AgentNode | None) -> None:
         if old is not None and old.id != self.id:
-            raise MisuseError(f"an agent keeps its id; #{old.id} cannot become #{self.id}")
+            raise StateError(f"an agent keeps its id; #{old.id} cannot become #{self.id}", "id")
         if not isinstance(self.scope, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise MisuseError(f"the scope of #{self.id} must be a string, not {self.scope!r}")
+            raise StateError(
+                f"the scope of #{self.id} must be a string, not {self.scope!r}", "scope"
+            )
 
     def _refuse_strangers(self) -> None:
         names, state = self.kind.fields.names, self.__dict__
         owner = f"{self.kind.name}#{self.id}"
         for name in names:
             if name not in state:
-                raise MisuseError(f"{owner}: {name} has been deleted")
+                raise StateError(f"{owner}: {name} has been deleted", name)
         for name in sorted(state):
             if name not in names and name not in _OWN and not name.startswith("_"):
-                raise MisuseError(
+                raise StateError(
                     f"{owner} has no {name}, so it would be lost; declare it in the class, or"
-                    f" begin its name with _ if it need not last{nearest(name, list(names))}"
+                    f" begin its name with _ if it need not last{nearest(name, list(names))}",
+                    name,
                 )
 
     @classmethod

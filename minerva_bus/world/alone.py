@@ -48,6 +48,7 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Moment], Scene | None]:
             return Scene(tuple(young)) if young else EMPTY
         return agent.string + Scene(tuple(young)) if young else None
 
+    alone.__wrapped__ = activity  # type: ignore[attr-defined]
     return alone
 
 
@@ -58,6 +59,7 @@ def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene
         _, people = _population_of(agent)
         return view(people, event)
 
+    alone.__wrapped__ = view  # type: ignore[attr-defined]
     return alone
 
 

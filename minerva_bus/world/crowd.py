@@ -25,7 +25,7 @@ from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.descent import Unsound, assembled, emissions
 from minerva_bus.world.draws import Draws, Passing
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
-from minerva_bus.world.life import Life
+from minerva_bus.world.life import Life, at_fault
 from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.objects import Objects
 from minerva_bus.world.population import (
@@ -57,6 +57,7 @@ class Crowd:
         self._objects = Objects(self._cls, self._herd)
         self._lives: dict[int, tuple[Life, Moment]] = {}
         self._said: list[tuple[int, Sequence[Event]]] = []
+        self._ran: list[tuple[Callable[..., Any], AnyEvent]] = []
 
     def meet(self, addressed: Addressed) -> None:
         """Live through a frame's events. Raises ActivityError."""
@@ -177,10 +178,12 @@ class Crowd:
         self._draws.gather()
         self._herd.turn += 1
         people = Population(self._herd, self._cls, rows)
+        self._ran.append((activity, event))
         try:
             returns_nothing(activity(people, given, self._moments(people, rows)))
-        except Exception as error:
-            raise self._failed("λ", 0 if rows is None else int(rows[0]), event) from error
+        except (Exception, SystemExit) as error:
+            row = 0 if rows is None else int(rows[0])
+            raise self._failed(activity, row, event) from error
 
     def _moments(self, people: Population, rows: Rows | None) -> Moments:
         return Moments(self._frame, self._draws.many, people, rows)
@@ -194,6 +197,7 @@ class Crowd:
         returned: list[tuple[int, Agent, Any, Event]] = []
         moment = Passing(self._frame, self._draws)
         row, event = 0, cast("Event", some)
+        self._ran.append((activity, some))
         try:
             for row, agent, event in zip(chosen, agents, events, strict=True):
                 moment.agent, moment.row = agent, row
@@ -203,17 +207,19 @@ class Crowd:
                     moment.emitted = []
                 if result is not None:
                     returned.append((row, agent, result, event))
-        except Exception as error:
-            raise self._failed("λ", row, event) from error
-        for one in returned:
-            self._let_go(*one)
+        except (Exception, SystemExit) as error:
+            raise self._failed(activity, row, event) from error
+        for row, agent, result, event in returned:
+            self._let_go(row, agent, activity, result, event)
 
-    def _let_go(self, row: int, agent: Agent, result: Any, event: Event) -> None:
+    def _let_go(
+        self, row: int, agent: Agent, activity: Callable[..., Any], result: Any, event: Event
+    ) -> None:
         """From now on it is more, or less, or other than a row."""
         moment = Moment(self._frame, "#" + agent.id)
         self._draws.lend(row, moment)
         life = Life(self._node(row), self._kinds, moment, agent)
-        life.returned(result, event)
+        life.returned(activity, result, event)
         self._lives[row] = life, moment
         self._herd.leave(row)
         self._objects.drop(row)
@@ -223,10 +229,10 @@ class Crowd:
         try:
             grown = self._objects.settle()
         except MinervaError as error:
-            raise self._failed("the state", self._objects.at_fault, event) from error
+            raise self._unsound(self._objects.at_fault, event, error) from error
         for row, agent in grown:
             alone = event if isinstance(event, Event) else event.event(0)
-            self._let_go(row, agent, agent.string, alone)
+            self._let_go(row, agent, self._ran[-1][0], agent.string, alone)
 
     # --- the end of the frame ---
 
@@ -239,7 +245,7 @@ class Crowd:
         try:
             scene = assembled(self._herd, lives)
         except Unsound as error:
-            raise self._failed("the state", error.row, event) from error
+            raise self._unsound(error.row, event, error) from error
         if len(scene.pieces) == 1 and isinstance(scene.pieces[0], Columns):
             self._objects.keep(scene.pieces[0])
         return scene, emissions(self._herd.said, said)
@@ -247,9 +253,20 @@ class Crowd:
     def _node(self, row: int) -> AgentNode:
         return cast("AgentNode", self._herd.part.node(row))
 
-    def _failed(self, what: str, row: int, event: AnyEvent) -> ActivityError:
-        alone = event if isinstance(event, Event) else event.event(0)
-        return ActivityError(what, self._node(row), alone, self._frame.number)
+    def _unsound(self, row: int, event: AnyEvent, error: MinervaError) -> ActivityError:
+        """The state of an agent is wrong: by which activity, as far as can be seen."""
+        ran = [(activity, _alone(one)) for activity, one in self._ran]
+        activity, alone = at_fault(ran, _alone(event), error)
+        return self._failed(activity, row, alone)
+
+    def _failed(
+        self, activity: Callable[..., Any] | None, row: int, event: AnyEvent
+    ) -> ActivityError:
+        return ActivityError(activity, self._node(row), _alone(event), self._frame.number)
+
+
+def _alone(event: AnyEvent) -> Event:
+    return event if isinstance(event, Event) else event.event(0)
 
 
 def evolve_many(

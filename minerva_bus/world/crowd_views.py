@@ -39,9 +39,9 @@ def views_of_many(
     herd = Herd(part, cls.kind.fields, lasting=False)
     try:
         return _one_each(view(Population(herd, cls, rows), event), count)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         node = cast("AgentNode", part.node(0 if rows is None else int(rows[0])))
-        raise ActivityError("θ", node, event, frame) from error
+        raise ActivityError(view, node, event, frame) from error
 
 
 def _willing(part: Columns, event: Event) -> Rows | None:
@@ -52,10 +52,18 @@ def _willing(part: Columns, event: Event) -> Rows | None:
     return None if willing.all() else np.flatnonzero(willing)
 
 
-def _one_each(shown: object, count: int) -> Scene:
-    """A string with a node for each of some agents, or the same for all of them."""
+def returned(shown: object) -> Scene:
+    """What a view may return. Raises TypeError."""
+    if shown is None:
+        raise TypeError("a view returns a string, not None; to show nothing, return EMPTY")
     if not isinstance(shown, Scene):
-        raise TypeError(f"a view returns a string, not {shown!r}")
+        raise TypeError(f"a view returns a string, not {shown!r:.200}")
+    return shown
+
+
+def _one_each(result: object, count: int) -> Scene:
+    """A string with a node for each of some agents, or the same for all of them."""
+    shown = returned(result)
     left = next(agents(shown), None) if not _plain(shown) else None
     if left is not None:
         raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from inspect import get_annotations
-from typing import Any, ClassVar, get_origin, get_type_hints
+from typing import Any, ClassVar, Final, get_origin, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Default, Fields
+from minerva_bus.world.signatures import check_signature
 
 ON = "_minerva_on"
 VIEW = "_minerva_view"
@@ -16,11 +17,18 @@ TOGETHER = "_minerva_together"
 PROBABILITY = "_minerva_probability"
 
 
+ARGUMENTS: Final = {
+    ON: ("an activity", ("self", "event", "moment")),
+    VIEW: ("a view", ("self", "event")),
+}
+
+
 def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
     """The methods under a mark by event type; a subclass's go before those it inherits.
 
     A method that is overridden without a mark keeps that of the one it overrides. Raises
-    MisuseError where one class has two methods for one event type.
+    MisuseError where one class has two methods for one event type, and SignatureError where one
+    takes other arguments.
     """
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
@@ -36,6 +44,8 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
                         f" {own[event_type]} and {name}"
                     )
         found |= own
+    for name in set(found.values()) & vars(cls).keys():
+        check_signature(vars(cls)[name], *ARGUMENTS[mark])
     return {event_type: getattr(cls, name) for event_type, name in found.items()}
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import StateError
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows, bits
 from minerva_bus.grammar.columns import Columns, packed
@@ -20,11 +20,11 @@ from minerva_bus.world.population import Birth, Herd
 _FEW = 0.25
 
 
-class Unsound(MisuseError):
+class Unsound(StateError):
     """An attribute of the agent in some row is not finite."""
 
-    def __init__(self, name: str, row: int) -> None:
-        super().__init__(f"{name} must be a finite number")
+    def __init__(self, name: str, row: int, value: float) -> None:
+        super().__init__(f"{name} must be a finite number, not {value}", name)
         self.row = row
 
 
@@ -59,7 +59,8 @@ def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
     if array.dtype == np.float64 and not np.isfinite(array).all():
         wrong = ~np.isfinite(array) if herd.away is None else ~np.isfinite(array) & ~herd.away
         if wrong.any():
-            raise Unsound(name, int(np.flatnonzero(wrong)[0]))
+            row = int(np.flatnonzero(wrong)[0])
+            raise Unsound(name, row, float(array[row]))
     if count < _FEW * len(array):
         rows = np.flatnonzero(differs)
         return old.put(rows, array[rows])

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import Any, cast
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MisuseError, UserCodeError
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
 
 
-class ActivityError(MinervaError):
-    """User code of an agent raised: which agent, which event, which frame, and for what cause."""
+class ActivityError(UserCodeError):
+    """User code of an agent failed: its method, the agent, the event, the frame and the cause.
 
-    def __init__(self, what: str, node: AgentNode, event: Event, frame: int) -> None:
+    `handler` is None where the agent's state was wrong before any method ran.
+    """
+
+    def __init__(
+        self, handler: Callable[..., Any] | None, node: AgentNode, event: Event, frame: int
+    ) -> None:
         shown = str(event)
         cut = shown if len(shown) <= _SHOWN else shown[:_SHOWN] + "…"
-        super().__init__(f"{what} of {node.symbol}#{node.id} failed at {cut} in frame {frame}")
+        what = "the state" if handler is None else handler_name(handler)
+        super().__init__(f"{what} of {node.symbol}#{node.id} at {cut}", handler)
         self.event = shown
+        self.frame = frame
 
     def __str__(self) -> str:
-        said = super().__str__()
-        if self.__cause__ is None:
-            return said
-        return f"{said}: {type(self.__cause__).__name__}: {self.__cause__}"
+        where, _, cause = super().__str__().partition(self.where)
+        return f"{where}{self.where} in frame {self.frame}{cause}"
 
 
 _SHOWN = 200

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any
 
-from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.errors import MinervaError, MisuseError, StateError
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
@@ -19,9 +19,12 @@ from minerva_bus.grammar.scene import (
     rescoped,
     scene_of,
 )
+from minerva_bus.source import assignments
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
 from minerva_bus.world.moment import Moment
+
+Activity = Callable[..., Any]
 
 
 def live(
@@ -54,6 +57,7 @@ class Life:
         self._around = scene_of(node)
         self._inside = identities(node.scope)  # perhaps very deep; the agent is not in it
         self._agent = agent
+        self._ran: list[tuple[Activity, Event]] = []
         self.symbol = node.symbol
         """Of the kind that it is of now; empty when it is no more."""
 
@@ -76,12 +80,13 @@ class Life:
             return self._moment.answers(event.type, state[probability])
         return self._moment.answers(event.type, probability)
 
-    def returned(self, result: object, event: Event) -> None:
-        """Take what λ has returned elsewhere. Raises ActivityError."""
+    def returned(self, activity: Activity, result: object, event: Event) -> None:
+        """Take what an activity has returned elsewhere. Raises ActivityError."""
+        self._ran.append((activity, event))
         try:
             scene = checked(result)
         except TypeError as error:
-            raise ActivityError("λ", self._node, event, self._moment.number) from error
+            raise self._failed(activity, event) from error
         self.become(scene, event)
 
     def become(self, result: Scene | None, event: Event) -> None:
@@ -113,38 +118,57 @@ class Life:
 
     def _activity(self, agent: Agent, event: Event) -> Scene | None:
         """λ(a, e); None where the agent stays and has changed itself."""
+        activity = agent.activities[event.type]
+        self._ran.append((activity, event))
         try:
-            return checked(agent.activities[event.type](agent, event, self._moment))
-        except Exception as error:
-            raise ActivityError("λ", self._node, event, self._moment.number) from error
+            return checked(activity(agent, event, self._moment))
+        except (Exception, SystemExit) as error:
+            raise self._failed(activity, event) from error
 
     def _thawed(self, node: AgentNode, event: Event) -> Agent:
         """The agent that a node describes."""
         try:
             return self._kinds[node.symbol].thaw(node)
         except MinervaError as error:
-            raise ActivityError("the state", self._node, event, self._moment.number) from error
+            raise self._failed(None, event) from error
 
     def _now(self, agent: Agent, event: Event) -> AgentNode:
         """The agent as it is between two events."""
         try:
             return agent.freeze()
         except MinervaError as error:
-            raise ActivityError("the state", self._node, event, self._moment.number) from error
+            raise self._failed(*at_fault(self._ran, event, error)) from error
 
     def _own(self, result: Scene, event: Event) -> AgentNode | None:
         """The agent itself in what its λ returned."""
         found = [agent for agent in agents(result, self._inside) if agent.id == self._node.id]
         if len(found) > 1:
             twice = MisuseError(f"it returned {len(found)} agents with the id #{self._node.id}")
-            raise ActivityError("λ", self._node, event, self._moment.number) from twice
+            raise self._failed(self._ran[-1][0], event) from twice
         return found[0] if found else None
+
+    def _failed(self, activity: Activity | None, event: Event) -> ActivityError:
+        return ActivityError(activity, self._node, event, self._moment.number)
+
+
+def at_fault(
+    ran: Sequence[tuple[Activity, Event]], event: Event, error: MinervaError
+) -> tuple[Activity | None, Event]:
+    """Which of the activities that ran, each with its event, set the attribute that is wrong.
+
+    It is the last one that sets it, or else the last one; before any has run, None, at `event`.
+    """
+    attribute = error.attribute if isinstance(error, StateError) else ""
+    setters = [one for one in ran if attribute and assignments(one[0], attribute)]
+    return (*setters[-1:], *ran[-1:], (None, event))[0]
 
 
 def checked(result: object) -> Scene | None:
     """What an activity may return. Raises TypeError."""
+    if isinstance(result, Agent):
+        raise TypeError(f"an activity returns None or a string: self.string, not {result!r:.60}")
     if result is not None and not isinstance(result, Scene):
-        raise TypeError(f"an activity returns None or a string, not {result!r}")
+        raise TypeError(f"an activity returns None or a string, not {result!r:.200}")
     return result
 
 

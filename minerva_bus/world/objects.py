@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import StateError
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY
@@ -137,7 +137,9 @@ class Objects:
         for place, (name, state) in enumerate(zip(names, states, strict=True)):
             if _id(state) != name:
                 self.at_fault = place if rows is None else int(rows[place])
-                raise MisuseError(f"an agent keeps its id; #{name} cannot become #{_id(state)}")
+                raise StateError(
+                    f"an agent keeps its id; #{name} cannot become #{_id(state)}", "id"
+                )
 
     def _grown(
         self, rows: list[int] | None, agents: list[Agent], states: list[dict[str, Any]]

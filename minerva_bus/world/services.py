@@ -19,7 +19,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, cast
+from typing import Any, ClassVar, Final, Protocol, cast
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
@@ -29,6 +29,7 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
+from minerva_bus.world.signatures import check_overridden
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +94,14 @@ class Emit(Protocol):
         ...
 
 
+CALLED: Final = {
+    "Service": ("joined", "save", "restore", "pulse", "leaves", "report", "close"),
+    "Generator": ("generates", "takes_orders", "generate", "run"),
+    "Device": ("heard", "show"),
+}
+"""The methods that are called in a service, by the class that has them."""
+
+
 class Service:
     """Base of generators and devices: a process of a world that is no agent."""
 
@@ -110,15 +119,24 @@ class Service:
     pulse_every: float = 0.0
     """Seconds from one `pulse` to the next; 0: none."""
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for base in cls.__mro__:
+            if base is not cls and base.__module__ == __name__ and issubclass(base, Service):
+                check_overridden(cls, base, CALLED.get(base.__name__, ()))
+
     def joined(self, world: WorldInfo) -> None:
         """Called once, when the member has joined a world and before anything else."""
 
-    def save(self) -> Mapping[str, Any] | None:
-        """What a successor needs to go on after this frame, in plain values; None: nothing."""
+    def save(self) -> Any:
+        """What a successor needs to go on after this frame; None: nothing.
+
+        A boolean, a number, a text, bytes, or a list or mapping (with texts as keys) of these.
+        """
         return None
 
-    def restore(self, saved: Mapping[str, Any]) -> None:
-        """Go on from what a predecessor saved."""
+    def restore(self, saved: Any) -> None:
+        """Go on from what a predecessor saved; a tuple comes back as a list."""
 
     def pulse(self) -> None:
         """Called every `pulse_every` seconds between messages: look at the keyboard, redraw."""
@@ -182,8 +200,8 @@ class Generator(Service):
         """The event types that people may send through this one; they come in `tick.orders`."""
         return ()
 
-    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
-        """C^d(t): the events of one frame."""
+    def generate(self, tick: Tick) -> Iterable[AnyEvent | None] | AnyEvent | None:
+        """C^d(t): the events of one frame: any number of them, one, or None."""
         return ()
 
     def run(self, emit: Emit, stop: threading.Event) -> None:

@@ -22,7 +22,7 @@ from minerva_bus.grammar.scene import (
     with_scope,
 )
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.crowd_views import views_of_many
+from minerva_bus.world.crowd_views import returned, views_of_many
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds, addressed, kinds_of
 
 
@@ -72,13 +72,12 @@ def visualize(
 def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
     """θ(a, e), equation 4."""
     shown = identities(node.scope)  # of L(E) already, and perhaps very deep
+    show = cls.views[event.type]
     try:
-        result = cls.views[event.type](cls.thaw(node), event)
-        if not isinstance(result, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise TypeError(f"a view returns a string, not {result!r}")
+        result = returned(show(cls.thaw(node), event))
         left = next(agents(result, shown), None)
         if left is not None:
             raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
         return result
-    except Exception as error:
-        raise ActivityError("θ", node, event, frame) from error
+    except (Exception, SystemExit) as error:
+        raise ActivityError(show, node, event, frame) from error

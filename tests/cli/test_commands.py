@@ -350,8 +350,9 @@ def test_a_world_fails_where_its_agents_do(minerva, home):
     path = written(home, WORLD.replace("AWalker#w", "ABroken#b").replace(":Walker", ":Broken"))
     code, _, err = minerva("run", path, "--in-process", user_code=True)
     assert code == 1
-    assert "in-process │ Traceback" in err
-    assert "λ of ABroken#b failed at eStep in frame 0: LookupError: broken" in err
+    assert "Traceback" not in err
+    assert "failed in frame 0: Broken" in err
+    assert "of ABroken#b at eStep: LookupError: broken" in err
 
 
 def test_an_option_is_set_by_its_name(minerva, home):

@@ -92,4 +92,4 @@ def test_a_view_that_fails_says_where(how, cause, said):
     with pytest.raises(ActivityError, match=said) as caught:
         visualize(VOCABULARY.read("AFox#a"), [eBad(how)], [Fox], frame=7)
     assert isinstance(caught.value.__cause__, cause)
-    assert f'θ of AFox#a failed at eBad<how="{how}"> in frame 7' in str(caught.value)
+    assert f'of AFox#a at eBad<how="{how}"> in frame 7' in str(caught.value)

@@ -81,7 +81,7 @@ def test_an_event_from_outside_is_brought_into_its_form():
         (Event("eNear", ("distance", "x"), (1.0, 1)), "eNear has no x"),
         (Event("eNear", ("distance", "distance"), (1.0, 1.0)), "each name once"),
         (Event("eNear", ("distance",), ()), "one value for each name"),
-        (Event("eNear", ("distance",), (float("nan"),)), "a finite one"),
+        (Event("eNear", ("distance",), (float("nan"),)), "a finite number"),
     ],
 )
 def test_wrong_events_are_refused_and_say_who_sent_them(event, said):

@@ -55,9 +55,9 @@ def test_what_fits(annotation, value, expected):
         (int, math.inf, "a whole number, not inf"),
         (int, math.nan, "a whole number, not nan"),
         (float, True, "a number, not True"),
-        (float, math.nan, "a finite one"),
-        (float, -math.inf, "a finite one"),
-        (float, 10**400, "a finite one"),
+        (float, math.nan, "a finite number"),
+        (float, -math.inf, "a finite number"),
+        (float, 10**400, "a finite number"),
         (float, np.complex128(1), "a number, not a complex128"),
         (float, np.zeros((1, 1)), "a number, not a matrix"),
         (float, None, "a number, not a NoneType"),
@@ -113,7 +113,7 @@ def test_units_of_another_dimension_or_none_at_all_are_refused(given):
 
 
 def test_a_conversion_that_overflows_is_refused():
-    with pytest.raises(Unfit, match="a finite one"):
+    with pytest.raises(Unfit, match="a finite number"):
         fit(Metres, Quantity(1e308, "km"))
 
 

@@ -105,7 +105,7 @@ AGENT = AgentNode("AFox", "a", ("x",), (1.0,))
         ((replace(AGENT, id="a\n"),), "is no id of an agent"),
         ((replace(AGENT, values=()),), "one value for each name"),
         ((replace(AGENT, names=("x", "x"), values=(1.0, 2.0)),), "each name once"),
-        ((replace(AGENT, values=(float("nan"),)),), "a finite one"),
+        ((replace(AGENT, values=(float("nan"),)),), "a finite number"),
         ((replace(AGENT, values=(None,)),), "needs a value for x"),
         ((FigureNode("TMove", ("dist",), (1.0,)),), "TMove stands where its alphabet has no place"),
         ((TransformationNode("PFox"),), "PFox stands where its alphabet has no place"),

@@ -87,6 +87,9 @@ def run(
         str, typer.Option(help="Sample this member's code; a page WORLD-MEMBER.html shows it.")
     ] = "",
     force: Force = False,
+    traceback: Annotated[
+        bool, typer.Option("--traceback", help="Show all frames of an error in a member's code.")
+    ] = False,
 ) -> None:
     """Run a world. A world's own options, as its [options] say, are options here too.
 
@@ -136,6 +139,7 @@ def run(
         json_too=json,
         quiet=quiet,
         profiling=Profiling(profile, profile_member),
+        traceback=traceback,
     )
 
 

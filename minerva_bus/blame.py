@@ -1,0 +1,152 @@
+"""Which line of a user's code an error comes from, and a report of it in at most ten lines.
+
+Frames of this framework, of the standard library and of installed packages do not help the author
+of a world: a report names the last frame in the author's own code. `whole` has all of them.
+"""
+
+from __future__ import annotations
+
+import builtins
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Final
+
+from minerva_bus.errors import (
+    MinervaError,
+    SceneError,
+    SignatureError,
+    StateError,
+    UserCodeError,
+    nearest,
+)
+from minerva_bus.source import LINE_LENGTH, Place, assignments, defined, handler_name, place_of
+
+MESSAGE_LINES: Final = 3
+"""Lines of an exception's text that are shown: an error in a string has a line and a caret."""
+
+TRACEBACK_LENGTH: Final = 60_000
+
+
+def report(error: BaseException) -> str:
+    """An error as its author needs it, in at most ten lines: what, where, the line, the cause."""
+    main = error.__cause__ if isinstance(error, UserCodeError) and error.__cause__ else error
+    head = f"{error.where}: " if main is not error and isinstance(error, UserCodeError) else ""
+    place = defined(main.handler) if isinstance(main, SignatureError) else place_of(main)
+    if place is None and isinstance(error, UserCodeError) and error.handler is not None:
+        place = _handler_place(error.handler, main)
+    lines = (head + described(main)).split("\n")
+    if place is not None:
+        lines += place.lines()
+    root = _root(main)
+    if root is not None:
+        lines += _caused_by(root, place)
+    return "\n".join(lines)
+
+
+def described(error: BaseException) -> str:
+    """An exception's type and text, and what a misspelt name may have been; few lines."""
+    text = str(error.msg if isinstance(error, SyntaxError) else error).strip("\n")
+    if not isinstance(error, MinervaError):
+        text = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    if isinstance(error, SystemExit):
+        text += "; code of a world raises an error instead, or lets its process go on"
+    lines = text.split("\n")
+    if len(lines) > MESSAGE_LINES:
+        lines = [*lines[: MESSAGE_LINES - 1], f"… ({len(lines) - MESSAGE_LINES + 1} more lines)"]
+    cut = [one if len(one) <= LINE_LENGTH else one[: LINE_LENGTH - 1] + "…" for one in lines]
+    return "\n".join(cut) + _suggestion(error)
+
+
+def whole(error: BaseException) -> str:
+    """The whole traceback of an error, with its causes; of a very long one, both ends."""
+    text = "".join(traceback.format_exception(error))
+    if len(text) <= TRACEBACK_LENGTH:
+        return text
+    half = TRACEBACK_LENGTH // 2
+    return f"{text[:half]}\n…\n{text[-half:]}"
+
+
+@contextmanager
+def blamed(handler: Callable[..., Any]) -> Generator[None]:
+    """Call a service's method: whatever goes wrong is the method's. Raises UserCodeError.
+
+    Also an exit of the process, which is no way to end a world.
+    """
+    try:
+        yield
+    except UserCodeError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise UserCodeError(handler_name(handler), handler) from error
+
+
+def _handler_place(handler: Callable[..., Any], error: BaseException) -> Place | None:
+    """Where a handler went wrong: where it sets the attribute in question, or where it begins."""
+    attribute = error.attribute if isinstance(error, StateError) else ""
+    places = assignments(handler, attribute) if attribute else []
+    return places[-1] if places else defined(handler)
+
+
+# --- causes and hints ---
+
+
+def _causes(error: BaseException) -> Iterator[BaseException]:
+    """What led to an exception, as a traceback shows it."""
+    seen = {id(error)}
+    cause = _cause(error)
+    while cause is not None and id(cause) not in seen:
+        seen.add(id(cause))
+        yield cause
+        cause = _cause(cause)
+
+
+def _cause(error: BaseException) -> BaseException | None:
+    explicit = error.__suppress_context__ or error.__cause__ is not None
+    return error.__cause__ if explicit else error.__context__
+
+
+def _root(error: BaseException) -> BaseException | None:
+    """The first cause of an exception that user code has something to do with."""
+    own = [cause for cause in _causes(error) if place_of(cause) is not None]
+    return own[-1] if own else None
+
+
+def _caused_by(root: BaseException, shown: Place | None) -> Iterable[str]:
+    place = place_of(root)
+    yield f"  caused by {described(root).partition(chr(10))[0]}"
+    if place is None:
+        return
+    if shown is None or (place.file, place.line) != (shown.file, shown.line):
+        where, *source = place.lines()
+        yield f"  {where}"
+        yield from (f"  {line}" for line in source[:1])
+
+
+def _suggestion(error: BaseException) -> str:
+    """`; did you mean 'energy'?` for a misspelt name, which Python 3.11 says on its own only."""
+    if isinstance(error, SceneError) or not isinstance(error, AttributeError | NameError):
+        return ""
+    name: str | None = getattr(error, "name", None)
+    if not name or "did you mean" in str(error).lower():
+        return ""
+    try:
+        return nearest(name, sorted(_known(error)))
+    except Exception:
+        return ""  # The object's own __dir__ may raise, too.
+
+
+def _known(error: AttributeError | NameError) -> set[str]:
+    if isinstance(error, AttributeError):
+        return {name for name in dir(error.obj) if not name.startswith("_")}
+    return _visible(error.__traceback__)
+
+
+def _visible(trace: TracebackType | None) -> set[str]:
+    names = set(dir(builtins))
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is not None:
+        names |= {*trace.tb_frame.f_locals, *trace.tb_frame.f_globals}
+    return names

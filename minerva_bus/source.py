@@ -1,0 +1,172 @@
+"""Where a user's code is: the line that an error came through, where a method begins, what it sets.
+
+Frames of this framework, of the standard library and of installed packages do not help the author
+of a world, so they are passed over.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import sysconfig
+import textwrap
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any, Final
+
+LINE_LENGTH: Final = 300
+
+_FRAMEWORK: Final = str(Path(__file__).parent) + os.sep
+_LIBRARIES: Final = tuple(
+    {
+        path + os.sep
+        for name in ("stdlib", "platstdlib", "purelib", "platlib")
+        if (path := sysconfig.get_path(name))
+    }
+    | {str(Path(os.__file__).parent) + os.sep}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A line of a user's code; `shown` is its source, with marks below it where they are known."""
+
+    file: str
+    line: int
+    function: str = ""
+    shown: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """`file:line, in function` and the source line, indented."""
+        where = f"  {self.file}:{self.line}"
+        if self.function:
+            where += f", in {self.function}"
+        return [where, *(f"    {text[:LINE_LENGTH]}" for text in self.shown)]
+
+
+def place_of(error: BaseException) -> Place | None:
+    """The last line of user code that an exception came through, if it came through any."""
+    if isinstance(error, SyntaxError) and error.filename is not None:
+        return _syntax_place(error)
+    found = _user_frame(list(traceback.walk_tb(error.__traceback__)))
+    if found is None:
+        return None
+    frame, number, index = found
+    summary = traceback.extract_tb(error.__traceback__)[index]
+    _, *shown = "".join(traceback.StackSummary.from_list([summary]).format()).split("\n")
+    source = textwrap.dedent("\n".join(line for line in shown if line.strip()))
+    return Place(
+        frame.f_code.co_filename, number, function_name(frame.f_code), tuple(source.splitlines())
+    )
+
+
+def _user_frame(
+    frames: list[tuple[FrameType, int]],
+) -> tuple[FrameType, int, int] | None:
+    """The last frame of user code, its line, and which of the frames it is.
+
+    A package that the framework calls is user code even where it is installed.
+    """
+    entry = next((frame for frame, _ in frames if not is_foreign(frame.f_code.co_filename)), None)
+    if entry is None:
+        outside = (f for f, _ in frames if not f.f_code.co_filename.startswith(_FRAMEWORK))
+        entry = next((f for f in outside if not _is_standard(f.f_code.co_filename)), None)
+    if entry is None:
+        return None
+    package = _package(entry)
+    for index, (frame, number) in reversed(list(enumerate(frames))):
+        if not is_foreign(frame.f_code.co_filename) or _package(frame) == package:
+            return frame, number, index
+    return None
+
+
+def is_foreign(file: str) -> bool:
+    """Whether a source file is not the user's own: framework, library or no file at all."""
+    return file.startswith((_FRAMEWORK, "<frozen", *_LIBRARIES))
+
+
+def _is_standard(file: str) -> bool:
+    """Whether a file is of Python's own library, and not of an installed package."""
+    return file.startswith("<frozen") or (
+        file.startswith(_LIBRARIES) and "-packages" + os.sep not in file
+    )
+
+
+def _package(frame: FrameType) -> str:
+    name: str = frame.f_globals.get("__name__") or ""
+    return name.partition(".")[0] or frame.f_code.co_filename
+
+
+def function_name(code: CodeType) -> str:
+    """A function as its author calls it: `Fox.starve`; nothing for a module's own code."""
+    name = code.co_qualname.rpartition("<locals>.")[2]
+    return "" if name == "<module>" else name
+
+
+def _syntax_place(error: SyntaxError) -> Place:
+    source = (error.text or "").rstrip("\n")
+    bare = source.lstrip()
+    shown = [bare] if bare else []
+    if bare and error.offset:
+        column = max(0, error.offset - 1 - (len(source) - len(bare)))
+        end = (error.end_offset or 0) - error.offset if error.end_lineno == error.lineno else 1
+        shown.append(" " * column + "^" * max(1, min(end, len(bare) - column)))
+    return Place(str(error.filename), error.lineno or 0, "", tuple(shown))
+
+
+# --- handlers: what was called where no frame of it is left ---
+
+
+def handler_name(handler: Callable[..., Any]) -> str:
+    """A method as its author calls it: `Fox.starve`."""
+    bare = inspect.unwrap(handler)
+    name: str = getattr(bare, "__qualname__", type(bare).__name__)
+    return name.rpartition("<locals>.")[2]
+
+
+def defined(handler: Callable[..., Any]) -> Place | None:
+    """The line where a function begins, without its decorators."""
+    code: CodeType | None = getattr(inspect.unwrap(handler), "__code__", None)
+    if code is None:
+        return None
+    first = code.co_firstlineno
+    try:
+        lines, first = inspect.getsourcelines(code)
+    except (OSError, TypeError):
+        return Place(code.co_filename, first, function_name(code))
+    at = next((n for n, line in enumerate(lines) if line.lstrip().startswith(("def ", "async"))), 0)
+    return Place(code.co_filename, first + at, function_name(code), (lines[at].strip(),))
+
+
+def assignments(handler: Callable[..., Any], attribute: str) -> list[Place]:
+    """The lines of a method that set or delete an attribute of its first argument."""
+    function = inspect.unwrap(handler)
+    code: CodeType | None = getattr(function, "__code__", None)
+    if code is None or not code.co_varnames:
+        return []
+    try:
+        lines, first = inspect.getsourcelines(function)
+        tree = ast.parse(textwrap.dedent("".join(lines)))
+    except (OSError, TypeError, SyntaxError):
+        return []
+    own = code.co_varnames[0]
+    setters = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
+    numbers = sorted({node.lineno for node in setters if _sets(node, own, attribute)})
+    name = function_name(code)
+    return [
+        Place(code.co_filename, first + number - 1, name, (lines[number - 1].strip(),))
+        for number in numbers
+    ]
+
+
+def _sets(node: ast.Attribute, own: str, attribute: str) -> bool:
+    return (
+        node.attr == attribute
+        and isinstance(node.ctx, ast.Store | ast.Del)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == own
+    )

@@ -1,0 +1,245 @@
+"""A small world, and the mistakes that beginners make in it: each one a change of its text.
+
+A line that ends with `#!` is the line at fault, which a message has to name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+CODE = '''\
+"""Plants that grow in the sun."""
+
+import random
+import time
+
+from minerva_bus import (
+    EMPTY, Agent, Device, Event, EventType, Generator, Metres, Primitive, Transformation,
+    Vocabulary, on, view,
+)
+
+PDot = Primitive("PDot", size=float)
+TMove = Transformation("TMove", x=float)
+eSun = EventType("eSun", light=float)
+eWind = EventType("eWind")
+ePicture = EventType("ePicture", visual=True)
+
+
+class Plant(Agent, symbol="APlant"):
+    height: Metres = 0.0
+    energy: float = 1.0
+    births: int = 0
+
+    @on("eSun")
+    def grow(self, sun, moment):
+        self.height += sun.light
+
+    @view("ePicture")
+    def picture(self, event):
+        return TMove(x=0.0)(PDot(size=self.height))
+
+
+class Sun(Generator, events=("eSun",)):
+    def __init__(self, strength: float = 1.0) -> None:
+        self.strength = strength
+
+    def generate(self, tick):
+        yield eSun(light=self.strength)
+
+
+class Watch(Device, draws=("ePicture",)):
+    every = 1
+
+    def show(self, shown):
+        self.last = shown.frame
+
+
+vocabulary = Vocabulary.of(PDot, TMove, eSun, eWind, ePicture, Plant)
+'''
+
+FILE = """\
+[world]
+string = "APlant#a · APlant#b"
+vocabulary = "garden:vocabulary"
+frames = 5
+
+[process.plants]
+agents = "garden:Plant"
+
+[process.sun]
+service = "garden:Sun"
+strength = 0.5
+
+[process.watch]
+service = "garden:Watch"
+
+[bus]
+soft = 0.3
+hard = 1.0
+"""
+
+GROW = "        self.height += sun.light\n"
+SHINE = "        yield eSun(light=self.strength)\n"
+SHOW = "        self.last = shown.frame\n"
+SEE = "        return TMove(x=0.0)(PDot(size=self.height))\n"
+MAKE = "        self.strength = strength\n"
+AGENTS = 'agents = "garden:Plant"'
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What is written instead of what, in the code or in the world file.
+
+    `says` are words of the message; `at` is False where the line at fault is in no module.
+    `goes_on`: the world runs nevertheless.
+    """
+
+    name: str
+    instead: str
+    written: str
+    says: tuple[str, ...] = ()
+    at: bool = True
+    in_file: bool = False
+    goes_on: bool = False
+
+    @property
+    def code(self) -> str:
+        return CODE if self.in_file else self._changed(CODE)
+
+    @property
+    def file(self) -> str:
+        return self._changed(FILE) if self.in_file else FILE
+
+    def _changed(self, text: str) -> str:
+        assert self.instead in text, self.name
+        return text.replace(self.instead, self.written, 1)
+
+    @property
+    def line(self) -> int:
+        """The number of the line at fault."""
+        return next(
+            number
+            for number, line in enumerate(self.code.split("\n"), 1)
+            if line.rstrip().endswith("#!")
+        )
+
+    def write(self, folder: Path) -> Path:
+        """The world file, with its module beside it."""
+        (folder / "garden.py").write_text(self.code, encoding="utf-8")
+        path = folder / "garden.toml"
+        path.write_text(self.file, encoding="utf-8")
+        return path
+
+
+def _says(*words: str) -> tuple[str, ...]:
+    return words
+
+
+MISTAKES = (
+    # --- λ ---
+    Mistake("misspelt attribute", GROW, "        self.height += self.enrgy  #!\n",
+            _says("Plant.grow", "#a", "eSun", "frame 0", "has no attribute 'enrgy'", "energy")),
+    Mistake("new attribute", GROW, "        self.heigth = 1.0  #!\n", _says("heigth", "height"), at=False),
+    Mistake("exception in an activity", GROW, "        1 / 0  #!\n", _says("ZeroDivisionError", "division by zero")),
+    Mistake("exception in a helper", GROW,
+            "        helper({})\n\n\ndef helper(table):\n    return table['size']  #!\n\n\nclass Unused:\n    def f(self):\n        pass\n",
+            _says("KeyError", "'size'", "helper")) ,
+    Mistake("exception in a library", GROW, "        random.choice([])  #!\n", _says("IndexError")),
+    Mistake("chained exceptions", GROW,
+            "        try:\n            {}['size']  #!\n        except KeyError as error:\n            raise ValueError('no size') from error\n",
+            _says("ValueError: no size", "KeyError: 'size'")),
+    Mistake("exception without a text", GROW, "        assert False  #!\n", _says("AssertionError")),
+    Mistake("exception with a long text", GROW, "        raise ValueError('x\\n' * 500)  #!\n", _says("ValueError")),
+    Mistake("own exception", GROW,
+            "        class Dry(Exception):\n            pass\n        raise Dry('no water')  #!\n", _says("Dry: no water")),
+    Mistake("raises what is no exception", GROW, "        raise 'dry'  #!\n", _says("TypeError", "exceptions must derive")),
+    Mistake("exits", GROW, "        raise SystemExit(3)  #!\n", _says("SystemExit")),
+    Mistake("calls sys.exit", GROW, "        import sys\n        sys.exit()  #!\n", _says("SystemExit")),
+    Mistake("recursion without end", GROW,
+            "        self.grow(sun, moment)  #!\n", _says("RecursionError")),
+    Mistake("not a number", GROW, "        self.height = float('nan')  #!\n", _says("height", "nan", "Plant.grow"), at=False),
+    Mistake("infinite", GROW, "        self.height = float('inf')  #!\n", _says("height", "inf", "Plant.grow"), at=False),
+    Mistake("not a number in an event", GROW, "        moment.emit(eSun(light=float('nan')))  #!\n", _says("light", "nan", "Plant.grow")),
+    Mistake("text for a number", GROW, "        self.height = 'tall'  #!\n", _says("height", "'tall'", "Plant.grow"), at=False),
+    Mistake("a list for a number", GROW, "        self.height = [1.0]  #!\n", _says("height", "a list", "Plant.grow"), at=False),
+    Mistake("deleted attribute", GROW, "        del self.height  #!\n", _says("height", "deleted", "Plant.grow"), at=False),
+    Mistake("another id", GROW, "        self.id = 'z'  #!\n", _says("keeps its id", "Plant.grow"), at=False),
+    Mistake("returns a number", GROW, "        return 3  #!\n", _says("Plant.grow", "3"), at=False),
+    Mistake("returns itself", GROW, "        return self  #!\n", _says("Plant.grow", "self.string"), at=False),
+    Mistake("returns itself twice", GROW, "        return self.string + self.string  #!\n", _says("#a", "Plant.grow"), at=False),
+    Mistake("emits nothing", GROW, "        moment.emit(None)  #!\n", _says("Plant.grow", "emit")),
+    Mistake("emits a type", GROW, "        moment.emit(eSun)  #!\n", _says("Plant.grow", "emit")),
+    Mistake("misspelt datum of an event", GROW, "        self.height += sun.lihgt  #!\n", _says("lihgt", "light")),
+    Mistake("child of unknown state", GROW, "        return self.string + self.child(heigth=1.0)  #!\n", _says("heigth", "height")),
+    # --- θ ---
+    Mistake("exception in a view", SEE, "        return PDot(size=self.size)  #!\n", _says("Plant.picture", "#a", "ePicture", "size")),
+    Mistake("a view returns nothing", SEE, "        PDot(size=self.height)  #!\n", _says("Plant.picture", "None"), at=False),
+    Mistake("a view returns an agent", SEE, "        return self.string  #!\n", _says("Plant.picture", "agent"), at=False),
+    Mistake("a view returns a text", SEE, "        return 'PDot(size=1)'  #!\n", _says("Plant.picture", "'PDot(size=1)'"), at=False),
+    Mistake("a parameter of a wrong type", SEE, "        return PDot(size='big')  #!\n", _says("PDot", "size", "'big'")),
+    Mistake("a parameter is missing", SEE, "        return PDot()  #!\n", _says("PDot", "size")),
+    Mistake("a parameter too many", SEE, "        return PDot(size=1.0, colour=3)  #!\n", _says("PDot", "colour")),
+    # --- generators ---
+    Mistake("exception in a generator", SHINE, "        yield eSun(light=self.power)  #!\n", _says("sun", "Sun.generate", "frame 0", "power")),
+    Mistake("a generator yields a text", SHINE, "        yield 'eSun'  #!\n", _says("Sun.generate", "'eSun'"), at=False),
+    Mistake("a generator yields a type", SHINE, "        yield eSun  #!\n", _says("Sun.generate", "eSun"), at=False),
+    Mistake("a generator returns a number", SHINE, "        return 3  #!\n", _says("Sun.generate", "3"), at=False),
+    Mistake("an event that is not declared", SHINE, "        yield eWind()  #!\n", _says("Sun", "eWind", "events"), at=False),
+    Mistake("a datum is missing", SHINE, "        yield eSun()  #!\n", _says("eSun", "light")),
+    Mistake("data in place", SHINE, "        yield eSun(1.0, 2.0)  #!\n", _says("eSun")),
+    Mistake("a generator saves what is no plain value", SHINE,
+            SHINE + "\n    def save(self):\n        return {'at': self}\n", _says("Sun.save"), at=False),
+    # --- devices ---
+    Mistake("exception in a device", SHOW, "        self.last = shown.number  #!\n", _says("watch", "Watch.show", "number")),
+    # --- constructors ---
+    Mistake("exception in a constructor", MAKE, "        self.strength = {}['strength']  #!\n", _says("[process.sun]", "KeyError")),
+    Mistake("missing file in a constructor", MAKE,
+            "        self.table = open('sun.csv').read()  #!\n", _says("[process.sun]", "sun.csv")),
+    Mistake("wrong value in a constructor", MAKE, "        raise ValueError('strength must be 1')  #!\n", _says("[process.sun]", "strength must be 1")),
+    Mistake("constructor that exits", MAKE, "        raise SystemExit('enough')  #!\n", _says("[process.sun]", "enough")),
+    Mistake("default that cannot be shared", "    energy: float = 1.0\n", "    energy: list = []  #!\n", _says("energy"), at=False),
+    # --- signatures ---
+    Mistake("activity without a moment", "    def grow(self, sun, moment):\n", "    def grow(self, sun):  #!\n", _says("Plant.grow", "(self, event, moment)")),
+    Mistake("activity without self", "    def grow(self, sun, moment):\n", "    def grow(sun, moment):  #!\n", _says("Plant.grow", "(self, event, moment)")),
+    Mistake("view with a moment", "    def picture(self, event):\n", "    def picture(self, event, moment):  #!\n", _says("Plant.picture", "(self, event)")),
+    Mistake("generate without a tick", "    def generate(self, tick):\n", "    def generate(self):  #!\n", _says("Sun.generate", "(self, tick)")),
+    Mistake("show without a view", "    def show(self, shown):\n", "    def show(self):  #!\n", _says("Watch.show", "(self, view)")),
+    Mistake("marked without a name", '    @on("eSun")\n', "    @on  #!\n", _says("@on")),
+    # --- the module ---
+    Mistake("syntax error", GROW, "        self.height += sun.light)  #!\n", _says("unmatched ')'", "^")),
+    Mistake("wrong indentation", GROW, "      self.height += sun.light\n       pass  #!\n", _says("indent")),
+    Mistake("missing module", "import random\n", "import rnadom  #!\nimport random\n", _says("rnadom", "not installed")),
+    Mistake("missing name", "    EMPTY,", "    EMPTTY,", _says("EMPTTY"), at=False),
+    Mistake("exception on import", "import random\n", "import random\n\nSIZE = 1 / 0  #!\n", _says("ZeroDivisionError")),
+    Mistake("unknown type of attribute", "    energy: float = 1.0\n", "    energy: flaot = 1.0  #!\n", _says("flaot")),
+    Mistake("wrong default", "    energy: float = 1.0\n", "    energy: float = 'full'  #!\n", _says("energy", "'full'"), at=False),
+    Mistake("agent is not in the vocabulary", "ePicture, Plant)", "ePicture)", _says("APlant", "Plant", "garden", "Vocabulary.of"), at=False),
+    Mistake("event is not in the vocabulary", "eSun, eWind,", "eWind,", _says("eSun"), at=False),
+    Mistake("wrong event in @on", '    @on("eSun")\n', '    @on("eSnu")  #!\n', _says("eSnu", "eSun"), at=False),
+    Mistake("wrong event in a generator", 'events=("eSun",)', 'events=("eSnu",)', _says("eSnu", "eSun"), at=False),
+    # --- the world file ---
+    Mistake("misspelt key", "frames = 5", "fraems = 5", _says("fraems", "frames", "garden.toml:4"), at=False, in_file=True),
+    Mistake("unit that is none", "APlant#a ", "APlant#a<height=3 ft> ", _says("ft"), at=False, in_file=True),
+    Mistake("wrong unit", "APlant#a ", "APlant#a<height=3 s> ", _says("height", "s"), at=False, in_file=True),
+    Mistake("unknown parameter", "APlant#a ", "APlant#a<heigth=3 m> ", _says("heigth", "height"), at=False, in_file=True),
+    Mistake("duplicate id", "APlant#b", "APlant#a", _says("#a"), at=False, in_file=True),
+    Mistake("unknown symbol", "APlant#b", "APlnat#b", _says("APlnat", "APlant"), at=False, in_file=True),
+    Mistake("missing process of agents", AGENTS, 'service = "garden:Sun"', _says("APlant", "no host"), at=False, in_file=True, goes_on=True),
+    Mistake("unknown option", "strength = 0.5", "strenght = 0.5", _says("strenght", "strength", "[process.sun]"), at=False, in_file=True),
+    Mistake("option of a wrong type", "strength = 0.5", 'strength = "much"', _says("strength", "much"), at=False, in_file=True),
+    Mistake("no such class", "garden:Watch", "garden:Wacth", _says("Wacth", "Watch"), at=False, in_file=True),
+    Mistake("agent as a service", "garden:Watch", "garden:Plant", _says("garden:Plant"), at=False, in_file=True),
+    Mistake("no TOML", "[process.sun]", "[process.sun", _says("garden.toml"), at=False, in_file=True),
+)  # fmt: skip
+
+HARMLESS = (
+    Mistake("generate returns one event", SHINE, "        return eSun(light=self.strength)\n"),
+    Mistake("generate returns a list", SHINE, "        return [eSun(light=self.strength)]\n"),
+    Mistake("generate returns nothing", SHINE, "        return None\n"),
+    Mistake("generate yields nothing", SHINE, "        yield None\n"),
+    Mistake("print in an activity", GROW, GROW + "        print('growing')\n"),
+    Mistake("a view that shows nothing", SEE, "        return EMPTY\n"),
+    Mistake("save returns a number", SHINE, SHINE + "\n    def save(self):\n        return 7\n"),
+)
+"""What is allowed, though other systems refuse it."""

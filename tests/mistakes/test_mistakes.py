@@ -1,0 +1,117 @@
+"""What beginners do wrong is said in a few lines, with the file and the line of their own code."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from mistakes import HARMLESS, MISTAKES, Mistake
+
+import minerva_bus.cli.checking
+import minerva_bus.cli.running
+import minerva_bus.launch.resuming  # noqa: F401  (so that forks need not import it all)
+from minerva_bus.cli.main import app, main
+
+ERROR, ALL = 10, 25
+
+
+@pytest.fixture(scope="module", autouse=True)
+def warm():
+    """What the command line imports when it is first used is there before the forks."""
+    with pytest.raises(SystemExit):
+        app(["check", "nothing.mnv"])
+
+
+def minerva(folder: Path, *words: str) -> tuple[int, str]:
+    """The exit code and the output of a command, run in a fork: modules are read anew."""
+    output = folder / "output"
+    pid = os.fork()
+    if not pid:
+        code = 1
+        try:
+            descriptor = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(descriptor, 1)
+            os.dup2(descriptor, 2)
+            sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+            sys.argv = ["minerva", *map(str, words)]
+            main()
+            code = 0
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else int(bool(ended.code))
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    _, status = os.waitpid(pid, 0)
+    return os.waitstatus_to_exitcode(status), output.read_text(encoding="utf-8")
+
+
+def explained(mistake: Mistake, text: str) -> None:
+    assert "Traceback" not in text
+    for word in mistake.says:
+        assert word in text
+    if mistake.at:
+        assert f"garden.py:{mistake.line}" in text
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda one: one.name)
+def test_a_mistake_is_explained_in_a_few_lines(mistake, tmp_path):
+    path = mistake.write(tmp_path)
+    code, text = minerva(tmp_path, "run", path, "--in-process")
+    explained(mistake, text)
+    assert len(text.splitlines()) <= ERROR
+    assert code in (1, 2) or mistake.goes_on
+    checked, said = minerva(tmp_path, "check", path)
+    if code == 2:  # What makes a run impossible shows before it.
+        assert checked == 1
+        explained(mistake, said)
+
+
+@pytest.mark.parametrize("allowed", HARMLESS, ids=lambda one: one.name)
+def test_what_is_allowed_says_nothing(allowed, tmp_path):
+    code, text = minerva(tmp_path, "run", allowed.write(tmp_path), "--in-process")
+    assert code == 0
+    assert "failed" not in text
+
+
+def test_all_frames_are_shown_to_who_wants_them(tmp_path):
+    mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
+    code, text = minerva(tmp_path, "run", mistake.write(tmp_path), "--in-process", "--traceback")
+    assert code == 1
+    assert "Traceback (most recent call last)" in text
+    assert "minerva_bus/world/life.py" in text
+    assert f"garden.py:{mistake.line}" in text
+
+
+ON_THE_BUS = [
+    "exception in an activity",
+    "exception in a view",
+    "exception in a generator",
+    "not a number",
+    "calls sys.exit",
+]
+
+
+@pytest.mark.parametrize("name", ON_THE_BUS)
+def test_on_the_bus_it_is_said_once_and_the_world_stops(name, tmp_path):
+    mistake = next(one for one in MISTAKES if one.name == name)
+    code, text = minerva(tmp_path, "run", mistake.write(tmp_path))
+    explained(mistake, text)
+    assert code == 1
+    assert len(text.splitlines()) <= ALL
+    assert text.count(f"garden.py:{mistake.line}") == 1
+    assert "restart 1 of 5" in text
+    assert "restart 2 of 5" not in text
+    assert "the same error in the same frame again" in text
+
+
+def test_several_processes_that_fail_alike_say_where_once(tmp_path):
+    mistake = next(one for one in MISTAKES if one.name == "exception in an activity")
+    path = mistake.write(tmp_path)
+    agents = " · ".join(f"APlant#p{n}" for n in range(8))
+    text = path.read_text().replace("APlant#a · APlant#b", agents)
+    path.write_text(text.replace("[process.plants]", "[process.plants]\nprocesses = 3"))
+    code, text = minerva(tmp_path, "run", path)
+    assert code == 1
+    assert len(text.splitlines()) <= ALL
+    assert text.count(f"garden.py:{mistake.line}") == 1
