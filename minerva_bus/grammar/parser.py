@@ -5,9 +5,12 @@
     OBJECT   → FIGURE | TRANSFORMATION | AGENT
     AGENT    → Aname ["#" id] [values] ["(" [OBJECTS] ")"]
     TRANSFORMATION → Tname [values] "(" [OBJECTS] ")"
-    FIGURE   → Pname [values]
+    FIGURE   → PRIMITIVE PRIMITIVE*
+    PRIMITIVE → Pname [values]
     values   → "<" [name "=" value ("," name "=" value)*] ">"
 
+Primitives of one figure may stand side by side without a dot (p⁺, rule 6): `PX PY` and `PX · PY`
+are one string, since φ runs both from left to right (equation 1), and print with dots.
 A symbol's first letter says its alphabet, as in the paper: P, T or A. `//` starts a comment.
 An agent without an id gets one from its kind and its place among the nameless ones of that kind;
 ids that the text gives to others are passed over. The parser keeps its own stack, so depth is
@@ -101,7 +104,9 @@ class _Reader:
         top: list[Node] = []
         nodes = top
         while True:
+            start = at
             opened, at = self.symbol(at, nodes)
+            end = at
             if opened is not None:
                 stack.append(opened)
                 nodes = opened.nodes
@@ -114,7 +119,8 @@ class _Reader:
                 at = self.skip(at + 1)
             if self.ends(at):
                 break
-            at = self.separator(at, bool(stack))
+            figure = self.text[start] == "P" and at == end
+            at = self.separator(at, bool(stack), figure)
         if stack:
             last = stack[-1]
             raise self.wrong(f"the scope of {last.symbol} is not closed", at, "')'", last.offset)
@@ -195,7 +201,10 @@ class _Reader:
             self.given = frozenset(_GIVEN_ID.findall(self.text))
         return self.given
 
-    def separator(self, at: int, inside: bool) -> int:
+    def separator(self, at: int, inside: bool, figure: bool) -> int:
+        """The offset of the next symbol; within a `figure` a primitive may follow without a dot."""
+        if figure and self.text.startswith("P", at):
+            return at
         if self.text.startswith(("·", "."), at):
             return self.skip(at + 1)
         end = "'}'" if self.depth else "the end"

@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 
 from minerva_bus.errors import SceneError
 from minerva_bus.grammar.parser import parse
-from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene, agents, scene_of
+from minerva_bus.grammar.printer import head
+from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene, agents, scene_of, walk
 from minerva_bus.testing.strategies import scenes, values, vocabularies, worlds
 
 law = settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
@@ -24,6 +25,31 @@ def test_what_is_printed_reads_back_as_the_same_string(w):
 @given(scenes(depth=2))
 def test_print_is_canonical(w):
     assert str(parse(str(w))) == str(w)
+
+
+def spelled(w, chance):
+    """A text of a string as a person may write it: blanks and comments, and figures without dots."""
+    text, before = "", None
+    for opens, node in walk(w):
+        if not opens:
+            text, before = text + chance.choice([")", " ) "]), node
+            continue
+        if before is not None:
+            bare = isinstance(before, FigureNode) and isinstance(node, FigureNode)
+            text += chance.choice([" ", "\n", " // and\n"] if bare else [" · ", ".", "\n·"])
+        text, before = text + head(node), node
+        if not isinstance(node, FigureNode):
+            text, before = text + "(", None
+    return text
+
+
+@settings(law, max_examples=40)
+@given(scenes(depth=1), st.integers(0, 1 << 32))
+def test_a_figure_may_be_spelled_without_dots(w, seed):
+    """Rule 6, p⁺: the dots between primitives are one way to write their concatenation."""
+    again = parse(spelled(w, Random(seed)))
+    assert again == w
+    assert str(again) == str(w)
 
 
 @law

@@ -46,6 +46,22 @@ def test_rule_6_a_figure_is_one_primitive_or_more():
     assert [node.symbol for node in parse("PA · PA · PB")] == ["PA", "PA", "PB"]
 
 
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("PX PX", "PX · PX"),
+        ("PX<n=1>PY\nPX // and\n PZ", "PX<n=1> · PY · PX · PZ"),
+        ("PX PY · TA(PX PX) · PZ PY", "PX · PY · TA(PX · PX) · PZ · PY"),
+        ("AA(PX PY · AB(PX PX)) . PZ", "AA#a1(PX · PY · AB#b1(PX · PX)) · PZ"),
+        ("PX<w={PY PZ}> PX", "PX<w={PY · PZ}> · PX"),
+    ],
+)
+def test_rule_6_the_primitives_of_a_figure_need_no_dot(text, printed):
+    """p⁺ is a concatenation, as `·` is: one string, which prints with dots."""
+    assert str(parse(text)) == printed
+    assert parse(text) == parse(printed)
+
+
 def test_the_papers_robot_is_a_string_of_the_language():
     """4.2.4, with the agent's state between < and >."""
     w = parse('PMap · ARobot#r1<row=3, column=4, angle=90, speed=0, objective="", action={ε}>')
@@ -131,8 +147,14 @@ NOT_IN_THE_LANGUAGE = [
     ("TMove(PA", 1, 9, "the scope of TMove is not closed (it opens at line 1, column 1)", "')'"),
     ("TMove(PA))", 1, 10, "found ')'", "'·' or the end"),
     ("TMove()) · PA", 1, 8, "found ')'", "'·' or the end"),
-    ("PA PB", 1, 4, "found 'P'", "'·' or the end"),
-    ("TMove(PA PB)", 1, 10, "found 'P'", "'·' or ')'"),
+    ("PA AB", 1, 4, "found 'A'", "'·' or the end"),
+    ("PA PB TMove()", 1, 7, "found 'T'", "'·' or the end"),
+    ("TMove(PA AB)", 1, 10, "found 'A'", "'·' or ')'"),
+    ("TMove(PA) PB", 1, 11, "found 'P'", "'·' or the end"),
+    ("AFox PB", 1, 6, "found 'P'", "'·' or the end"),
+    ("AFox AFox", 1, 6, "found 'A'", "'·' or the end"),
+    ("PA PB(PC)", 1, 6, "the primitive PB has no scope", "'·', ')' or the end"),
+    ("PA<x={PB AC}>", 1, 10, "found 'A'", "'·' or '}'"),
     ("PA ·", 1, 5, "found the end", "a symbol of P, T or A"),
     ("· PA", 1, 1, "found '·'", "a symbol of P, T or A"),
     ("PA · · PB", 1, 6, "found '·'", "a symbol of P, T or A"),
