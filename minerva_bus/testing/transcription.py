@@ -133,15 +133,16 @@ def system(
     lam: Lambda,
     theta: Lambda,
     phi_g: Callable[[Scene], None],
+    evolved: Callable[[Scene, Sequence[Event], Lambda], Scene] = eta_sequential,
 ) -> Iterator[Scene]:
-    """Table 2, step by step; yields w of every frame."""
+    """Table 2, step by step; yields w of every frame. `evolved` is how equation 3 is read."""
     w, t = w0, 0  # 1
     while True:
         yield w
         e = collect(generators, t)  # 2
         e_v = [one for one in e if visual(one)]  # 3
         e_u = [one for one in e if not visual(one)]  # 4
-        w_next = eta_sequential(w, e_u, lam)  # 5
+        w_next = evolved(w, e_u, lam)  # 5
         v = pi(w, e_v, theta)  # 6
         phi_g(v)  # 7
         w, t = w_next, t + 1  # 8
