@@ -31,6 +31,7 @@ from minerva_bus import (
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.frame.messages import EvolveRequest
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
 from minerva_bus.grammar.condition import holds
@@ -56,6 +57,7 @@ class Run:
     strings: list[Scene] = field(default_factory=list)
     asked: list[tuple[str, int]] = field(default_factory=list)
     events: list[list[Event]] = field(default_factory=list)
+    parted: list[tuple[int, list[Event], list[Event]]] = field(default_factory=list)
     drawn: list[tuple[int, list]] = field(default_factory=list)
     ended: str = ""
 
@@ -87,6 +89,21 @@ class Scripted(Generator):
     def generate(self, tick):
         self.run_.asked.append((self.name, tick.number))
         return self.made(tick.number)
+
+
+class Host(Participant):
+    """A host of agents that writes down which events it is given for evolution, which for views."""
+
+    def __init__(self, name, kinds, run):
+        super().__init__(name, None, kinds)
+        self.run = run
+
+    def receive(self, message):
+        if isinstance(message, EvolveRequest) and self.name in message.asked:
+            parted = message.frame, list(message.events), list(message.visual)
+            if parted not in self.run.parted:
+                self.run.parted.append(parted)
+        return super().receive(message)
 
 
 class Screen(Device):
@@ -122,7 +139,7 @@ class Setting:
             Participant(name, Scripted(name, made, self.vocabulary, run))
             for name, made in self.script.items()
         ]
-        members += [Participant(f"host{n}", None, self.kinds) for n in range(self.hosts)]
+        members += [Host(f"host{n}", self.kinds, run) for n in range(self.hosts)]
         members.append(Participant("screen", Screen(run, self.visual)))
         named = frozenset(one.name for one in members)
         world = World(
@@ -195,6 +212,16 @@ class Setting:
         assert engine.events == paper.events
         seen = [t for t, events in enumerate(paper.events) if any(map(self._is_visual, events))]
         assert engine.drawn == [(t, calls) for t, calls in paper.drawn if t in seen]
+        asked = [t for t, _, _ in engine.parted]
+        assert engine.parted == [
+            (
+                t,
+                [e for e in all_ if not self._is_visual(e)],
+                [e for e in all_ if self._is_visual(e)],
+            )
+            for t, all_ in enumerate(paper.events)
+            if t in asked
+        ]
         assert engine.asked == [
             (name, t) for t in range(len(paper.strings)) for name in sorted(self.script)
         ]
