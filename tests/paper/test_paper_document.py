@@ -63,10 +63,8 @@ def names(path):
     made = set()
     for file in files:
         if file.suffix == ".py":
-            made.add(file.stem)
-            made |= _defined(ast.parse(file.read_text()), "")
-            made |= {f"{file.stem}.{one}" for one in made.copy() if "." not in one}
-            made |= {f"{file.stem}.{one}" for one in _defined(ast.parse(file.read_text()), "")}
+            defined = _defined(ast.parse(file.read_text()), "")
+            made |= {file.stem, *defined, *(f"{file.stem}.{one}" for one in defined)}
     return frozenset(made)
 
 
