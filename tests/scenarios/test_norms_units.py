@@ -1,0 +1,54 @@
+"""Who is judged, and who is sanctioned, where an agent is within another or has just been born."""
+
+from street import FINE, eFine
+from test_norms import happened, live, states
+
+from minerva_bus.grammar.batch import single
+from minerva_bus.world.norms import Norm, Then
+
+FAST = Norm("fast", when="speed > 20", then=Then.SANCTION, sanction=eFine(2, "fast"))
+
+
+def fined(frames):
+    """Who is fined in each frame."""
+    return [
+        [who for event in single(events) if event.type == "eFine" for who in event.receivers]
+        for events, _ in frames
+    ]
+
+
+def test_an_agent_within_another_is_sanctioned_itself():
+    frames, _, _ = live(
+        "ARunner#a<x=-300, speed=1>(ARunner#b<x=-300, speed=30>)", (FAST,), frames=3
+    )
+    assert fined(frames) == [[], ["b"], ["b"]]
+
+
+def test_all_within_an_agent_are_judged_whoever_is_not_concerned():
+    """An agent of another kind, or one that has not changed, stands before those who have."""
+    runners = Norm("fast", ("ARunner",), when="speed > 20", then=Then.COUNT)
+    w = "APasser#p(ALight#light · ARunner#a<speed=30> · ARunner#b<speed=30>)"
+    assert live(w, (runners,), frames=1)[2] == {"norm_fast": 2}
+    every = Norm("all", where="x > -99", then=Then.COUNT)
+    assert live(w, (every,), frames=1)[2] == {"norm_all": 2}
+
+
+def test_for_a_newborn_its_parent_is_sanctioned():
+    """The newborn is nobody's yet: it is not there if it is refused."""
+    norm = Norm("young", when="births == 0", sanction=eFine(4, "young"))
+    frames, _, figures = live("ARunner#a<births=1, speed=-9>", (norm,), frames=20)
+    assert {tuple(states(scene)) for _, scene in frames} == {("a",)}
+    assert figures["norm_young"] > 0
+    assert {who for of in fined(frames) for who in of} == {"a"}
+
+
+def test_only_events_of_those_who_are_refused_are_lost():
+    """Among many of whom some breed, those who did nothing shout on."""
+    w = " · ".join(f"ARunner#r{n}<speed={-9 - n}>" for n in range(40))
+    norm = Norm("calm", when="was.speed > -20", most=0)
+    frames, algorithm, _ = live(w, (norm,), frames=3)
+    calm = {f"r{n}" for n in range(40) if -9 - n > -20}
+    shouting = {event.sender for event in single(frames[1][0]) if event.type == "eShout"}
+    assert shouting == {f"r{n}" for n in range(40)} - calm
+    assert len(states(algorithm.scene)) > 40
+    assert sum(happened(frames, FINE.sanction.type)) == 0
