@@ -1,0 +1,170 @@
+"""Somebody who types the commands of a page in a terminal, and one who runs a world in another."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from pathlib import Path
+
+PATIENCE = 150.0
+"""Seconds in which a command ends, or shows what it is to show: far more than it needs."""
+
+NAMES = "127.0.0.1 localhost lab.example server server.local router.example coordinator\n"
+
+
+class Island:
+    """A network namespace of one's own, where ports are free and the pages' names lead home."""
+
+    def __init__(self, folder: Path) -> None:
+        self.inside: list[str] = []
+        self._holder: subprocess.Popen[str] | None = None
+        if shutil.which("unshare") is None or shutil.which("nsenter") is None:
+            return
+        hosts = folder / "hosts"
+        hosts.write_text(NAMES)
+        # Whoever is root needs no user namespace, where a broker could not drop its privileges.
+        user = ["--map-root-user"] if os.geteuid() else []
+        script = f"ip link set lo up && mount --bind {hosts} /etc/hosts && echo ready && exec cat"
+        self._holder = subprocess.Popen(
+            ["unshare", *user, "--net", "--mount", "sh", "-c", script],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        )  # fmt: skip
+        assert self._holder.stdout is not None
+        if self._holder.stdout.readline() == "ready\n":
+            pid = str(self._holder.pid)
+            self.inside = [
+                "nsenter", "--target", pid, *(["--user", "--preserve-credentials"] if user else []),
+                "--net", "--mount",
+            ]  # fmt: skip
+
+    def close(self) -> None:
+        """Give it up; it also ends with this process."""
+        if self._holder is not None:
+            self._holder.communicate()
+
+
+class Running:
+    """A command in a terminal of its own, in the foreground of it."""
+
+    def __init__(self, line: str, words: list[str], environment: dict[str, str]) -> None:
+        self.line = line
+        self.output = ""
+        self._screen, side = pty.openpty()
+        self._process = subprocess.Popen(
+            words, stdin=side, stdout=side, stderr=side, env=environment, start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        )  # fmt: skip
+        os.close(side)
+        self._over = False
+        self._changed = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def code(self) -> int | None:
+        """Its exit code; None while it runs."""
+        return self._process.poll()
+
+    def _read(self) -> None:
+        """Take what it prints, so that it never waits for anybody to look."""
+        while True:
+            try:
+                text = os.read(self._screen, 65536).decode(errors="replace")
+            except OSError:
+                text = ""
+            with self._changed:
+                self.output += text
+                self._over = not text
+                self._changed.notify_all()
+                if self._over:
+                    return
+
+    def shows(self, text: str) -> None:
+        """Wait until it has printed something, a regular expression."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._over or re.search(text, self.output), PATIENCE)
+        assert re.search(text, self.output), f"{self.line!r} never shows {text!r}:\n{self.output}"
+
+    def interrupt(self, key: bytes = b"\x03") -> int:
+        """Press Ctrl-C, or another key, and wait for the end; its exit code."""
+        if self.code is None:
+            os.write(self._screen, key)
+        return self.ends()
+
+    def ends(self) -> int:
+        """Wait until it has ended; its exit code."""
+        with self._changed:
+            over = self._changed.wait_for(lambda: self._over, PATIENCE)
+        assert over, f"{self.line!r} does not end:\n{self.output}"
+        return self._process.wait(PATIENCE)
+
+    def kill(self) -> None:
+        """Leave nothing of it behind, whatever has happened."""
+        if self.code is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        self._reader.join()
+        os.close(self._screen)
+
+
+class Terminal:
+    """A reader's folder, and the commands that run there."""
+
+    def __init__(self, folder: Path, island: Island) -> None:
+        self.folder = self.place = folder
+        self._inside = island.inside
+        self._started: list[Running] = []
+        programs = folder / ".programs"
+        programs.mkdir()
+        for name, words in (("minerva", "-m minerva_bus.cli.main"), ("python", "")):
+            program = programs / name
+            program.write_text(f'#!/bin/sh\nexec {sys.executable} {words} "$@"\n')
+            program.chmod(0o755)
+        (programs / "pytest").write_text(
+            f'#!/bin/sh\nexec {sys.executable} -m pytest -p no:cacheprovider "$@"\n'
+        )
+        (programs / "pytest").chmod(0o755)
+        self.environment = {
+            "PATH": f"{programs}:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
+            "HOME": str(folder),
+            "TERM": "xterm-256color",
+            "MINERVA_RUNTIME_DIR": str(folder / ".run"),
+            "SDL_VIDEODRIVER": "dummy",
+            "SDL_AUDIODRIVER": "dummy",
+            "BROWSER": "true",
+        }
+
+    def start(self, line: str) -> Running:
+        """Type a command and leave it running."""
+        compound = re.search(r"[;|&\n<>]|^for ", line)
+        script = f"cd {self.place} && {'' if compound else 'exec '}{line}"
+        running = Running(line, [*self._inside, "bash", "-c", script], self.environment)
+        self._started.append(running)
+        return running
+
+    def type(self, line: str) -> tuple[int, str]:
+        """Type a command and wait for its end: its exit code, and what it has printed."""
+        running = self.start(line)
+        return running.ends(), running.output
+
+    def until(self, line: str, text: str) -> None:
+        """Type a command again and again until it ends well and prints something."""
+        until = time.monotonic() + PATIENCE
+        code, output = self.type(line)
+        while code or not re.search(text, output):
+            assert time.monotonic() < until, f"{line!r} never prints {text!r}:\n{output}"
+            code, output = self.type(line)
+
+    def close(self) -> None:
+        """Leave nothing running."""
+        for running in self._started:
+            running.kill()

@@ -1,0 +1,67 @@
+"""The documentation's Python and TOML: it can be read, and what stands by itself runs."""
+
+import textwrap
+import tomllib
+
+import pytest
+from pages import PAGES, blocks
+
+ELSEWHERE = {
+    "README.md": "tests/examples/test_readme.py",
+    "docs/geometries.md": "tests/examples/test_ascii.py",
+    "docs/messages.md": "tests/acl/test_messages_document.py",
+    "docs/populations.md": "tests/examples/test_populations_doc.py",
+    "docs/records.md": "tests/record/test_document.py",
+    "examples/crowd/README.md": "tests/examples/test_crowd.py",
+    "examples/meadow/README.md": "tests/examples/test_meadow.py",
+    "examples/plants/README.md": "tests/examples/test_plants.py",
+    "examples/warehouse/README.md": "tests/examples/test_warehouse.py",
+}
+"""Pages whose Python is run, or compared with the files that it comes from, by tests of their own."""
+
+EXCERPTS = {
+    "docs/norms.md": ["moment.emit"],
+    "docs/worlds.md": ["from minerva_bus import portable\n\nself."],
+}
+"""What blocks begin with that show a line of an agent and cannot run by themselves."""
+
+
+def of(language):
+    return [(page, block) for page in PAGES for block in blocks(page, language)]
+
+
+def place(value):
+    return value if isinstance(value, str) else f"line {value.line}"
+
+
+@pytest.mark.parametrize(("page", "block"), of("python"), ids=place)
+def test_python_can_be_read(page, block):
+    compile(textwrap.dedent(block.text), f"{page}:{block.line}", "exec")
+
+
+@pytest.mark.parametrize(("page", "block"), of("toml"), ids=place)
+def test_toml_can_be_read(page, block):
+    if block.text.startswith("·"):  # a piece of a string within a world file
+        assert page.startswith("examples/")
+        return
+    tomllib.loads(block.text)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+def test_the_python_of_a_page_runs_from_its_first_block_to_its_last(page, tmp_path, monkeypatch):
+    if page in ELSEWHERE:
+        assert (PAGES["README.md"].parent / ELSEWHERE[page]).exists()
+        return
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "page"}
+    exec("from minerva_bus import *", names)
+    for block in blocks(page, "python"):
+        if not block.text.startswith(tuple(EXCERPTS.get(page, ()))):
+            exec(compile(block.text, f"{page}:{block.line}", "exec"), names)
+
+
+def test_the_tables_name_pages_that_have_python():
+    assert all(blocks(page, "python") for page in (*ELSEWHERE, *EXCERPTS))
+    for page, starts in EXCERPTS.items():
+        for start in starts:
+            assert any(block.text.startswith(start) for block in blocks(page, "python"))
