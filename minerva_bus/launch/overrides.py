@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, get_type_hints
@@ -11,6 +10,7 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.border import BorderOverrides
 from minerva_bus.launch.keeping import RecordOverrides
 from minerva_bus.launch.specs import SERVICES, entries
+from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.world.services import Service
 
 
@@ -63,8 +63,8 @@ AS_WRITTEN: Final = Overrides()
 def toml_value(text: str) -> Any:
     """A value as TOML writes it; anything else is a text."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError):
+        return read_toml(f"value = {text}")["value"]
+    except (TomlError, KeyError):
         return text
 
 

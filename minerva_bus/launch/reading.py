@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from minerva_bus.launch.overrides import AS_WRITTEN, Overrides
 from minerva_bus.launch.patience import read_patience
 from minerva_bus.launch.processes import check_members, read_processes
 from minerva_bus.launch.table import Table
+from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.watching import read_watching
 from minerva_bus.launch.worldfile import BusSettings, WorldFile
 from minerva_bus.outputs import note_read
@@ -28,8 +28,8 @@ def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
     """Read, complete and check a world file. Raises WorldFileError and SceneError."""
     text = _read_text(path)
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        data = read_toml(text)
+    except TomlError as error:
         raise WorldFileError(f"{path}: {error}") from None
     overrides.check()
     return _read(Table(data, "", text, str(path)), text, path, overrides)

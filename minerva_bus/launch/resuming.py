@@ -24,6 +24,7 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
+from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.alphabet import plain_vocabulary
 from minerva_bus.world.agent import Agent
@@ -116,11 +117,9 @@ def completed(given: Overrides, told: Description) -> Overrides:
 
 def _options(told: Description) -> dict[str, str]:
     """The options of a run that its world file declares, where they are not as it has them."""
-    import tomllib
-
     try:
-        table = Table(tomllib.loads(told.file), "", told.file, told.path).table("options")
-    except (tomllib.TOMLDecodeError, MinervaError):
+        table = Table(read_toml(told.file), "", told.file, told.path).table("options")
+    except (TomlError, MinervaError):
         return {}
     declared = {name: option_text(value) for name, value in table.rest().items()}
     return {

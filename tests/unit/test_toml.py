@@ -1,0 +1,54 @@
+"""A TOML text of any content is read, or refused with a reason, and does not take long."""
+
+import tomllib
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from minerva_bus.launch.overrides import toml_value
+from minerva_bus.launch.toml import MAX_KEY_PARTS, TomlError, read_toml
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("a = " + "[" * 100_000, "nested too deeply"),
+        ("a = " + "{b = " * 100_000, "nested too deeply"),
+        ("a = " + "1" * 100_000, "4300 digits"),
+        (".".join(["a"] * 200_000) + " = 1", "more than 64 parts"),
+        ("[" + " . ".join(["a"] * 200_000) + "]", "more than 64 parts"),
+        ("x = {" + ".".join(["'a'", '"b"'] * 200) + " = 1}", "more than 64 parts"),
+        ("a = ", "Invalid value"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_with_a_reason(text, problem):
+    with pytest.raises(TomlError, match=problem):
+        read_toml(text)
+
+
+def test_dots_in_strings_and_comments_are_no_keys():
+    dots = ".".join(["PDot"] * 500)
+    text = f'# {dots}\na = "{dots}"\nb = """\n{dots}\n"""\nc = \'{dots}\'\n'
+    assert read_toml(text) == {"a": dots, "b": f"{dots}\n", "c": dots}
+
+
+def test_a_key_of_as_many_parts_as_are_allowed_is_read():
+    found = read_toml(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
+    assert found == tomllib.loads(".".join(["a"] * MAX_KEY_PARTS) + " = 1")
+
+
+@given(st.text(alphabet="ab.=[]{}\"'\n# 1e-_", max_size=80))
+def test_it_is_the_standard_librarys_toml(text):
+    try:
+        wanted = tomllib.loads(text)
+    except ValueError:
+        with pytest.raises(TomlError):
+            read_toml(text)
+    else:
+        assert repr(read_toml(text)) == repr(wanted)
+
+
+def test_an_option_of_any_content_is_a_text():
+    assert toml_value("[" * 100_000) == "[" * 100_000
+    assert toml_value("1" * 5000) == "1" * 5000
