@@ -26,6 +26,7 @@ from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.testing.strategies import family_events, family_strings
 from minerva_bus.world.moment import Frame
+from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order, collect
 
 ORDER = Order(("eAdd", "eStep", "eHit"))
@@ -403,3 +404,24 @@ def test_too_many_copies_are_refused_before_they_are_made():
         MisuseError, match=r"each of the 20 events of frame 3, .* copies; use fewer"
     ):
         evolve(nested, events, (Lily, Counter), Frame(3), Policy.LITERAL)
+
+
+@pytest.mark.parametrize("hosts", [{"one": SCHOOL}, {"a": SCHOOL, "b": SCHOOL, "c": SCHOOL}])
+def test_a_norm_refuses_all_copies_that_a_frame_makes_of_an_agent(hosts):
+    """One copy that breaks it is enough: the agent stands still, as one."""
+    norm = Norm("few", ("ACounter",), where="n > 4")
+    script = [[eAdd(1), eAdd(2)], [eAdd(3)]]
+    text = "ACounter#a · ACounter#b<n=3> · ALily#l(ACounter#c<n=9>)"
+    bus = ran_with(norm, text, script, hosts)
+    assert str(bus.algorithm.scene).startswith(
+        "ACounter#a<n=4>() · ACounter#a:0-2<n=2>() · ACounter#b<n=3>() · ALily#l<"
+    )
+
+
+def ran_with(norm, *what):
+    """As `ran`, with a norm, which says what it refused."""
+    bus = bus_of(*what, norms=(norm,))
+    bus.run()
+    assert bus.ended is not None
+    assert all("few is broken" in one for one in bus.said)
+    return bus
