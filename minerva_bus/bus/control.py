@@ -29,6 +29,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import Member
+from minerva_bus.frame.overruns import Overruns
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.people import refusal_of_order, unknown_value
 from minerva_bus.grammar.events import Event
@@ -52,6 +53,7 @@ class Running(Protocol):
     algorithm: FrameAlgorithm
     pace: Pace
     diary: Diary
+    overruns: Overruns
 
     @property
     def hz(self) -> float:
@@ -131,6 +133,8 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
         phases=measured,
         happenings=running.diary.happenings(since),
         refused=running.refused(),
+        late_frames=running.overruns.count,
+        behind=running.overruns.behind,
     )
 
 

@@ -35,6 +35,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.membership import State
+from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.epochs import stamped
@@ -86,6 +87,7 @@ class BusCoordinator:
         self.hz = 0.0
         self.waited = 0.0
         self._glances = Glances()
+        self.overruns = Overruns()
         self._ready = False
         self._watched_until = 0.0
         self._place = Place(listen, shared, routers)
@@ -117,7 +119,7 @@ class BusCoordinator:
             self.inbox.close()
             for one in declared:
                 one.undeclare()
-        return self.ended
+        return replace(self.ended, figures={**self.ended.figures, **self.overruns.figures()})
 
     def profile(self) -> Mapping[str, Mapping[str, float]]:
         """What was measured of the frames: nothing, here."""
@@ -193,6 +195,8 @@ class BusCoordinator:
         if self._begin_at is not None and time.monotonic() >= self._begin_at:
             self._begin_at, self._ready = None, False
             self.pace.began()
+            period = real_period(self.pace.rate, self.algorithm.world)
+            self.overruns.began(period, time.monotonic())
             self.tell(self._begin())
 
     def _rest_until(self) -> float:
@@ -336,25 +340,24 @@ class BusCoordinator:
 
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and do what it says."""
-        self._hurry(stimulus)
+        self._look_at(stimulus)
         for instruction in self.algorithm.receive(stimulus):
             self._do(instruction)
 
-    def _hurry(self, stimulus: s.Stimulus) -> None:
-        if isinstance(stimulus, s.End) and (stimulus.failed or stimulus.hurried):
+    def _look_at(self, stimulus: s.Stimulus) -> None:
+        """Note who has answered, and whether the end is urgent."""
+        if isinstance(stimulus, m.TickReply):
+            self.overruns.heard("events", stimulus.member, time.monotonic())
+        elif isinstance(stimulus, m.EvolveReply):
+            self.overruns.heard("evolution", stimulus.member, time.monotonic())
+        elif isinstance(stimulus, s.End) and (stimulus.failed or stimulus.hurried):
             self._reports_within = HURRIED_REPORTS_WITHIN
 
     def _do(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
             self._send(instruction)
         elif isinstance(instruction, s.FrameDone):
-            self.last_frame_at = time.monotonic()
-            self._has_time = True
-            if self.watched:
-                self.diary.frame(instruction.frame, instruction.events)
-            self._watch.frame_done(instruction)
-            if self._outbox.observed:
-                self._outbox.record(self._encode(instruction.record))
+            self._end_frame(instruction)
         elif isinstance(instruction, s.Ready):
             self._ready = True
             self._begin_at = self.pace.due(time.monotonic())
@@ -368,6 +371,18 @@ class BusCoordinator:
             self._say(instruction.member, instruction.text, instruction.details)
         else:
             self.ended = instruction
+
+    def _end_frame(self, instruction: s.FrameDone) -> None:
+        self.last_frame_at = time.monotonic()
+        self._has_time = True
+        late = self.overruns.done(instruction.frame, self.last_frame_at)
+        if late:
+            self._say("coordinator", late)
+        if self.watched:
+            self.diary.frame(instruction.frame, instruction.events)
+        self._watch.frame_done(instruction)
+        if self._outbox.observed:
+            self._outbox.record(self._encode(instruction.record))
 
     def _send(self, instruction: s.Send) -> None:
         if isinstance(instruction.message, m.Refused):

@@ -150,7 +150,7 @@ class MeasuringCoordinator(BusCoordinator):
         if not self._measuring:
             super().tell(stimulus)
             return
-        self._hurry(stimulus)
+        self._look_at(stimulus)
         phase, began = self.algorithm.phase, perf_counter()
         answers = isinstance(stimulus, m.TickReply | m.EvolveReply)
         if answers and stimulus.frame == self.algorithm.frame:

@@ -23,6 +23,7 @@ class World:
     `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
     limit), when its string is ε, or when every agent of the kinds that send `until` has sent it or,
     instead, `give_up`, by which an agent says that it cannot.
+    In `real_time` something outside, as a robot, sees to it that a frame lasts `dt` seconds.
     `norms` say what nobody may do. `people` are the event types that people may send although a
     generator makes them. `placement` says where agents may live; it cannot reach the
     string unless some find no place.
@@ -44,6 +45,7 @@ class World:
     frames: int = 0
     until: str = ""
     give_up: str = ""
+    real_time: bool = False
     expected: frozenset[str] = frozenset()
     norms: tuple[Norm, ...] = ()
     people: tuple[str, ...] = ()

@@ -19,6 +19,7 @@ from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopp
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.frame.participant import Participant, Unready
 from minerva_bus.launch.console import Console, live_line
@@ -64,6 +65,7 @@ class Alone:
         self.algorithm = FrameAlgorithm(file.world)
         self.pace = Pace(file.rate)
         self.diary = Diary()
+        self.overruns = Overruns()
         self._totals = Totals()
         self.hz = 0.0
         self.waited = 0.0
@@ -155,6 +157,7 @@ class Alone:
             time.sleep(NAP if due is None else min(due - now, NAP))
             return
         self.pace.began()
+        self.overruns.began(real_period(self.pace.rate, self.algorithm.world), now)
         rates = self.algorithm.roster.attending.rates
         self.tell(s.Begin(self._glances.due(now, rates) if rates else ()))
         self.repace()
@@ -272,6 +275,9 @@ class Alone:
             now = time.monotonic()
             self._count(instruction, now - (self._last_frame or now))
             self._last_frame = now
+            late = self.overruns.done(instruction.frame, now)
+            if late:
+                self._watch(s.Say("coordinator", late))
             self.diary.frame(instruction.frame, instruction.events)
             if self._first_frame is None:
                 self._first_frame = now
@@ -305,6 +311,6 @@ class Alone:
             members=len(self._file.processes),
             seed=self._file.world.seed,
             startup={},
-            figures=dict(ended.figures) if ended is not None else {},
+            figures={**(ended.figures if ended else {}), **self.overruns.figures()},
             before=self._file.world.past.frame,
         )

@@ -50,6 +50,7 @@ def read_description(
         until=_until(table, vocabulary, given.until),
         give_up=_one_sent(table, "give_up", vocabulary, _event_types(table, "give_up", vocabulary)),
         expected=frozenset(process.name for process in processes),
+        real_time=table.truth("real_time", False),
         placement=read_placement(placement, vocabulary),
     )
     table.done()

@@ -51,6 +51,7 @@ def _frames(status: WorldStatus) -> Iterator[Metric]:
         status, status.rate,
     )  # fmt: skip
     yield _gauge("simulated_seconds", "Simulated time since the world began.", status, status.time)
+    yield from _late(status)
     yield _gauge("paused", "1 while no frame may begin.", status, status.paused)
     yield _gauge("agents", "Agents in the string.", status, status.agents)
     yield _gauge(
@@ -62,6 +63,17 @@ def _frames(status: WorldStatus) -> Iterator[Metric]:
         status,
         len(status.waiting) if status.waited else 0,
     )
+
+
+def _late(status: WorldStatus) -> Iterator[Metric]:
+    words = "Frames that took longer than real time."
+    frames = CounterMetricFamily("minerva_late_frames", words, labels=["world"])
+    frames.add_metric([status.world], status.late_frames)
+    yield frames
+    words = "Seconds by which they took longer."
+    behind = CounterMetricFamily("minerva_behind_seconds", words, labels=["world"])
+    behind.add_metric([status.world], status.behind)
+    yield behind
 
 
 def _counted(world: str, totals: Totals) -> Iterator[Metric]:

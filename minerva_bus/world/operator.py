@@ -82,6 +82,7 @@ class WorldStatus:
     are the parts of a frame in microseconds and `bytes_in`, `bytes_out` its bytes, each the mean
     over the last frames. `waiting` are those that a frame waits for, `waited` seconds so far.
     `refused` tells how much was refused, by whose it was: members, people, strangers.
+    `late_frames` is how many frames took longer than real time, and `behind` by how many seconds.
     """
 
     world: str
@@ -102,6 +103,8 @@ class WorldStatus:
     bytes_out: float = 0.0
     happenings: tuple[Happening, ...] = ()
     refused: Mapping[str, int] = field(default_factory=dict[str, int])
+    late_frames: int = 0
+    behind: float = 0.0
 
     @property
     def orders(self) -> tuple[str, ...]:

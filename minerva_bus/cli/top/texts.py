@@ -32,8 +32,15 @@ def heading(status: WorldStatus) -> Text:
         (f"{status.hz:,.0f} Hz", "bold"),
         f" of {status.rate:g}   " if status.rate else "   ",
         f"{counted(status.agents, 'agent')}   {counted(len(status.members), 'member')}   ",
+        (_late(status), "yellow"),
     )
     return text.append_text(doing(status))
+
+
+def _late(status: WorldStatus) -> str:
+    if not status.late_frames:
+        return ""
+    return f"{counted(status.late_frames, 'late frame')} ({status.behind:.1f} s behind)   "
 
 
 def doing(status: WorldStatus) -> Text:

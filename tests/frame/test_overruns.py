@@ -1,0 +1,51 @@
+"""Frames that take longer than real time are counted, and said ever more seldom."""
+
+import pytest
+
+from minerva_bus.frame.overruns import Overruns
+
+
+def run(overruns, took, period=0.1, frames=1, first=1):
+    said = []
+    for frame in range(first, first + frames):
+        overruns.began(period, 100.0)
+        overruns.heard("events", "gLaser", 100.01)
+        overruns.heard("events", "robot", 100.0 + took / 2)
+        overruns.heard("evolution", "robots", 100.0 + took)
+        said.append(overruns.done(frame, 100.0 + took))
+    return [(first + n, text) for n, text in enumerate(said) if text]
+
+
+def test_frames_in_time_are_not_counted():
+    overruns = Overruns()
+    assert run(overruns, 0.105, frames=50) == []
+    assert (overruns.count, overruns.behind, overruns.figures()) == (0, 0.0, {})
+
+
+def test_late_frames_are_said_ever_more_seldom():
+    overruns = Overruns()
+    said = run(overruns, 0.18, frames=50)
+    assert [frame for frame, _ in said] == [5, 10, 20, 40]
+    assert overruns.count == 50
+    assert overruns.behind == pytest.approx(4.0)
+    assert overruns.figures() == {"late_frames": 50, "seconds_behind": pytest.approx(4.0)}
+
+
+def test_it_says_how_late_and_who_was_last():
+    ((_, text),) = run(Overruns(), 0.18, frames=5)
+    assert text == (
+        "frame 5 took 0.180 s instead of 0.100 s (events 0.090 s, robot the last; evolution"
+        " 0.090 s, robots the last); 5 frames were late so far, by 0.4 s altogether"
+    )
+
+
+def test_without_real_time_nothing_is_late():
+    overruns = Overruns()
+    assert run(overruns, 5.0, period=0.0, frames=9) == []
+    assert overruns.count == 0
+
+
+def test_the_first_frame_of_a_world_does_not_count():
+    overruns = Overruns()
+    run(overruns, 5.0, frames=1, first=0)
+    assert overruns.count == 0
