@@ -299,7 +299,7 @@ def test_what_a_member_says_of_itself_steers_nobody_s_terminal(world, door, keys
         present(world, "sensor")
         joined.member._send(m.Doing("sensor", {"note": "\x1b[2Jhi"}))
         for n in range(20):
-            joined.member._send(m.Failed("sensor", n, "\x1b]0;title\x07", "one\ntwo\u202e"))
+            joined.member._send(m.Failed("sensor", n, "\x1b]0;title\x07\ntwo\u202e", "three"))
         world.says("sensor │ failed in frame 0: ?]0;title?")
         world.says("sensor │ two?")
         listed = eventually(
