@@ -10,6 +10,7 @@ over is in an order that does not depend on who answered first.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 from minerva_bus.errors import ProtocolError
@@ -150,14 +151,23 @@ class FrameAlgorithm(Attendance):
         try:
             self.composition.lay_out(course.layout)
             self._layout = course.layout
-            for reply in course.replies:
-                self._merge(reply, self._patched(reply))
+            self._left_out = set(course.left_out)
+            self._judge_again(course)
             self._inbox = {source: list(events) for source, events in course.waiting.items()}
             self._apply()
         except Unfit as unfit:
             raise ProtocolError(f"the course of frame {course.frame}: {unfit}") from None
         self._rearrange = True
         return self._out
+
+    def _judge_again(self, course: Course) -> None:
+        """Take the answers of hosts, each time that they were asked, before the norms."""
+        replies = iter(course.replies)
+        for count in course.answers:
+            for reply in islice(replies, count):
+                self._merge(reply, self._patched(reply))
+            self._hear()
+            self._asked_by = next(self._fewer, ()), ()
 
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:

@@ -152,8 +152,9 @@ class Attendance(Steps):
                 self._collect()
             return
         for key in parts:
-            del self._parts[key]
+            self._left_out.update(self._parts.pop(key))
         if stranded:
+            self._left_out |= self._stranded
             self._stranded = set()
         self._distribution.forget(member.name)
         self._rearrange = True

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
+
+HALTED: Final = "~halted"
+"""The name under which a checkpoint keeps which agents carry out nothing of the last views."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +34,11 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class LastView:
-    """What was shown last of a visual event type: in which frame, and the string of L(E)."""
+    """What was shown last of a visual event type: in which frame, and the string of L(E).
+
+    The agents `halted` carried out nothing of it.
+    """
 
     frame: int
     scene: Scene
+    halted: tuple[str, ...] = ()

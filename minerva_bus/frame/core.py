@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any
 
@@ -15,6 +15,7 @@ from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.enforcement import Enforcement
 from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
+from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import EMPTY, Scene
@@ -53,7 +54,7 @@ class Core:
         self._unoffered: set[frozenset[str]] = set()
         self._rearrange = True
         self._showings = {
-            one: Showing(one, past.frame, last.frame, last.scene)
+            one: Showing(one, past.frame, last.frame, last.scene, halted=last.halted)
             for one, last in world.shown.items()
         }
         self._saved: dict[str, Mapping[str, Any]] = dict(past.saved)
@@ -62,7 +63,9 @@ class Core:
             source: list(events) for source, events in past.inbox.items()
         }
         self._sanctions: list[AnyEvent] = self._inbox.pop(SOURCE, [])
-        self._enforcement = Enforcement(world.norms, self.composition, past.saved.get(SOURCE, {}))
+        self._enforcement = Enforcement(
+            world.norms, self.composition, world.vocabulary, past.saved.get(SOURCE, {})
+        )
         self._held: dict[str, int] = {}
         self._emitted: list[AnyEvent] = list(past.emitted)
         self._asked_ahead: dict[str, int] = {}
@@ -85,6 +88,12 @@ class Core:
         self._ticked: dict[str, m.TickReply] = {}
         self._taken: Mapping[str, Sequence[AnyEvent]] = {}
         self._people: tuple[str, ...] = ()
+        self._trial: Trial | None = None
+        self._fewer: Iterator[tuple[AnyEvent, ...]] = iter(())
+        self._asked_by: tuple[tuple[AnyEvent, ...], tuple[AnyEvent, ...]] | None = None
+        self._answers: list[int] = []
+        self._left_out: set[str] = set()
+        self._halted: tuple[str, ...] = ()
         self._handed_over: tuple[AnyEvent, ...] = ()
         self._permitted: tuple[AnyEvent, ...] = ()
         self._due: tuple[str, ...] = ()
@@ -124,7 +133,7 @@ class Core:
         """Go on from a whole view that was shown last."""
         skeleton = view.skeleton if view.skeleton is not None else EMPTY
         self._showings[view.event_type] = Showing(
-            view.event_type, view.sequence, view.frame, skeleton, dict(view.parts)
+            view.event_type, view.sequence, view.frame, skeleton, dict(view.parts), view.halted
         )
 
     def _waiting(self) -> dict[str, tuple[AnyEvent, ...]]:

@@ -18,6 +18,8 @@ class Course:
     answers of lockstep members by name, `taken` the events of others by source, `layout` how
     populations were cut, `replies` the answers of hosts in their order. `waiting` are events by
     source that came meanwhile, for the frame after it. The sources `people` stood for people.
+    `answers` says how many of the replies came for all events, and how many each time that those
+    whom norms refuse were asked again; `left_out` are the fragments that nobody answered for.
     """
 
     frame: int
@@ -28,3 +30,5 @@ class Course:
     replies: Sequence[EvolveReply]
     waiting: Mapping[str, Sequence[AnyEvent]]
     people: tuple[str, ...] = ()
+    answers: tuple[int, ...] = ()
+    left_out: tuple[str, ...] = ()

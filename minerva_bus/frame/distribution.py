@@ -31,7 +31,7 @@ class Distribution:
         self._offers: Offers = {}
         self._host: dict[str, str] = {}
         self._load = Load()
-        self._held: dict[str, dict[str, Fragment]] = {}
+        self._held: dict[str, dict[str, Fragment | None]] = {}
         self._stale: dict[str, set[str]] = {}
         self._types: dict[str, frozenset[str]] = {}
         self._unwanted: dict[str, tuple[str, ...]] = {}
@@ -242,6 +242,7 @@ class Distribution:
         host = self._host.get(fragment)
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
+            self._held.setdefault(host, {})[fragment] = None
 
 
 def _able(kinds: frozenset[str], offers: Offers) -> list[str]:

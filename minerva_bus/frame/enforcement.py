@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.outcomes import Outcome, outcome_of
+from minerva_bus.frame.trial import Ruling, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
-from minerva_bus.world.norms import EVENT, SOURCE, Book, Norm, Then
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Book, Norm, Then, sanction_of
 
 PEOPLE: Final = "~order"
 """The source of what people send, to which norms apply as to that of generators."""
@@ -24,24 +26,18 @@ Sources = Mapping[str, Sequence[AnyEvent]]
 Sent = Mapping[str, tuple[AnyEvent, ...]]
 
 
-@dataclass(frozen=True, slots=True)
-class Ruling:
-    """What is left of a frame's outcome: what fragments have become, and what agents have sent.
-
-    `overruled` are the fragments that are not what their hosts have made of them.
-    """
-
-    changed: dict[str, Scene]
-    sent: dict[str, tuple[AnyEvent, ...]]
-    overruled: tuple[str, ...]
-
-
 class Enforcement:
     """The norms of a world at work. What is to be said and sent because of them gathers in it."""
 
     def __init__(
-        self, norms: tuple[Norm, ...], composition: Composition, saved: Mapping[str, Any]
+        self,
+        norms: tuple[Norm, ...],
+        composition: Composition,
+        vocabulary: Vocabulary,
+        saved: Mapping[str, Any],
     ) -> None:
+        self._vocabulary = vocabulary
+        self._refusal = vocabulary.events.get(REFUSED)
         self._on_events = tuple(norm for norm in norms if norm.on)
         self._on_agents = tuple(norm for norm in norms if not norm.on)
         self._norms = norms
@@ -166,35 +162,34 @@ class Enforcement:
 
     # --- what agents become ---
 
-    def agents(self, frame: int, changed: Mapping[str, Scene], sent: Sent) -> Ruling:
-        """What is left of what has become of fragments, before it is put into w."""
-        plain = Ruling(dict(changed), dict(sent), ())
+    def agents(self, frame: int, changed: Mapping[str, Scene], sent: Sent) -> Trial | None:
+        """Judge what has become of fragments, before it is put into w; None: there is no norm."""
         if not self._on_agents or not changed:
-            return plain
+            return None
         self._begin(frame)
-        places = self._composition.places(changed)
-        outcomes: dict[str, Outcome] = {
-            name: outcome_of(self._composition.fragments[name], changed[name])
-            for name in sorted(changed, key=places)
-        }
+        trial = Trial(self._composition, changed, sent, self._elsewhere)
         for norm in self._on_agents:
-            for outcome in outcomes.values():
-                self._judge(norm, outcome)
-        overruled = tuple([name for name, outcome in outcomes.items() if outcome.overruled])
-        for name in overruled:
-            plain.changed[name] = outcomes[name].scene
-        for name in [one for one in sent if self._home(one) in overruled]:
-            plain.sent[name] = outcomes[self._home(name)].left(sent[name])
-        return replace(plain, overruled=overruled)
+            trial.judge(norm, partial(self._breaks, norm))
+        return trial
 
-    def _judge(self, norm: Norm, outcome: Outcome) -> None:
-        for who in outcome.offenders(norm, self._elsewhere):
-            if self._breaks(norm, who) and norm.refuses:
-                outcome.undo(who)
+    def stages(self, trial: Trial, events: Sequence[AnyEvent]) -> Iterator[tuple[AnyEvent, ...]]:
+        """The events, ever fewer, by which those who are refused may still go on."""
+        always = {norm.sanction.type for norm in self._norms if norm.sanction is not None}
+        if self._refusal is not None:
+            always.add(self._refusal.name)
+        return trial.stages(events, self._vocabulary, frozenset(always))
 
-    def _home(self, name: str) -> str:
-        """The fragment that has sent something: an agent's, or one in columns."""
-        return name if name in self._composition.parts else self._composition.home(name) or name
+    def reconsider(self, trial: Trial, changed: Mapping[str, Scene], sent: Sent) -> None:
+        """Judge what has become of those who are refused by fewer events; nothing is counted."""
+        refusing = [norm for norm in self._on_agents if norm.refuses]
+        trial.reconsider(changed, sent, refusing, self._exceeds)
+
+    def _exceeds(self, norm: Norm, who: str) -> bool:
+        return self._book.exceeds(norm, who, self._frame)
+
+    def ruling(self, trial: Trial) -> Ruling:
+        """What counts of a frame in the end."""
+        return trial.ruling(self._vocabulary)
 
     # --- both ---
 
@@ -213,9 +208,17 @@ class Enforcement:
                 f"{norm.name} is broken by {whom} in frame {self._frame}"
                 f"{what[:_SHOWN]}: {_FOLLOWS[norm.then]}; from now on this is only counted"
             )
-        if norm.sanction is not None and here:
-            self._sanctions.append(replace(norm.sanction, receivers=(who,)))
+        if here:
+            self._sanctions += [replace(one, receivers=(who,)) for one in self._follows(norm)]
         return True
+
+    def _follows(self, norm: Norm) -> list[Event]:
+        """What who breaks a norm gets in the next frame."""
+        found = [] if norm.sanction is None else [norm.sanction]
+        if self._refusal is not None and norm.refuses and not norm.on:
+            told = sanction_of(norm.name, self._refusal, {})
+            found += [told] if told.type not in [one.type for one in found] else []
+        return found
 
     def _elsewhere(self, name: str) -> Any:
         """The value of `#id.attribute`; None where there is no such agent."""

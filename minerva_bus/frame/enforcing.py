@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+from minerva_bus.frame.checkpoint import HALTED
 from minerva_bus.frame.core import Core
 from minerva_bus.frame.enforcement import PEOPLE, Sources
+from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.norms import SOURCE
 
 
@@ -35,14 +39,46 @@ class Enforcing(Core):
         self._follow_up()
         return tuple(left[PEOPLE])
 
-    def _enforce(self) -> tuple[str, ...]:
-        """Step 5: what agents become; the fragments that are not what their hosts have made."""
+    def _try_outcome(self) -> Trial | None:
+        """Step 5: judge what agents become."""
         if not self._enforcement:
-            return ()
-        ruling = self._enforcement.agents(self.frame, self._changed, self._sent)
-        self._changed, self._sent = ruling.changed, ruling.sent
+            return None
+        trial = self._enforcement.agents(self.frame, self._changed, self._sent)
         self._follow_up()
-        return ruling.overruled
+        return trial
+
+    def _fewer_events(self) -> Iterator[tuple[AnyEvent, ...]]:
+        """The events of the frame, ever fewer, by which those who are refused may still go on."""
+        if self._trial is None:
+            return iter(())
+        return self._enforcement.stages(self._trial, self._evolving)
+
+    def _enforce(self) -> tuple[str, ...]:
+        """Let what the norms leave be the outcome; the fragments of which they refuse something."""
+        overruled: tuple[str, ...] = ()
+        halted = set(self._agents_left_out() if self._visual else ())
+        if self._trial is not None:
+            ruling = self._enforcement.ruling(self._trial)
+            self._changed, self._sent, overruled = ruling.changed, ruling.sent, ruling.overruled
+            halted.update(ruling.halted)
+        self._halt(tuple(sorted(halted)))
+        return overruled
+
+    def _agents_left_out(self) -> Iterator[str]:
+        """The agents that nobody has evolved in this frame although events were there for them."""
+        for name in self._left_out & self.composition.fragments.keys():
+            fragment = self.composition.fragments[name]
+            ids = fragment.ids if isinstance(fragment, Columns) else None
+            if ids is not None:
+                yield from ids.texts()
+            else:
+                yield from (one.id for one in agents(Scene((fragment,))))
+
+    def _halt(self, halted: tuple[str, ...]) -> None:
+        """These carry out nothing in this frame, which a world that goes on has to know."""
+        self._halted = halted
+        if halted:
+            self._saved[HALTED] = {"frame": self.frame, "agents": list(halted)}
 
     def _follow_up(self) -> None:
         """Say, send and keep what follows from broken norms."""

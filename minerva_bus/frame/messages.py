@@ -16,6 +16,7 @@ from minerva_bus.world.readings import Reading
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
 Patches: TypeAlias = Mapping[str, Patch]
+SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 
 
 # --- from a member to the coordinator ---
@@ -233,6 +234,7 @@ class ViewShown:
     parts: Parts
     skeleton: Scene | None = None
     patches: Patches = field(default_factory=dict[str, Patch])
+    halted: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

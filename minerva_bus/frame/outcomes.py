@@ -2,26 +2,32 @@
 
 The unit that is refused is what λ returned: an agent with all that is in its scope, with all that
 it was to leave beside itself, and with the events that it sent. Figures that one of a population
-leaves beside itself are the exception: nobody can say whose they are.
+leaves beside itself are the exception: nobody can say whose they are. In its place comes what the
+unit was, or what it becomes by fewer events.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from typing import Any, cast
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Fragment
 from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import AgentNode, Node, Scene, agents
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
+from minerva_bus.world.descent import emissions
 from minerva_bus.world.lineage import child_id
 from minerva_bus.world.norms import WAS, Norm
 
+Sent: TypeAlias = tuple[AnyEvent, ...]
 Elsewhere = Callable[[str], Any]
 """The value of `#id.attribute`, or None where there is no such agent."""
 
@@ -32,7 +38,7 @@ class Outcome:
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
         self._new = new
-        self._undone: dict[str, None] = {}
+        self._undone: dict[str, Outcome | None] = {}
         self._before = self._agents_before()
 
     def _agents_before(self) -> Mapping[str, AgentNode]:
@@ -55,25 +61,57 @@ class Outcome:
                 continue
             if old is not None and same_values(old.values, agent.values):
                 continue
-            if norm.holds(_state(norm, agent, old, elsewhere)):
+            if norm.holds(state_of(norm, agent, old, elsewhere)):
                 yield agent.id if old is not None else unit
 
     def _unit(self, agent: str) -> str:
         """Whose λ an agent comes from."""
         return cast("AgentNode", self._old).id
 
+    @property
+    def undone(self) -> tuple[str, ...]:
+        """The units that have been undone, sorted."""
+        return tuple(sorted(self._undone))
+
+    @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return tuple(sorted(self._before)) if self._undone else ()
+
+    def unit(self, who: str) -> str:
+        """Whose λ an agent of this outcome comes from."""
+        return self._unit(who)
+
     def undo(self, who: str) -> None:
         """Let somebody be as it was."""
         self._undone[self._unit(who)] = None
 
+    def replace(self, unit: str, other: Outcome) -> None:
+        """Let a unit that was undone be what it is in another outcome, by fewer events."""
+        self._undone[unit] = other
+
+    def was(self, who: str) -> AgentNode | None:
+        """An agent as it was before the frame."""
+        return self._before.get(who)
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """What a unit has become in this outcome."""
+        return self._new.nodes
+
     @property
     def scene(self) -> Scene:
         """What has become of it in the end."""
-        return Scene((self._old,)) if self._undone else self._new
+        if not self._undone:
+            return self._new
+        (other,) = self._undone.values()
+        return Scene((self._old,)) if other is None else other.scene
 
-    def left(self, sent: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
-        """What is left of the events that it sent."""
-        return () if self._undone else sent
+    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+        """What counts of the events that it sent, here and in other outcomes."""
+        if not self._undone:
+            return sent
+        (other,) = self._undone.values()
+        return next((events for outcome, events in later if outcome is other), ())
 
 
 class ManyOutcome(Outcome):
@@ -116,20 +154,39 @@ class ManyOutcome(Outcome):
         self._kept[_ids(self._old).row_of(who)] = False
 
     @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return self.undone
+
+    def was(self, who: str) -> AgentNode | None:
+        """An agent as it was before the frame."""
+        return cast("AgentNode", self._old.node(_ids(self._old).row_of(who)))
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """What one of them has become in this outcome."""
+        return (self._now.node(_ids(self._now).row_of(unit)),)
+
+    @property
     def scene(self) -> Scene:
         """What has become of them in the end."""
         if not self._undone:
             return self._new
-        rows = np.flatnonzero(~self._kept)
-        columns = [
-            new if new is old else new.put(rows, old.array[rows])
-            for new, old in zip(self._now.columns, self._old.columns, strict=True)
-        ]
+        others = {one for one in self._undone.values() if one is not None}
+        if not all(isinstance(one, ManyOutcome) for one in others):
+            return _put_together(self, self._new, self._undone)
+        columns = self._now.columns
+        for other in [None, *others]:
+            part = self._old if other is None else cast("ManyOutcome", other)._now
+            mine = [who for who, by in self._undone.items() if by is other]
+            rows = np.sort(_ids(self._old).rows_of(Ids.of(mine))) if mine else ()
+            if len(rows):
+                pairs = zip(columns, part.columns, strict=True)
+                columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
         return Scene((self._now.with_columns(columns),))
 
-    def left(self, sent: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
-        """What is left of the events that they sent."""
-        return _left(sent, self._undone)
+    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+        """What counts of the events that they sent, here and in other outcomes."""
+        return _left(_ids(self._old), sent, self._undone, later)
 
 
 class MixedOutcome(Outcome):
@@ -158,23 +215,31 @@ class MixedOutcome(Outcome):
         return self._parents.get(agent, agent)
 
     @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return self.undone
+
+    def of_unit(self, unit: str) -> tuple[Node, ...]:
+        """What one of them has become in this outcome, with its newborns."""
+        return self._by_unit.get(unit, ())
+
+    @cached_property
+    def _by_unit(self) -> Mapping[str, tuple[Node, ...]]:
+        found: dict[str, tuple[Node, ...]] = {}
+        for node in self._new.nodes:
+            units = {self._unit(agent.id) for agent in agents(Scene((node,)))}
+            for unit in units:
+                found[unit] = (*found.get(unit, ()), node)
+        return found
+
+    @property
     def scene(self) -> Scene:
         """What has become of them in the end."""
-        if not self._undone:
-            return self._new
-        made: list[Node] = []
-        back = {who: self._before[who] for who in self._undone if who in self._before}
-        for node in self._new.nodes:
-            units = {self._unit(agent.id) for agent in agents(Scene((node,)))} & self._undone.keys()
-            if units:
-                made += [back.pop(who) for who in sorted(units) if who in back]
-            else:
-                made.append(node)
-        return packed(Scene(tuple(made)))
+        return _put_together(self, self._new, self._undone) if self._undone else self._new
 
-    def left(self, sent: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
-        """What is left of the events that they sent."""
-        return _left(sent, self._undone)
+    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+        """What counts of the events that they sent, here and in other outcomes."""
+        return _left(_ids(self._old), sent, self._undone, later)
 
 
 def outcome_of(old: Fragment, new: Scene) -> Outcome:
@@ -186,7 +251,8 @@ def outcome_of(old: Fragment, new: Scene) -> Outcome:
     return ManyOutcome(old, cast("Columns", now)) if alike else MixedOutcome(old, new)
 
 
-def _state(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
+def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
+    """What the conditions of a norm on what agents become can name."""
     state: dict[str, Any] = dict(now.state)
     for name in {name for condition in norm.conditions for name in condition.names}:
         if name.startswith("#"):
@@ -204,19 +270,61 @@ def _changed_rows(old: Columns, new: Columns) -> NDArray[np.bool_]:
     return changed
 
 
-def _left(sent: tuple[AnyEvent, ...], undone: Collection[str]) -> tuple[AnyEvent, ...]:
+def _with(new: Column, old: Column, rows: Rows) -> Column:
+    return new if new is old else new.put(rows, old.array[rows])
+
+
+def _put_together(outcome: Outcome, new: Scene, undone: Mapping[str, Outcome | None]) -> Scene:
+    """A population, node by node, with what units that were undone are in their place."""
+    made: list[Node] = []
+    back = dict(undone)
+    for node in new.nodes:
+        units = {outcome.unit(agent.id) for agent in agents(Scene((node,)))} & undone.keys()
+        if not units:
+            made.append(node)
+        for unit in sorted(units & back.keys()):
+            made += _instead(outcome, unit, back.pop(unit))
+    return packed(Scene(tuple(made))) if made else EMPTY
+
+
+def _instead(outcome: Outcome, unit: str, other: Outcome | None) -> tuple[Node, ...]:
+    if other is not None:
+        return other.of_unit(unit)
+    was = outcome.was(unit)
+    return () if was is None else (was,)
+
+
+def _left(
+    ids: Ids,
+    sent: Sent,
+    undone: Mapping[str, Outcome | None],
+    later: Sequence[tuple[Outcome, Sent]],
+) -> Sent:
+    """The events of a population, in the order of its agents."""
     if not undone:
         return sent
+    found = _kept(sent, lambda who: who not in undone)
+    for outcome, events in later:
+        found += _kept(events, lambda who, by=outcome: undone.get(who) is by)
+    many, alone = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
+    for event in found:
+        if isinstance(event, Event):
+            alone.append((ids.row_of(event.sender), [event]))
+        elif event.senders is not None:
+            many.append((ids.rows_of(event.senders), event))
+    return emissions(many, alone)
+
+
+def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
+    """The events of those senders that one keeps."""
     found: list[AnyEvent] = []
     for event in sent:
-        if not isinstance(event, Events):
-            if event.sender not in undone:
-                found.append(event)
+        if isinstance(event, Event):
+            found += [event] if keeps(event.sender) else []
         elif event.senders is not None:
-            kept = np.flatnonzero(Ids.of(list(undone)).rows_of(event.senders) < 0)
-            if len(kept):
-                found.append(event.take(kept))
-    return tuple(found)
+            rows = np.flatnonzero([keeps(who) for who in event.senders.texts()])
+            found += [event.take(rows)] if len(rows) else []
+    return found
 
 
 def _ids(part: Columns) -> Ids:

@@ -61,6 +61,7 @@ class _Picture:
     sequence: int
     skeleton: Scene
     parts: dict[str, Scene]
+    halted: frozenset[str] = frozenset()
 
 
 class Participant:
@@ -350,6 +351,7 @@ class Participant:
             self._changed(shown)
 
     def _changed(self, shown: m.ViewShown) -> None:
+        self._pictures[shown.event_type].halted = frozenset(shown.halted)
         self._unshown[shown.event_type] = shown.frame
         if isinstance(self.service, Device) and self.service.coupled:
             self.show()
@@ -365,7 +367,8 @@ class Participant:
             self.frame = frame
             if isinstance(self.service, Device):
                 picture = self._pictures[event_type]
-                view = View(frame, event_type, picture.skeleton, dict(picture.parts))
+                parts = dict(picture.parts)
+                view = View(frame, event_type, picture.skeleton, parts, picture.halted)
                 with blamed(self.service.show):
                     self.service.show(view)
 

@@ -257,6 +257,8 @@ def _objection_to(kind: AgentKind, vocabulary: Vocabulary) -> str:
         )
     if mine.chances != kind.chances:
         return f"its {kind.name} answers events with other probabilities than the world's"
+    if mine.rest != kind.rest:
+        return f"its {kind.name} rests by other attributes than the world's"
     return ""
 
 

@@ -21,6 +21,7 @@ class Showing:
     frame: int = -1
     skeleton: Scene = EMPTY
     parts: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    halted: tuple[str, ...] = ()
 
     def next(
         self,
@@ -29,8 +30,13 @@ class Showing:
         changed: Parts,
         patches: Patches,
         alive: Container[str],
+        halted: tuple[str, ...] = (),
     ) -> ViewShown:
-        """The view of a frame: whole where the skeleton is another, else what has changed."""
+        """The view of a frame: whole where the skeleton is another, else what has changed.
+
+        The agents `halted` carry out nothing of what it shows.
+        """
+        self.halted = halted
         self.parts.update(changed)
         patch_all(self.parts, patches)
         self.sequence += 1
@@ -39,13 +45,16 @@ class Showing:
             self.skeleton = skeleton
             self.parts = {one: view for one, view in self.parts.items() if one in alive}
             return self.key()
-        return ViewShown(frame, self.event_type, self.sequence, dict(changed), None, patches)
+        return ViewShown(
+            frame, self.event_type, self.sequence, dict(changed), None, patches, halted
+        )
 
     def key(self) -> ViewShown:
         """The last view as a whole."""
         return ViewShown(
-            self.frame, self.event_type, self.sequence, dict(self.parts), self.skeleton
-        )
+            self.frame, self.event_type, self.sequence, dict(self.parts), self.skeleton,
+            halted=self.halted,
+        )  # fmt: skip
 
 
 def patch_all(parts: dict[str, Scene], patches: Patches) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from minerva_bus.errors import VocabularyError
@@ -177,39 +177,69 @@ class Steps(Endings):
         for fragment, kinds in unplaced.items():
             if kinds <= back:
                 self._stranded.add(fragment)
+            else:
+                self._left_out.add(fragment)
 
     def _ask_again(self, fragments: list[str]) -> None:
         """Ask for some fragments once more in this frame, wherever they are placed now."""
         self._rearrange = self.world.placement.agents_per_host > 0
         self._distribution.arrange(self.offers(), between=False)
         self._stranded = set()
+        unplaced = self._distribution.unplaced
+        self._strand({one: unplaced[one] for one in fragments if one in unplaced})
+        self._ask(fragments)
+        self._finish_if_done()
+
+    def _ask(self, fragments: Iterable[str]) -> None:
+        """Ask the hosts of some fragments for what these become, and look like, once more."""
         placed: dict[str, list[str]] = {}
         for fragment in fragments:
             host = self._distribution.host_of(fragment)
             if host is not None:
                 placed.setdefault(host, []).append(fragment)
-        unplaced = self._distribution.unplaced
-        self._strand({one: unplaced[one] for one in fragments if one in unplaced})
         for host, mine in sorted(placed.items()):
             self._part += 1
             self._parts[host, self._part] = tuple(mine)
             self._give(host)
-            request = m.EvolveRequest(
-                self.frame, (host,), self._evolving, self._visual, self._part, tuple(mine)
-            )
+            events, visual = self._asked_by or (self._evolving, self._visual)
+            request = m.EvolveRequest(self.frame, (host,), events, visual, self._part, tuple(mine))
             self._send(host, request)
-        self._finish_if_done()
 
     def _finish_if_done(self) -> None:
         if self._parts or self._stranded:
             return
         if self.phase is Phase.EVOLVE:
-            self._commit()
+            if not self._judged():
+                self._commit()
         elif self.phase is Phase.CLOSING:
             self._show()
             self._stop()
 
     # --- steps 7 to 10: output, and the next frame ---
+
+    def _judged(self) -> bool:
+        """Judge what the hosts have answered; whether some are asked again, by fewer events."""
+        self._hear()
+        fewer = next(self._fewer, None)
+        if fewer is None or self._trial is None:
+            return False
+        self._asked_by = fewer, ()
+        refused = self._trial.open
+        for fragment in refused:
+            self._distribution.overruled(fragment)
+        self._ask(refused)
+        return bool(self._parts) or self._judged()
+
+    def _hear(self) -> None:
+        """Take what has become of fragments before the norms, the first time or by fewer events."""
+        self._answers.append(len(self._replies) - sum(self._answers))
+        if self._asked_by is None:
+            self._trial = self._try_outcome()
+            self._fewer = self._fewer_events()
+        elif self._trial is not None:
+            self._enforcement.reconsider(self._trial, self._changed, self._sent)
+        if self._trial is not None:
+            self._changed, self._sent = {}, {}
 
     def _commit(self) -> None:
         if self._apply():
@@ -217,8 +247,9 @@ class Steps(Endings):
 
     def _apply(self) -> bool:
         """Make the frame's outcome the string; False where it cannot be one."""
+        overruled = self._enforce()
+        made = {name: one for name, one in self._changed.items() if name not in overruled}
         self._show()
-        made, overruled = self._changed, self._enforce()
         self._note_ends()
         self._emitted = self._sent_in_order()
         try:
@@ -252,6 +283,8 @@ class Steps(Endings):
             self._replies,
             self._inbox,
             self._people,
+            tuple(self._answers),
+            tuple(sorted(self._left_out)),
         )
 
     def _record(self, frame: int) -> Callable[[], m.FrameRecord]:
@@ -275,6 +308,7 @@ class Steps(Endings):
                 self._views.get(event_type, {}),
                 self._view_patches.get(event_type, {}),
                 self.composition.fragments,
+                self._halted,
             )
             devices = self.roster.devices(event_type)
             last = self.phase is Phase.CLOSING

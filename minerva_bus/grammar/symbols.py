@@ -106,7 +106,8 @@ class AgentKind:
 
     `subscribes` are the types that its evolution answers, `views` those that its views answer.
     `chances` are the h of a^{d,h} (section 5): the types that it answers with a probability only,
-    by name, each with a number from 0 to 1 or the name of an attribute that has it.
+    by name, each with a number from 0 to 1 or the name of an attribute that has it. `rest` names
+    the attributes that say what it carries out, and that say nothing while it is at rest.
     """
 
     name: str
@@ -114,9 +115,12 @@ class AgentKind:
     subscribes: frozenset[str] = frozenset()
     views: frozenset[str] = frozenset()
     chances: tuple[tuple[str, float | str], ...] = ()
+    rest: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _checked(self.name, "an agent kind", "A")
+        for attribute in self.rest:
+            self._check_rest(attribute)
         for event_type, probability in self.chances:
             if event_type not in self.subscribes:
                 raise MisuseError(f"{self.name} answers {event_type} with a chance, or not at all")
@@ -133,6 +137,18 @@ class AgentKind:
             raise MisuseError(
                 f"{self.name} answers {event_type} with the probability {probability:g};"
                 " expected a number from 0 to 1, or the name of an attribute"
+            )
+
+    def _check_rest(self, attribute: str) -> None:
+        types = {one.name: one.type for one in self.fields.all}
+        known = types.get(attribute)
+        if known is None:
+            near = nearest(attribute, list(types))
+            raise MisuseError(f"{self.name} has no attribute {attribute} to rest by{near}")
+        if known.kind in ("cells", "matrix") or known.words:
+            raise MisuseError(
+                f"{self.name}.{attribute} is of the type {known} and cannot be at rest; numbers,"
+                " truths, texts, lists and strings can"
             )
 
     def chance(self, event_type: str) -> float | str:

@@ -21,7 +21,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.table import Table
-from minerva_bus.world.norms import Norm, Then, check_condition, sanction_of
+from minerva_bus.world.norms import REFUSED, Norm, Then, check_condition, sanction_of
 
 PEOPLE: Final = "people"
 """How a norm names those who send events from a terminal or a window."""
@@ -118,6 +118,13 @@ def _check(norm: Norm, table: Table, vocabulary: Vocabulary, scene: Scene) -> No
     """Look whether conditions can be fulfilled; a norm without any is about all."""
     if not (norm.on or norm.when.strip() or norm.where.strip()):
         table.wrong("when", "is missing, and where: what would be forbidden?")
+    if REFUSED in vocabulary.events and norm.refuses and not norm.on:
+        try:
+            sanction_of(norm.name, vocabulary.events[REFUSED], {})
+        except (MisuseError, VocabularyError) as error:
+            table.wrong(
+                "then", f"tells who is refused by {REFUSED}, of which only norm is known: {error}"
+            )
     for key in ("when", "where"):
         try:
             check_condition(norm, getattr(norm, key), vocabulary, scene, table.place(key))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import Checkpoint, LastView
+from minerva_bus.frame.checkpoint import HALTED, Checkpoint, LastView
 from minerva_bus.frame.description import World
 from minerva_bus.frame.endings import GIVEN_UP
 from minerva_bus.launch.overrides import Overrides
@@ -63,7 +63,8 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
             saved = {name: one for name, one in checkpoint.saved.items() if name != GIVEN_UP}
             nobody: frozenset[str] = frozenset()
             checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
-        past = replace(file.world, scene=scene, past=checkpoint, shown=last_views(record, file))
+        shown = last_views(record, file, checkpoint)
+        past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
         check_unfinished(past, path)
     kept = replace(file.record, path=file.record.path or str(path))
     notes = (f"goes on from frame {checkpoint.frame} of {path}", *_unused(checkpoint, file))
@@ -75,7 +76,7 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Words about what was saved for members that are not in a world file."""
-    own = {SOURCE, GIVEN_UP, *(one.name for one in file.processes)}
+    own = {SOURCE, GIVEN_UP, HALTED, *(one.name for one in file.processes)}
     for name in sorted(checkpoint.saved.keys() - own):
         yield f"what {name} has saved waits for a member of this name: no process has it"
 
@@ -198,14 +199,15 @@ def kinds_in(file: WorldFile) -> Kinds:
     return kinds_of(list(classes))
 
 
-def last_views(record: Record, file: WorldFile) -> dict[str, LastView]:
+def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[str, LastView]:
     """What the coupled devices of a world have been shown last, by visual event type."""
-    kinds = kinds_in(file)
+    kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
     found: dict[str, LastView] = {}
     for event_type, (frame, events) in sorted(record.last_events(_coupled(file)).items()):
         mine = [event for event in events if event.type == event_type]
         shown = visualize(record.string(frame), mine, kinds, frame)
-        found[event_type] = LastView(frame, shown)
+        still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
+        found[event_type] = LastView(frame, shown, still)
     return found
 
 

@@ -3,7 +3,7 @@
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...]}
 primitive      = [name, [field], shape or nil]
 transformation = [name, [field], motion or nil]
-kind           = [name, [field], [subscribed], [visual event types]]
+kind           = [name, [field], [subscribed], [visual event types], [attribute at rest]]
 subscribed     = event type | [event type, probability]
                                        probability: from 0 to 1, or an attribute's name
 event type     = [name, [field], visual]
@@ -57,7 +57,9 @@ def plain_kind(kind: AgentKind) -> list[Any]:
     """An agent kind in what msgpack knows."""
     chances = dict(kind.chances)
     subscribed = [[one, chances[one]] if one in chances else one for one in sorted(kind.subscribes)]
-    return [kind.name, _plain_fields(kind.fields), subscribed, sorted(kind.views)]
+    return [
+        kind.name, _plain_fields(kind.fields), subscribed, sorted(kind.views), list(kind.rest)
+    ]  # fmt: skip
 
 
 def _plain_fields(fields: Fields) -> list[Any]:
@@ -126,12 +128,16 @@ def read_kind(plain: Any) -> AgentKind:
 
 
 def _kind(plain: Any) -> AgentKind:
-    name, fields, subscribes, views = _items(plain, 4, "an agent kind")
+    given = listed(plain, "an agent kind")
+    if len(given) == 4:  # A record of before kinds said how they rest.
+        given.append([])
+    name, fields, subscribes, views, rest = _items(given, 5, "an agent kind")
     subscribed = dict(map(_subscribed, listed(subscribes, "event types")))
     chances = tuple(sorted((one, h) for one, h in subscribed.items() if h != 1.0))
     return AgentKind(
-        text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views), chances
-    )
+        text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views), chances,
+        tuple(text(one, "an attribute") for one in listed(rest, "attributes at rest")),
+    )  # fmt: skip
 
 
 def _subscribed(plain: Any) -> tuple[str, float | str]:

@@ -108,7 +108,7 @@ def _write_evolve(r: m.EvolveRequest) -> list[Any]:
 
 def _write_view(v: m.ViewShown) -> list[Any]:
     skeleton = None if v.skeleton is None else plain_scene(v.skeleton)
-    return [v.frame, v.sequence, _plain_parts(v.parts, v.patches), skeleton]
+    return [v.frame, v.sequence, _plain_parts(v.parts, v.patches), skeleton, list(v.halted)]
 
 
 _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {
@@ -327,6 +327,7 @@ def _read_view(reader: Reader, member: str, items: list[Any]) -> m.ViewShown:
         _views(reader, items[4]),
         None if items[5] is None else reader.skeleton(items[5]),
         _patches(reader, items[4]),
+        _texts(items[6], "halted"),
     )
 
 
@@ -369,7 +370,7 @@ _TO_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.ToMember]]
         lambda r, who, i: m.Fragments(_parts(r, i[1], "fragments"), _texts(i[2], "dropped")),
     ),
     "evolve": (6, _read_evolve),
-    "view": (5, _read_view),
+    "view": (6, _read_view),
     "orders": (2, lambda r, who, i: m.Orders(whole(i[1], "the frame"), r.events(i[2]))),
     "repeat": (1, lambda r, who, i: m.Repeat(text(i[1], "the topic"))),
     "stop": (1, lambda r, who, i: m.Stop(text(i[1], "the reason"))),

@@ -4,7 +4,8 @@
     entry = length of the data (4 bytes, big endian), its CRC-32 (4 bytes), data
     data  = ["begin", format, key of the world, epoch]            first of all
           | ["string", string, checkpoint, [view, ...]]          views as on the bus, whole
-          | ["frame", number, due, ticked, taken, layout, replies, waiting, people]
+          | ["frame", number, due, ticked, taken, layout, replies, waiting, people,
+             answers, left out]
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
 A string stands first, then the course of each frame since, as members sent it: so a frame costs
@@ -187,7 +188,7 @@ def _plain_course(course: Course) -> list[Any]:
     replies = [[reply.member, reply.heard or encode(reply)] for reply in course.replies]
     taken, waiting = _plain_events(course.taken), _plain_events(course.waiting)
     head = ["frame", course.frame, course.due, ticked, taken, course.layout]
-    return [*head, replies, waiting, course.people]
+    return [*head, replies, waiting, course.people, course.answers, course.left_out]
 
 
 def _plain_events(events: Waiting) -> dict[str, list[Any]]:
@@ -269,7 +270,7 @@ def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) 
 
 
 def _course(entry: list[Any], reader: Reader, decoder: Decoder) -> Course:
-    _, frame, due, ticked, taken, layout, replies, waiting, people = entry
+    _, frame, due, ticked, taken, layout, replies, waiting, people, answers, left_out = entry
     ticks = [decoder.from_member(text(name, "a name"), data) for name, data in ticked]
     hosts = [decoder.from_member(text(name, "a name"), data) for name, data in replies]
     return Course(
@@ -281,6 +282,8 @@ def _course(entry: list[Any], reader: Reader, decoder: Decoder) -> Course:
         [one for one in hosts if isinstance(one, m.EvolveReply)],
         _events(waiting, reader),
         tuple(text(one, "a source") for one in listed(people, "sources")),
+        tuple(whole(one, "answers") for one in listed(answers, "answers")),
+        tuple(text(one, "a fragment") for one in listed(left_out, "fragments")),
     )
 
 

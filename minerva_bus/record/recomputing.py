@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.description import World
-from minerva_bus.frame.enforcement import Enforcement
+from minerva_bus.frame.enforcement import Enforcement, Ruling
 from minerva_bus.frame.hosting import Host
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
@@ -30,7 +30,7 @@ class _Again:
         literal = world.policy is Policy.LITERAL
         self.composition = Composition(world.scene, columns=not literal)
         self._host = Host(_HERE, kinds)
-        self._enforcement = Enforcement(world.norms, self.composition, {})
+        self._enforcement = Enforcement(world.norms, self.composition, world.vocabulary, {})
 
     def live(self, number: int, events: Sequence[AnyEvent]) -> list[AnyEvent]:
         """η of a frame; the events that agents have sent, in order. Raises ActivityError."""
@@ -38,15 +38,27 @@ class _Again:
         evolving = tuple(e for e in events if not world.vocabulary.events[e.type].visual)
         host.fragments = dict(composition.fragments)
         request = m.EvolveRequest(number, (_HERE,), evolving)
-        moment = Frame(number, world.dt, world.seed)
-        reply = host.answer(request, moment, world.policy, world.vocabulary)
-        patched = {one: Scene((host.fragments[one],)) for one in reply.patched}
-        changed = {**reply.changed, **patched}
-        ruling = self._enforcement.agents(number, changed, reply.emitted)
+        changed, emitted = self._answer(request)
+        ruling = Ruling(dict(changed), dict(emitted))
+        trial = self._enforcement.agents(number, changed, emitted)
+        if trial is not None:
+            for fewer in self._enforcement.stages(trial, evolving):
+                host.fragments = dict(composition.fragments)
+                request = m.EvolveRequest(number, (_HERE,), fewer, only=trial.open)
+                self._enforcement.reconsider(trial, *self._answer(request))
+            ruling = self._enforcement.ruling(trial)
         places = composition.places(ruling.sent)
         sent = [one for name in sorted(ruling.sent, key=places) for one in ruling.sent[name]]
         composition.replace(ruling.changed)
         return sent
+
+    def _answer(self, request: m.EvolveRequest) -> tuple[m.Parts, m.SentBy]:
+        """What becomes of fragments, and what their agents send."""
+        world, host = self._world, self._host
+        moment = Frame(request.frame, world.dt, world.seed)
+        reply = host.answer(request, moment, world.policy, world.vocabulary)
+        patched = {one: Scene((host.fragments[one],)) for one in reply.patched}
+        return {**reply.changed, **patched}, reply.emitted
 
 
 def recompute(record: Record, kinds: Kinds, done: Callable[[int], None]) -> Difference:

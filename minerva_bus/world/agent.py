@@ -106,7 +106,12 @@ def _mark(
 
 
 class Agent:
-    """Base of all agent classes; `symbol` names the kind in the vocabulary."""
+    """Base of all agent classes; `symbol` names the kind in the vocabulary.
+
+    `rest` names the attributes that say what an agent carries out, as a robot's action does: where
+    a norm refuses what λ has made of it, they say nothing (0, false, "", (), and of a string its
+    primitives only).
+    """
 
     kind: ClassVar[AgentKind]
     activities: ClassVar[dict[str, Handler]] = {}
@@ -118,7 +123,9 @@ class Agent:
     scope: Scene
     _node: AgentNode | None
 
-    def __init_subclass__(cls, symbol: str = "", **kwargs: Any) -> None:
+    def __init_subclass__(
+        cls, symbol: str = "", rest: tuple[str, ...] | None = None, **kwargs: Any
+    ) -> None:
         super().__init_subclass__(**kwargs)
         activities, views = handlers(cls, ON), handlers(cls, VIEW)
         cls.population = _for_many(activities)
@@ -127,6 +134,12 @@ class Agent:
         cls.views = views | {e: view_as_one(f) for e, f in cls.population_views.items()}
         inherited: AgentKind | None = getattr(cls, "kind", None)
         name = symbol or (inherited.name if inherited is not None else "")
+        if rest is None:
+            rest = inherited.rest if inherited is not None else ()
+        if isinstance(rest, str):
+            raise MisuseError(
+                f'{cls.__name__}: rest are several attributes, write rest=("{rest}",)'
+            )
         if name:
             state = state_of(cls, Agent)
             cls.kind = AgentKind(
@@ -135,6 +148,7 @@ class Agent:
                 frozenset(cls.activities),
                 frozenset(cls.views),
                 chances_of(cls, activities),
+                tuple(sorted(rest)),
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
 

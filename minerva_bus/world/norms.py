@@ -26,6 +26,9 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 SOURCE: Final = "~norms"
 """The source of sanctions, and the name under which checkpoints keep how often what was done."""
 
+REFUSED: Final = "eRefused"
+"""The event type, where a world has it, by which an agent hears that a step of it was refused."""
+
 WAS: Final = "was."
 EVENT: Final = "event."
 
@@ -162,6 +165,12 @@ class Book:
                 return False
         self.broken[norm.name] = self.broken.get(norm.name, 0) + 1
         return True
+
+    def exceeds(self, norm: Norm, who: str, frame: int) -> bool:
+        """Whether somebody may not do what a norm forbids, or limits, in a frame; notes nothing."""
+        lately = self._lately.get(norm.name, {}).get(who, ())
+        count = sum(frame - norm.per < one < frame for one in lately)
+        return count >= norm.most
 
     def saved(self, norms: tuple[Norm, ...], frame: int) -> dict[str, Any]:
         """What is needed to go on from a frame, as plain data; what counts no more is left out."""

@@ -70,12 +70,17 @@ class View:
     `skeleton` is that string with a slot `A#name()` for each outermost agent, or part of a
     population, and `parts` has by these names what the agents look like. A part that is the same
     object as in the view before has not changed. Who needs neither asks for the `scene`.
+
+    `halted` are the ids of agents whose step does not count in this frame, because a norm refuses
+    it or their host is away. A device that carries out what agents show, as motors do, carries out
+    nothing for these: the string has them where they are.
     """
 
     frame: int
     event_type: str
     skeleton: Scene
     parts: Mapping[str, Scene] = field(default_factory=dict[str, Scene])
+    halted: frozenset[str] = frozenset()
 
     @cached_property
     def scene(self) -> Scene:

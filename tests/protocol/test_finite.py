@@ -43,7 +43,7 @@ MANY = [1, [2, None, [["TAt", [column(1.0, 2.0)]], ["PDot", [column(0.5, 0.5)]]]
 PATCH = ["patch", 2, ["TAt", "PDot"], [[0, 0, None, column(1.0, 2.0)]]]
 EVENT = ["eAll", [1.0, [2.0, 3.0], MATRIX, msgpack.ExtType(2, msgpack.packb(DOT))]]
 DRAWN = {"a": DOT, "b": MANY, "c": PATCH}
-KIND = ["AFox", [["x", "real m", "0.5"]], [["eAll", 0.5]], []]
+KIND = ["AFox", [["x", "real m", "0.5"]], [["eAll", 0.5]], [], ["x"]]
 SPOKEN = {
     "hello": [{
         "version": PROTOCOL_VERSION, "service": "", "kinds": [KIND], "generates": [], "lockstep": False,
@@ -60,7 +60,7 @@ HEARD = {
     "welcome": ["w", {**plain_vocabulary(VOCABULARY), "kinds": [KIND]}, 7, 0.1, 0, "literal", None],
     "fragments": [{"a": DOT, "b": MANY}, []],
     "evolve": [1, [], [EVENT], [EVENT], 0, []],
-    "view": ["eAll", 1, 0, DRAWN, DOT],
+    "view": ["eAll", 1, 0, DRAWN, DOT, ["a"]],
     "orders": [3, [EVENT]],
 }
 READINGS = [

@@ -22,7 +22,10 @@ from minerva_bus.world.norms import SOURCE, Norm, Then
 
 KINDS = (One, Light, Passer)
 SHOUT = replace(FINE, name="quiet", on=("eShout",))
-CROWD = One.many("r", 150, x=np.arange(150.0) / 10, speed=np.arange(150.0) / 50)
+FAR = np.arange(150) % 30 == 0
+CROWD = One.many(
+    "r", 150, x=np.where(FAR, 39.0, np.arange(150.0) / 10), speed=np.arange(150.0) / 50
+)
 
 
 def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):

@@ -25,7 +25,7 @@ from minerva_agents.robot.ground import (
     centre_of,
     straightened,
 )
-from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt
+from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt, reopen
 from minerva_agents.robot.looking import forget_looks
 from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.planning import Path, nearest, shortest_path
@@ -169,6 +169,7 @@ def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> None
     robot.pause = int(moment.random.integers(3, 12)) * min(robot.failures, 10)
     if robot.failures % PATIENCE:
         return
+    reopen(robot.writable("grid"))
     if robot.objective_cell() is None:
         forget_looks(robot.writable("grid"))
         robot.been = robot.dull = ()

@@ -6,6 +6,7 @@
 | 1    | is free                                                                  |
 | 2-9  | holds an obstacle; the number is the evidence for it                     |
 | 10   | is free, and the camera has looked at it                                 |
+| 11   | is closed: a norm has refused a step there, and no beam opens it         |
 | 16+k | holds marker k, of the names that the robot has in `markers`             |
 
 A position is (row, column) in cells, with fractions: it lies in the cell of its floor. Positions
@@ -27,6 +28,7 @@ FREE: Final = 1
 OBSTACLE: Final = 2
 SURE: Final = 9
 SEEN: Final = 10
+CLOSED: Final = 11
 MARKER: Final = 16
 
 Cell: TypeAlias = tuple[int, int]
@@ -81,9 +83,21 @@ def mark_obstacle(grid: Cells, row: float, column: float) -> None:
     if not holds(grid, cell):
         return
     code = int(grid[cell])
-    if code < MARKER:
+    if code < MARKER and code != CLOSED:
         evidence = code if FREE < code <= SURE else FREE
         grid[cell] = min(SURE, evidence + _HIT)
+
+
+def close(grid: Cells, row: float, column: float) -> None:
+    """Nobody may go to a position, whatever the laser sees there; a marker stays a marker."""
+    cell = math.floor(row), math.floor(column)
+    if holds(grid, cell) and grid[cell] < MARKER:
+        grid[cell] = CLOSED
+
+
+def reopen(grid: Cells) -> None:
+    """Try again what was closed: norms need not refuse for ever."""
+    grid[grid == CLOSED] = FREE
 
 
 def mark_marker(grid: Cells, row: float, column: float, marker: int) -> None:
@@ -169,10 +183,11 @@ def place_of(grid: Cells, marker: int) -> Cell | None:
 
 
 def obstacles(grid: Cells) -> Mask:
-    """Where there is evidence for an obstacle."""
-    return (grid - OBSTACLE).view(np.uint16) <= SURE - OBSTACLE  # one comparison for two
+    """Where there is evidence for an obstacle, or it is closed."""
+    found = (grid - OBSTACLE).view(np.uint16) <= SURE - OBSTACLE  # one comparison for two
+    return found | (grid == CLOSED)
 
 
 def free(grid: Cells) -> Mask:
     """Where there is ground that has been seen to be free; a marker is no obstacle."""
-    return (grid == FREE) | (grid >= SEEN)
+    return ((grid == FREE) | (grid >= SEEN)) & (grid != CLOSED)

@@ -12,6 +12,7 @@ from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
     clear_open_beam,
+    close,
     mark_marker,
     mark_obstacle,
     part_that_counts,
@@ -35,7 +36,7 @@ from minerva_bus import (
 )
 
 
-class ARobot(Agent, symbol="ARobot"):
+class ARobot(Agent, symbol="ARobot", rest=("action",)):
     """A robot that looks for a marker, and brings what stands at one to another.
 
     The paper's attributes:
@@ -167,6 +168,17 @@ class ARobot(Agent, symbol="ARobot"):
         errand.carry(self, self.position, moment)
         touch = self.radius / self.cell + 0.5
         mark_obstacle(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
+        self.forget_plan()
+
+    @on("eRefused")
+    def take_refusal(self, refused: Event, moment: Moment) -> None:
+        """Take the way ahead for closed, and make a new plan.
+
+        A norm has refused the last step, so neither the robot nor its body has gone it.
+        """
+        touch = self.radius / self.cell + 0.5
+        close(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
+        errand.carry(self, self.position, moment)
         self.forget_plan()
 
     @on("eErrand")

@@ -4,7 +4,8 @@ Tables 3 and 4 have PMap, PRobot, TMove, TRotate, eLaser and the five events eCa
 Added are eClear, for beams that meet nothing; TPlace, which says where a robot or a marker stands;
 PMarker, for a floor shows the rooms' markers; PGrid, PPath and PGoal, which show what a robot knows
 and means to do; eCollision, by which physics reaches an agent (section 5); eReached and
-eUnreachable, by which the robot reports; ePicture, a second view.
+eUnreachable, by which the robot reports; eRefused, by which it hears of norms; ePicture, a second
+view.
 For the transport of objects (4.1) there are PParcel, eErrand, which a person orders, and the six
 events from eTake to eGivenUp, by which robots and parcels carry it out; see `errand`.
 
@@ -66,7 +67,14 @@ PGrid = Primitive(
         "cell",
         "x",
         "y",
-        colors=((0, ""), (1, "#b9d9e8"), (2, "#c0392b"), (10, "#8fc7a0"), (16, "#8e44ad")),
+        colors=(
+            (0, ""),
+            (1, "#b9d9e8"),
+            (2, "#c0392b"),
+            (10, "#8fc7a0"),
+            (11, "#b07d2b"),
+            (16, "#8e44ad"),
+        ),
         opacity=0.45,
     ),
     cells=Cells,
@@ -149,6 +157,9 @@ eCollision = EventType(
 `other` is the agent that did, "" for a wall, and `what` its primitive; (x, y) is the place of the
 contact and (nx, ny) the normal, which points to the robot. The robot itself needs none of them.
 """
+
+eRefused = EventType("eRefused", norm=Default(str, ""))
+"""A norm has refused the robot's last step: it stands where it stood. Sent by the norms."""
 
 eReached = EventType("eReached", marker=str)
 """A robot has reached its objective; sent by the robot itself."""

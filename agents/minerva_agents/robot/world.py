@@ -58,6 +58,7 @@ vocabulary: Final = Vocabulary.of(
     words.eCollision,
     words.eReached,
     words.eUnreachable,
+    words.eRefused,
     words.eErrand,
     words.eTake,
     words.eTaken,

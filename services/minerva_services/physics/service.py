@@ -116,6 +116,8 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
     def show(self, view: View) -> None:
         """φ of the view: bodies, walls and markers now, commands in the next tick.
 
+        An agent whose step does not count has no command: its body stays with it.
+
         Raises:
             PhysicsError: something cannot stand where the view has it.
 
@@ -126,7 +128,8 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._shown = view.frame
         # A successor is shown the last view again, which its predecessor may have carried out.
         new = view.frame > self._carried_out
-        self._commands = {name: one.command for name, one in seen.robots.items()} if new else {}
+        moving = {name for name in seen.robots if name not in view.halted} if new else set[str]()
+        self._commands = {name: seen.robots[name].command for name in moving}
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         """Drive, then measure. Before the first view there is no world yet, and nothing of it."""

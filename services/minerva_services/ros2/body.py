@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
@@ -195,7 +195,9 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         self._shown = view.frame
         # A successor is shown the last view again, which its predecessor may have carried out.
         new = view.frame > self._carried_out
-        self._ordered = self._mine(seen.robots) if new else None
+        ordered = self._mine(seen.robots) if new else None
+        halted = ordered is not None and self._name in view.halted
+        self._ordered = replace(ordered, command=Command()) if ordered and halted else ordered
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         """Drive, then tell what was measured; before the first view there is nothing to do."""

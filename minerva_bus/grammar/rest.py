@@ -1,0 +1,91 @@
+"""Agents at rest: what says what they carry out says nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from minerva_bus.grammar.column import Column, Rows
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.digest import same_values
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import (
+    AgentNode,
+    Node,
+    Piece,
+    Scene,
+    TransformationNode,
+    Value,
+    agents,
+    of_pieces,
+    rebuild,
+    rescoped,
+)
+from minerva_bus.grammar.symbols import AgentKind
+
+Kinds = Mapping[str, AgentKind]
+
+
+def rested(scene: Scene, who: Collection[str], kinds: Kinds) -> Scene:
+    """The string in which agents of some ids are at rest; the very string where they are already.
+
+    The attributes that a kind declares as `rest` become 0, false, "" or (); a string loses its
+    transformations, so that its primitives are as they are, where they are.
+    """
+    if not who or not any(kind.rest for kind in kinds.values()):
+        return scene
+    return of_pieces(scene, [one for piece in scene.pieces for one in _piece(piece, who, kinds)])
+
+
+def _piece(piece: Piece, who: Collection[str], kinds: Kinds) -> tuple[Piece, ...]:
+    if isinstance(piece, Columns):
+        return (_columns(piece, who, kinds),)
+    if not any(one.id in who and kinds[one.symbol].rest for one in agents(Scene((piece,)))):
+        return (piece,)
+
+    def leave(node: Node, scope: Scene) -> Scene | Node:
+        node = rescoped(node, scope)
+        mine = isinstance(node, AgentNode) and node.id in who
+        return _agent(cast("AgentNode", node), kinds[node.symbol].rest) if mine else node
+
+    return rebuild(Scene((piece,)), leave).pieces
+
+
+def _agent(node: AgentNode, rest: Collection[str]) -> AgentNode:
+    pairs = zip(node.names, node.values, strict=True)
+    values = tuple([at_rest(value) if name in rest else value for name, value in pairs])
+    return node if same_values(node.values, values) else replace(node, values=values)
+
+
+def _columns(part: Columns, who: Collection[str], kinds: Kinds) -> Columns:
+    rest = kinds[part.symbol].rest if part.ids is not None else ()
+    if not rest or part.ids is None:
+        return part
+    rows = part.ids.rows_of(Ids.of(sorted(who)))
+    rows = np.sort(rows[rows >= 0])
+    columns = [
+        _still(column, rows) if name in rest else column
+        for name, column in zip(part.names, part.columns, strict=True)
+    ]
+    return part.with_columns(columns)
+
+
+def _still(column: Column, rows: Rows) -> Column:
+    values = column.array[rows].tolist()
+    still = [at_rest(one) for one in values]
+    return column if still == values else column.put(rows, np.array(still, column.dtype))
+
+
+def at_rest(value: Value) -> Value:
+    """A value of an attribute of an agent at rest."""
+    if isinstance(value, Scene):
+        still = rebuild(value, _without_motion)
+        return value if still == value else still
+    return type(value)()  # pyright: ignore[reportCallIssue]
+
+
+def _without_motion(node: Node, scope: Scene) -> Scene | Node:
+    return scope if isinstance(node, TransformationNode) else rescoped(node, scope)

@@ -1,0 +1,274 @@
+"""A step that a norm refuses: it is not carried out either, and what led to it alone is lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pond import host, service
+
+from minerva_bus import (
+    Agent,
+    Device,
+    EventType,
+    Generator,
+    Primitive,
+    Scene,
+    Tick,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.errors import MisuseError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.scene import FigureNode, agents, walk
+from minerva_bus.testing.memory_bus import MemoryBus
+from minerva_bus.world.norms import Norm
+from minerva_bus.world.order import Order
+
+PPush = Primitive("PPush", who=str, push=float)
+eWord, eStep, eAfter = EventType("eWord"), EventType("eStep"), EventType("eAfter")
+eFine = EventType("eFine", amount=int)
+eRefused = EventType("eRefused", norm=str)
+eShow = EventType("eShow", visual=True)
+
+
+class State(Agent):
+    x: float = 0.0
+    push: float = 0.0
+    words: int = 0
+    after: int = 0
+    fined: int = 0
+    refused: int = 0
+
+    @on("eWord", population=True)
+    def hear(self, word, moment):
+        self.words += 1
+
+    @on("eAfter", population=True)
+    def late(self, after, moment):
+        self.after += 1
+
+    @on("eFine", population=True)
+    def pay(self, fine, moment):
+        self.fined += fine.amount
+
+    @on("eRefused", population=True)
+    def note(self, refused, moment):
+        self.refused += 1
+
+    @on("eStep", population=True)
+    def step(self, step, moment):
+        self.x = self.x + self.push
+        self.push = self.x * 0 + 1.0
+
+    @view("eShow")
+    def show(self, event):
+        return PPush(self.id, self.push)
+
+
+class Cart(State, symbol="ACart", rest=("push",)):
+    """Carries out in a frame what it has chosen in the one before."""
+
+
+class Walker(State, symbol="AWalker"):
+    """The same, without anything to rest by."""
+
+
+class Train(Agent, symbol="ATrain"):
+    """A cart with others within."""
+
+
+class Clock(Generator, events=("eWord", "eStep", "eAfter", "eShow")):
+    def generate(self, tick: Tick):
+        return [eWord(), eStep(), eAfter(), eShow()]
+
+
+class Motor(Device, Generator, draws=("eShow",), coupled=True, events=()):
+    """Pushes bodies as views say."""
+
+    def __init__(self):
+        self.bodies, self.push = {}, {}
+
+    def show(self, view: View) -> None:
+        figures = [n for opens, n in walk(view.scene) if opens and isinstance(n, FigureNode)]
+        shown = {node.parameters["who"]: node.parameters["push"] for node in figures}
+        self.push = {who: 0.0 if who in view.halted else push for who, push in shown.items()}
+
+    def generate(self, tick: Tick):
+        for who, push in self.push.items():
+            self.bodies[who] = self.bodies.get(who, 0.0) + push
+        self.push = {}
+        return ()
+
+    def save(self):
+        return {"bodies": dict(self.bodies)}
+
+    def restore(self, saved):
+        self.bodies = dict(saved["bodies"])
+
+
+VOCABULARY = Vocabulary.of(PPush, eWord, eStep, eAfter, eFine, eRefused, eShow, Cart, Walker, Train)
+WALL = Norm("wall", when="x > 3", sanction=eFine(5))
+ORDER = Order(("eWord", "eStep", "eAfter", "eFine"))
+KINDS = (Cart, Walker, Train)
+
+
+def world(text, norms=(WALL,), hosts=1, **rest):
+    members = {f"host-{n}": host(f"host-{n}", *KINDS) for n in range(hosts)}
+    motor = Motor()
+    members |= {"clock": service("clock", Clock), "motor": service("motor", lambda: motor)}
+    w = VOCABULARY.read(text) if isinstance(text, str) else text
+    rest = {"order": ORDER, "frames": 14, **rest}
+    made = World("carts", w, VOCABULARY, expected=frozenset(members), norms=norms, **rest)
+    bus = MemoryBus(made, members)
+    bus.motor = motor
+    return bus
+
+
+def states(bus):
+    return {one.id: one.state for one in agents(bus.algorithm.scene) if "x" in one.state}
+
+
+def together(bus, frames):
+    """Run frame by frame: bodies are where the string had the agents as the frame began."""
+    bus.start()
+    bus.settle()
+    first = {who: state["x"] for who, state in states(bus).items()}
+    for number in range(frames):
+        before = {who: state["x"] - first[who] for who, state in states(bus).items()}
+        bus.frame()
+        bodies = bus.motor.bodies
+        assert all(bodies[who] == before[who] for who in bodies), number
+    return states(bus)
+
+
+@pytest.mark.parametrize("symbol", ["ACart", "AWalker"])
+def test_body_and_string_stay_together_with_and_without_rest(symbol):
+    bus = world(f"{symbol}#a")
+    end = together(bus, 13)["a"]
+    assert end["x"] == 3.0
+    assert bus.motor.bodies == {"a": 3.0}
+
+
+def test_a_refused_agent_is_at_rest_and_may_choose_anew():
+    bus = world("ACart#a")
+    pushes, refused = [], []
+    bus.start()
+    for _ in range(9):
+        bus.run(1)
+        pushes.append(states(bus)["a"]["push"])
+        refused.append(bus.algorithm._enforcement.broken.get("wall", 0))
+    assert refused == [0, 0, 0, 0, 1, 1, 2, 2, 3]
+    assert pushes == [1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("symbol", ["ACart", "AWalker"])
+def test_what_came_before_the_step_counts_and_sanctions_always_do(symbol):
+    bus = world(f"{symbol}#a")
+    end = together(bus, 14)["a"]
+    refused = bus.algorithm._enforcement.broken["wall"]
+    assert refused >= 5
+    assert end["words"] == 14, "eWord comes before eStep"
+    assert end["after"] == 14 - refused, "eAfter follows it"
+    assert end["fined"] == 5 * (refused - 1) or end["fined"] == 5 * refused
+    assert end["refused"] * 5 == end["fined"]
+
+
+def test_a_fine_reaches_even_one_who_may_not_change_at_all():
+    """What it is already is forbidden; of the rest nothing counts, each time."""
+    bus = world("AWalker#a<x=9>", (replace(WALL, name="all"),))
+    end = together(bus, 14)["a"]
+    assert bus.algorithm._enforcement.broken == {"all": 14}
+    assert (end["fined"], end["refused"], end["words"], end["x"]) == (65, 13, 0, 9.0)
+
+
+def test_a_sanction_that_is_forbidden_itself_does_not_count():
+    poor = Norm("poor", when="fined > 7")
+    bus = world("AWalker#a", (WALL, poor))
+    assert together(bus, 14)["a"]["fined"] == 5
+
+
+def run(bus):
+    bus.start()
+    bus.run()
+    return bus.digests
+
+
+def crowd(kind, count):
+    return kind.many("c", count, x=np.arange(count) % 7 * 0.5)
+
+
+@pytest.mark.parametrize("kind", [Cart, Walker])
+@pytest.mark.parametrize("hosts", [1, 2, 3])
+def test_many_are_as_those_one_by_one_on_any_number_of_hosts(kind, hosts):
+    columns = crowd(kind, 200)
+    alone = run(world(columns))
+    assert len(set(alone)) == 14
+    assert run(world(Scene(columns.nodes), hosts=hosts)) == alone
+    assert run(world(columns, hosts=hosts)) == alone
+
+
+def test_a_train_stands_still_with_all_in_it():
+    bus = world("ATrain#t(ACart#a · ACart#b<x=-9>)")
+    end = together(bus, 13)
+    assert (end["a"]["x"], end["b"]["x"]) == (3.0, -6.0)
+    assert end["b"]["words"] == 13
+
+
+@pytest.mark.parametrize("steps", range(1, 14, 2))
+def test_hosts_that_die_within_a_refused_frame_change_nothing(steps):
+    calm = run(world("ACart#a · AWalker#b<x=-2>", hosts=2))
+    bus = world("ACart#a · AWalker#b<x=-2>", hosts=2)
+    bus.start()
+    bus.run(4)
+    for _ in range(steps):
+        bus.step(bus.ready()[0])
+    bus.restart("host-0")
+    bus.restart("host-1")
+    bus.settle()
+    bus.run()
+    assert bus.digests == calm
+    assert bus.motor.bodies["a"] == 3.0
+
+
+@pytest.mark.parametrize("steps", range(1, 14, 2))
+def test_a_coordinator_that_dies_within_a_refused_frame_changes_nothing(steps):
+    calm = run(world("ACart#a · AWalker#b<x=-2>"))
+    bus = world("ACart#a · AWalker#b<x=-2>")
+    bus.start()
+    bus.run(5)
+    for _ in range(steps):
+        bus.step(bus.ready()[0])
+    bus.kill_coordinator()
+    bus.run()
+    assert bus.digests[-1] == calm[-1]
+    assert bus.motor.bodies["a"] == 3.0
+
+
+def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
+    bus = world("ACart#a", ())
+    bus.start()
+    bus.run(3)
+    bus.hold(("up", "host-0"))
+    bus.frame()
+    bus.tell(s.Skip("host-0"))
+    bus.settle()
+    bus.release()
+    bus.settle()
+    before = states(bus)["a"]["x"]
+    bus.run(1)
+    assert bus.motor.bodies["a"] == before
+
+
+def test_what_cannot_rest_is_named():
+    with pytest.raises(MisuseError, match="AMouse has no attribute pusch to rest by; did you mean"):
+
+        class Mouse(Agent, symbol="AMouse", rest=("pusch",)):
+            push: float = 0.0
+
+    with pytest.raises(MisuseError, match="rest are several attributes"):
+
+        class Rat(Agent, symbol="ARat", rest="push"):
+            push: float = 0.0
