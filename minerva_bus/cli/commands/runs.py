@@ -26,7 +26,7 @@ from minerva_bus.cli.options import (
 )
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.cli.words import options_of
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, MisuseError
 
 app = typer.Typer()
 
@@ -163,9 +163,21 @@ def check(
     vocabulary: Annotated[
         str, typer.Option(help="module:attribute: check symbols and types too.")
     ] = "",
+    determinism: Annotated[
+        bool, typer.Option("--determinism", help="Run the world in two layouts, and compare.")
+    ] = False,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="With --determinism: how many; default: 100.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check a string or a world file: exit code 0, or 1 with what is wrong and where."""
+    if frames is not None and not determinism:
+        raise MisuseError("--frames belongs to --determinism: a check alone runs nothing")
+    if determinism:
+        from minerva_bus.cli.determining import FRAMES, check_determinism
+
+        raise typer.Exit(check_determinism(str(file), frames or FRAMES, json))
     from minerva_bus.cli.checking import check_file
 
     raise typer.Exit(check_file(file, vocabulary, json))

@@ -1,0 +1,158 @@
+"""`minerva check --determinism`: a world runs in two layouts, which have to agree.
+
+Each run has a Python of its own, since a hash seed is chosen when Python starts.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
+from minerva_bus.cli.running import run_world
+from minerva_bus.cli.saying import say, tell
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.launch.layouts import LAYOUTS, Layout, laid_out, left_out
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import find_world
+from minerva_bus.record.comparison import Difference, compare
+from minerva_bus.record.reader import Record
+from minerva_bus.wording import counted
+
+FRAMES: Final = 100
+"""So many frames are compared if nobody says how many."""
+
+OMITTED: Final = "omitted.json"
+
+ADVICE: Final = (
+    "usual causes, and what to use instead:",
+    "  the time of day (time.time, datetime.now): moment.time; in a service tick.time",
+    "  global random numbers (random, numpy.random): moment.random, moment.chance; tick.random",
+    "  the order of a set, hash(text), id(object): sorted(...), a number or a text of your own",
+    "  state of a module or a class, which each process has for itself: attributes of the agent",
+    "  files, networks, real devices: a service that runs freely, which is not compared",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What came out: the exit code, the difference if both runs ended, or how one of them failed.
+
+    `omitted` are the processes that took no part, and why.
+    """
+
+    code: int
+    found: Difference | None = None
+    error: str = ""
+    omitted: dict[str, str] | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object."""
+        plain: dict[str, Any] = {"ok": not self.code, "not_compared": self.omitted or {}}
+        if self.error:
+            plain["error"] = self.error
+        return plain | (self.found.plain() if self.found is not None else {})
+
+    def lines(self) -> list[str]:
+        """As a person reads it."""
+        omitted = [f"not compared: {name} ({why})" for name, why in (self.omitted or {}).items()]
+        if self.found is None:
+            return [*self.error.split("\n"), *omitted]
+        if self.found.same:
+            return [f"the same in both runs: {counted(self.found.frames, 'frame')}", *omitted]
+        sides = [f"  {side}: {one.name}" for side, one in zip("AB", LAYOUTS, strict=True)]
+        return ["two runs differ", *sides, *self.found.lines(), *omitted, *ADVICE]
+
+
+def check_determinism(spec: str, frames: int, json_too: bool) -> int:
+    """Run a world twice and print where the runs part; the exit code, 0 where they do not.
+
+    Raises WorldFileError where there is no such world, and MisuseError for what is no world.
+    """
+    if Path(spec).suffix == ".mnv":
+        raise MisuseError(f"{spec}: --determinism runs a world, and a string alone is none")
+    path = find_world(spec)
+    with TemporaryDirectory(prefix="minerva-") as folder:
+        verdict = _verdict(path, frames, Path(folder))
+    if json_too:
+        say(json.dumps({"file": spec, **verdict.plain()}))
+    else:
+        first, *rest = verdict.lines()
+        (tell if verdict.code else say)("\n".join([f"{spec}: {first}", *rest]))
+    return verdict.code
+
+
+def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
+    records = [folder / f"{number}.mcap" for number in range(len(LAYOUTS))]
+    for number, record in enumerate(records):
+        done = _started(path, frames, number, record)
+        if done.returncode:
+            text = done.stderr.strip() or "it ended without a message"
+            how = f"it fails in {LAYOUTS[number].name}:\n{text}"
+            wrong = done.returncode == WRONG
+            return Verdict(done.returncode if wrong else FAILED, error=text if wrong else how)
+    omitted = json.loads((folder / OMITTED).read_text(encoding="utf-8"))
+    with Record(records[0]) as one, Record(records[1]) as other:
+        found = compare(one, other)
+    return Verdict(0 if found.same else FAILED, found, omitted=omitted)
+
+
+def _started(
+    path: Path, frames: int, number: int, record: Path
+) -> subprocess.CompletedProcess[str]:
+    """Run the world in a layout, in a new Python whose worlds nobody else sees."""
+    environment = {
+        **os.environ,
+        **LAYOUTS[number].environment,
+        "MINERVA_RUNTIME_DIR": str(record.parent),
+    }
+    words = [str(path), str(frames), str(number), str(record)]
+    return subprocess.run(  # noqa: S603
+        [sys.executable, "-m", "minerva_bus.cli.determining", *words],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+
+
+# --- what runs in the new Python ---
+
+
+def _run(path: Path, frames: int, layout: Layout, record: Path) -> None:
+    file = read_world_file(path)
+    omitted = left_out(file)
+    (record.parent / OMITTED).write_text(json.dumps(omitted), encoding="utf-8")
+    in_process = layout.runs_in_process(file)
+    laid = laid_out(file, layout, omitted, frames, record)
+    run_world(laid, time.monotonic(), in_process=in_process, json_too=False, quiet=True)
+
+
+def main() -> None:
+    """Run a world in a layout, as this module's words say."""
+    import typer
+
+    path, frames, number, record = sys.argv[1:]
+    try:
+        _run(Path(path), int(frames), LAYOUTS[int(number)], Path(record))
+    except typer.Exit as ended:
+        sys.exit(ended.exit_code)
+    except MinervaError as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        sys.exit(WRONG)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""`minerva check --determinism` names the first frame, agent and attribute that two runs differ in."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("mcap")
+
+CODE = """\
+import datetime
+import random
+import time
+
+from minerva_bus import (
+    Agent, Device, EventType, Generator, Primitive, Vocabulary, on, view,
+)
+
+PDot = Primitive("PDot", size=float)
+eSun = EventType("eSun", light=float)
+eWind = EventType("eWind")
+ePicture = EventType("ePicture", visual=True)
+counted = []
+
+
+class Plant(Agent, symbol="APlant"):
+    height: float = 0.0
+    light_seen: float = 0.0
+    count: int = 0
+    time: float = 0.0
+    date: str = ""
+    chance: float = 0.0
+    hash: int = 0
+    order: str = ""
+
+    @on("eSun")
+    def grow(self, sun, moment):
+        self.height += moment.random.random()
+        self.light_seen = sun.light
+        if moment.number >= 2:
+            WHEN
+
+    @on("eWind")
+    def bend(self, wind, moment):
+        self.height = 0.0
+
+    @view("ePicture")
+    def picture(self, event):
+        return PDot(size=self.height)
+
+
+class Sun(Generator, events=("eSun",)):
+    def generate(self, tick):
+        yield eSun(light=LIGHT)
+
+
+class Wind(Generator, events=("eWind",), lockstep=False):
+    def run(self, emit, stop):
+        while not stop.wait(0.001):
+            emit(eWind())
+
+
+class Watch(Device, draws=("ePicture",)):
+    every = 1
+
+    def show(self, shown):
+        raise RuntimeError("a check shows nothing")
+
+
+vocabulary = Vocabulary.of(PDot, eSun, eWind, ePicture, Plant)
+"""
+
+FILE = """\
+[world]
+string = "APlant#a · APlant#b · APlant#c · APlant#d"
+vocabulary = "garden:vocabulary"
+frames = 6
+
+[process.plants]
+agents = "garden:Plant"
+
+[process.sun]
+service = "garden:Sun"
+"""
+FREE = """
+[process.wind]
+service = "garden:Wind"
+
+[process.watch]
+service = "garden:Watch"
+"""
+
+
+def check(folder, *words, when="pass", light="1.0", file=FILE):
+    """The exit code, what is printed and what goes wrong, of a world with a line of code in it."""
+    code = CODE.replace("WHEN", when).replace("LIGHT", light)
+    (folder / "garden.py").write_text(code)
+    (folder / "garden.toml").write_text(file)
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus", "check", "--determinism", "garden.toml", *words],
+        cwd=folder, env={**os.environ, "MINERVA_RUNTIME_DIR": str(folder / "runtime")},
+        capture_output=True, text=True, timeout=90,
+    )  # fmt: skip
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_good_world_is_the_same_and_what_is_left_out_is_said(tmp_path):
+    late = "self.height += time.time() if moment.number >= 4 else 0.0"
+    code, out, error = check(tmp_path, "--frames", "4", when=late, file=FILE + FREE)
+    assert (code, error) == (0, "")
+    assert out == (
+        "garden.toml: the same in both runs: 4 frames\n"
+        "not compared: wind (it emits events whenever they come)\n"
+        "not compared: watch (it only shows views)\n"
+    )
+    assert {path.name for path in tmp_path.iterdir()} <= {
+        "garden.py", "garden.toml", "__pycache__",
+    }  # fmt: skip
+
+
+EACH = """
+            counted.append(self.id)
+            self.count = len(counted)
+            if self.id == "a":
+                self.time = time.time()
+                self.date = str(datetime.date.today())
+                self.chance = random.random()
+                self.hash = hash("sun") % 1000
+                self.order = list({"left", "right"})[0]
+"""
+
+
+def test_what_differs_is_named(tmp_path):
+    code, out, error = check(tmp_path, "--json", when=EACH.strip())
+    assert (code, error) == (1, "")
+    found = json.loads(out)
+    assert (found["ok"], found["same"], found["frame"]) == (False, False, 2)
+    changes = {(one["agent"], one["attribute"]) for one in found["changes"]}
+    attributes = ("time", "date", "chance", "hash", "order")
+    assert changes >= {("APlant#a", attribute) for attribute in attributes}
+    assert "count" in {attribute for _, attribute in changes}
+
+
+def test_people_read_where_and_what_to_use_instead(tmp_path):
+    code, out, error = check(tmp_path, light="time.time()")
+    assert (code, out) == (1, "")
+    for word in ("frame 0 is the first that differs", "events of A alone", "eSun", "APlant#a",
+                 "light_seen", "A: one process for all members", "moment.time", "sorted("):  # fmt: skip
+        assert word in error
+    assert len(error.splitlines()) <= 25
+
+
+def test_bad_input_is_told_from_a_difference(tmp_path):
+    code, _, error = check(tmp_path, file=FILE.replace("garden:Sun", "garden:Son"))
+    assert code == 2
+    assert "Son" in error
+    assert "Traceback" not in error
+
+
+def test_a_world_that_fails_says_how(tmp_path):
+    code, _, error = check(tmp_path, when="1 / 0")
+    assert code == 1
+    assert "garden.toml: it fails in one process for all members:" in error
+    assert "ZeroDivisionError" in error
+    assert "Traceback" not in error
