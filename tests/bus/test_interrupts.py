@@ -2,8 +2,9 @@
 
 import json
 import os
-import pty
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -46,25 +47,31 @@ def test_a_running_world_ends_at_once(tmp_path, number, word):
         assert "Traceback" not in world.text
 
 
-def in_a_terminal(folder, *words):
-    """Start a command in a terminal of its own; its process id and the terminal's other end."""
-    pid, terminal = pty.fork()
-    if not pid:
-        os.chdir(folder)
-        os.execve(MINERVA[0], [*MINERVA, *map(str, words)], environment(folder))
-    return pid, terminal
+IN_A_TERMINAL = """
+import os, pty, signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # tests may run under nohup
+pid, terminal = pty.fork()
+if not pid:
+    os.execv(sys.argv[1], sys.argv[1:])
+shown = b""
+while b"frame 2" not in shown:  # the line at the bottom counts frames
+    shown += os.read(terminal, 4096)
+os.close(terminal)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+"""Start a command in a terminal of its own, close that when it shows a frame, and wait."""
 
 
 @pytest.mark.parametrize("words", [(), ("--in-process",)])
 def test_a_closed_terminal_ends_the_world_and_its_record_in_order(tmp_path, words):
     pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
     path = write_world(tmp_path, frames=0, rate=50)
-    pid, terminal = in_a_terminal(tmp_path, "run", path, "--record", "run.mcap", *words)
-    shown = b""
-    while b"frame 2" not in shown:  # the line at the bottom counts frames
-        shown += os.read(terminal, 4096)
-    os.close(terminal)
-    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 130
+    command = [*MINERVA, "run", str(path), "--record", "run.mcap", *words]
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_TERMINAL, *command], cwd=tmp_path, env=environment(tmp_path),
+        stdin=subprocess.DEVNULL, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 130
     info = json.loads(here(tmp_path, "info", "run.mcap", "--json").stdout)
     assert info["complete"]
     assert not list((tmp_path / "runtime").glob("*.json"))
