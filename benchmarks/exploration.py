@@ -7,9 +7,10 @@
 Each floor is explored for two markers: the one farthest away, as `minerva run robot --map` takes
 it, and another one. `ratio` is the distance driven over the length of the shortest path on the true
 map for a disc of the robot's radius, by moves to eight neighbours. A run is given up after as many
-frames as it takes to drive 25 times that, and 3,000 more. `reported` says that the robot has said
-that it cannot find the marker. Seeds are for floors that the strategy was tuned on, held-out ones
-for floors that it was not. `--check` runs some of the floors in the whole world as well.
+frames as it takes to drive 25 times that, and 3,000 more. `reported` says that the robot itself has
+given up, by eUnreachable, which ends the run too. Seeds are for floors that the strategy was tuned
+on, held-out ones for floors that it was not. A hall has no chance in it: it is the same for all
+seeds. `--check` runs some of the floors in the whole world as well.
 """
 
 from __future__ import annotations

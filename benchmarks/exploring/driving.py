@@ -109,10 +109,10 @@ class Drive:
         self.run = Run()
 
     def go(self, frames: int) -> Run:
-        """Drive until the robot reports that it is there, or for so many frames."""
+        """Drive until the robot reports that it is there or gives up, or for so many frames."""
         run = self.run
         begin = time.perf_counter()
-        while run.frames < frames and not run.reached:
+        while run.frames < frames and not (run.reached or run.reported):
             self._frame()
             run.frames += 1
         run.seconds = time.perf_counter() - begin
@@ -130,7 +130,7 @@ class Drive:
         self.run.slowest = max(self.run.slowest, time.perf_counter() - begin)
         for event in moment.emitted:
             self.run.reached |= event.type == "eReached"
-        self.run.reported |= robot.searches > 0
+            self.run.reported |= event.type == "eUnreachable"
 
     def _carry_out(self) -> None:
         """Drive on the true floor, and stop where it touches."""
