@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ast
 import inspect
+import linecache
 import os
 import sysconfig
 import textwrap
 import traceback
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Final
@@ -82,6 +83,21 @@ def _user_frame(
         if not is_foreign(frame.f_code.co_filename) or _package(frame) == package:
             return frame, number, index
     return None
+
+
+def innermost(frames: Sequence[Place]) -> Place | None:
+    """The first frame of user code in a stack, the most recent call first; with its source line.
+
+    A package that the framework calls is user code where there is no other.
+    """
+    own = [frame for frame in frames if not is_foreign(frame.file)]
+    outside = (frame for frame in frames if not frame.file.startswith(_FRAMEWORK))
+    installed = (frame for frame in outside if not _is_standard(frame.file))
+    place = next(iter(own), None) or next(installed, None)
+    if place is None:
+        return None
+    shown = linecache.getline(place.file, place.line).strip()
+    return replace(place, shown=(shown,) if shown else ())
 
 
 def is_foreign(file: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -14,10 +15,14 @@ from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines
 from minerva_bus.launch.starters import Child, command, fork
 from minerva_bus.launch.surroundings import Surroundings
+from minerva_bus.launch.traces import ASK, is_stack
 from minerva_bus.launch.worldfile import Process
 
 CALM = 30.0
 LAST_WORDS = 0.4
+STACKS_WITHIN, STACKS_GO_ON = 0.5, 0.05
+"""Seconds to wait for the stacks of a process, which may print all the time; and for more lines."""
+
 FIRST_WAIT, LONGEST_WAIT = 0.05, 5.0
 
 
@@ -27,6 +32,7 @@ class Watched:
 
     `wanted`: a person wants it started anew. `left_at`: it has ended without a failure, and from
     then on that is one, if the world has not ended, too. `cause`: what it has said of its failure.
+    `stacks`: lines of the stacks that it was asked for; None where it was not.
     """
 
     process: Process
@@ -38,6 +44,7 @@ class Watched:
     cause: str = ""
     wanted: bool = False
     gave_up: bool = False
+    stacks: list[str] | None = None
     lines: Lines = field(default_factory=Lines)
 
     @property
@@ -140,8 +147,26 @@ class Members:
         if data is None:
             child.output = NOWHERE
         for line in watched.lines.feed(data or b""):
-            self._printed(watched.process.name, line)
+            if watched.stacks is not None and is_stack(line):
+                watched.stacks.append(line)
+            else:
+                self._printed(watched.process.name, line)
         return bool(data)
+
+    def stacks(self, watched: Watched) -> list[str]:
+        """Where the threads of a process are, as it writes it itself; nothing where it cannot."""
+        child = watched.child
+        if child is None or watched.process.command:
+            return []
+        watched.stacks = []
+        os.kill(child.pid, ASK)
+        until = time.monotonic() + STACKS_WITHIN
+        while child.output != NOWHERE and (left := until - time.monotonic()) > 0:
+            seconds = min(left, STACKS_GO_ON) if watched.stacks else left
+            if not self._around.pipes.wait_for(child.output, seconds):
+                break
+            self._hear(watched, child)
+        return watched.stacks
 
     def _drain(self, watched: Watched, child: Child) -> None:
         """Tell what is left of its lines."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import selectors
 from collections.abc import Callable
 from typing import Final
@@ -26,6 +27,12 @@ class Pipes:
         """Wait until there is something to hear, but no longer; hear it."""
         for key, _ in self._selector.select(seconds):
             key.data()
+
+    def wait_for(self, descriptor: int, seconds: float) -> bool:
+        """Wait until one of them has something to `read`, and hear none; whether it has."""
+        poll = select.poll()
+        poll.register(descriptor, select.POLLIN)
+        return bool(poll.poll(1000 * seconds))
 
     def read(self, descriptor: int) -> bytes | None:
         """What there is to read, perhaps nothing; None, and closed, where no more will come."""

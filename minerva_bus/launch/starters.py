@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.launch import traces
 
 FAILED: Final = os.EX_SOFTWARE
 """The exit code of a child that ended by an exception that is not meant for users."""
@@ -49,6 +50,7 @@ def fork(name: str, body: Callable[[], int], keep: Collection[int], lifeline: in
     try:
         _become_child(write, {*keep, lifeline})
         _die_with(lifeline)
+        traces.register()
         gc.freeze()  # What was there before the fork need not be looked at, nor copied, again.
         code = body()
     except MinervaError as error:

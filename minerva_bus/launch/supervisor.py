@@ -12,6 +12,7 @@ from minerva_bus.bus.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
+from minerva_bus.launch import starters
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.ending import how_ended, kill, next_ended
 from minerva_bus.launch.failures import REPORT_BEGINS
@@ -25,6 +26,7 @@ from minerva_bus.launch.starters import FAILED
 from minerva_bus.launch.succession import MOST_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
+from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.keys import COORDINATOR
 from minerva_bus.wording import counted
@@ -178,8 +180,20 @@ class Supervisor:
             self._log(member, f"has not answered for {waited:.0f} s: start it anew where it runs")
         if watched is None or watched.child is None:
             return
-        self._log(member, f"has not answered for {waited:.0f} s: it is killed")
+        self._log_stacks(watched, f"has not answered for {waited:.0f} s: it is killed")
         kill(watched.child.pid)
+
+    def _log_stacks(self, watched: Watched, text: str) -> None:
+        """Say something of a process that does not answer, and in which line it is."""
+        name, stacks = watched.process.name, self._members.stacks(watched)
+        place = blocked_at(stacks, starters.__file__)
+        if place is not None:
+            shown = "\n".join([f"{text}; it is still in", *place.lines()])
+            text = self._members.failures.shown(shown) or f"{text} (as above)"
+        self._log(name, text)
+        if stacks:
+            self._console.details(name, "\n".join(stacks))
+            self._keep(name, "\n".join(stacks), "warning")
 
     def _on_restart(self, member: str) -> None:
         watched = self._members.get(member)
@@ -317,7 +331,11 @@ class Supervisor:
     def _log(self, name: str, line: str, level: str = "warning") -> None:
         """Show a word about a process here, and let the coordinator keep it for others."""
         self._console.log(name, line, level)
-        self._coordinator.command(f"log {level} {name} {line[:LONGEST_LINE]}")
+        self._keep(name, line, level)
+
+    def _keep(self, name: str, text: str, level: str) -> None:
+        for line in text.split("\n"):
+            self._coordinator.command(f"log {level} {name} {line[:LONGEST_LINE]}")
 
     def _summary(self) -> Summary:
         ended = self._ended

@@ -1,0 +1,104 @@
+"""Members that are killed because they do not answer say first in which line of code they are."""
+
+import os
+import re
+import signal
+
+import pytest
+from running import World, write_world
+
+CODE = """\
+import time
+
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eStep = EventType("eStep")
+
+
+def waits(where):
+    if where == BLOCKED:
+        time.sleep(60)
+    while BLOCKED == "prints":
+        print("on and on", flush=True)
+
+
+class Walker(Agent, symbol="AWalker"):
+    x: float = 0.0
+
+    @on("eStep")
+    def walk(self, step, moment):
+        waits("walk")
+
+
+class Steps(Generator, events=("eStep",)):
+    def generate(self, tick):
+        waits("generate")
+        yield eStep()
+
+
+vocabulary = Vocabulary.of(eStep, Walker)
+"""
+
+MEMBERS = """
+[process.steps]
+service = "blocking:Steps"
+restarts = 1
+
+[process.walkers]
+agents = "blocking:Walker"
+restarts = 1
+"""
+
+
+def blocking_world(folder, blocked, **world):
+    path = write_world(folder, MEMBERS, bus="soft = 0.1\nhard = 0.4", frames=0, **world)
+    path.write_text(path.read_text().replace("yard:vocabulary", "blocking:vocabulary"))
+    (folder / "blocking.py").write_text(CODE.replace("BLOCKED", repr(blocked)))
+    return path
+
+
+@pytest.mark.parametrize(("blocked", "member"), [("generate", "steps"), ("walk", "walkers")])
+def test_a_blocked_member_is_killed_with_its_line(blocked, member, tmp_path):
+    with World(blocking_world(tmp_path, blocked)) as world:
+        world.says(f"{member} │ has not answered for", "it is killed; it is still in")
+        world.says(f"{member} │", "blocking.py:10, in waits")
+        world.says(f"{member} │     time.sleep(60)")
+        world.says(f"{member} │ has not answered for", "it is killed (as above)")
+        world.says(f"{member} │ was killed by SIGKILL, 2 times in a row")
+        assert world.ends() == 1
+    assert "most recent call first" not in world.text
+    assert len(world.lines) <= 25
+
+
+def test_the_log_has_all_frames_and_so_has_the_terminal_on_demand(tmp_path):
+    path = blocking_world(tmp_path, "generate")
+    path.write_text(path.read_text().replace("restarts = 1", "restarts = 9"))
+    with World(path, "--traceback") as world:
+        world.says("Current thread", "(most recent call first):")
+        world.says("blocking.py", "line 25 in generate")
+        world.says("made_events")
+        world.says("restart 1 of 9")
+        with world.client() as asked:
+            kept = [line.text for line in asked.operator.logs(0, "steps")]
+        world.kill(signal.SIGINT)
+        world.ends()
+    assert any(re.search(r"blocking\.py\", line 25 in generate", text) for text in kept)
+    assert any("time.sleep(60)" in text for text in kept)
+
+
+def test_a_member_that_prints_without_end_is_killed(tmp_path):
+    with World(blocking_world(tmp_path, "prints")) as world:
+        world.says("steps │ has not answered for", "it is killed")
+        world.says("steps │ was killed by SIGKILL; restart 1 of 1")
+        world.kill(signal.SIGINT)
+        world.ends()
+
+
+def test_a_frozen_member_is_killed_without_it(tmp_path):
+    with World(blocking_world(tmp_path, "")) as world:
+        os.kill(world.runs("steps", "walkers")["walkers"], signal.SIGSTOP)
+        said = world.says("walkers │ has not answered for", "it is killed")
+        assert said.endswith("it is killed")
+        world.says("walkers │ was killed by SIGKILL; restart 1 of 1")
+        world.kill(signal.SIGINT)
+        world.ends()
