@@ -5,7 +5,8 @@ look is not chosen again, nor is a turn that has shown nothing; when nothing is 
 begins again.
 
 A plan is kept until it ends or is contradicted by something that has turned up, for most frames
-need no new one. Where no way is found, mostly because another robot stands in it, the robot waits
+need no new one. Where no way is found, the robot looks for one on which it only just fits, see
+`narrows`. Where there is none either, mostly because another robot stands in it, the robot waits
 for a random while, so that of two robots one moves first; if that does not help it steps aside.
 """
 
@@ -20,6 +21,7 @@ import numpy as np
 from minerva_agents.robot.arriving import APPROACH, NEAR, PATIENCE, good_places, is_near
 from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.ground import (
+    Position,
     blocked,
     cell_of,
     centre_of,
@@ -28,6 +30,7 @@ from minerva_agents.robot.ground import (
 from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt, reopen
 from minerva_agents.robot.looking import forget_looks
 from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
+from minerva_agents.robot.narrows import Narrows
 from minerva_agents.robot.planning import Path, nearest, shortest_path
 from minerva_agents.robot.searching import Goal, Known, news_ahead, news_at, next_goal
 from minerva_bus import Moment, portable
@@ -105,7 +108,7 @@ def _make_plan(
         is_made = _plan_look(robot, choose(replace(_known(robot), closed=closed)))
     else:
         is_made = _plan_approach(robot, closed, here, place)
-    if is_made:
+    if is_made or _plan_narrow(robot, place, choose):
         robot.failures = 0
     elif place is not None and is_near(robot, place):
         robot.set_way([], APPROACH)  # the way ends here
@@ -130,9 +133,32 @@ def _plan_approach(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> bool
     return path is not None and _set_out(robot, path.cells, APPROACH)
 
 
+def _plan_narrow(robot: ARobot, place: Cell | None, choose: Callable[[Known], Goal | None]) -> bool:
+    """Plan a way on which the robot only just fits, to the objective or to the next look."""
+    narrows = Narrows.around(robot.grid, robot.position, robot.radius, robot.cell)
+    if place is not None:
+        ways = (narrows.way_to(targets) for targets in good_places(robot, place))
+        way = next((way for way in ways if way is not None), None)
+        return way is not None and _go_along(robot, way, APPROACH, is_narrow=True)
+    goal = choose(replace(_known(robot), closed=narrows.closed_cells))
+    if goal is None:
+        return False
+    if not goal.cells:
+        return _plan_look(robot, goal)
+    robot.news = goal.news
+    way = narrows.way_to_cell(goal.cells[-1])
+    return way is not None and _go_along(robot, way, SEARCH, is_narrow=True)
+
+
 def _set_out(robot: ARobot, cells: Sequence[Cell], purpose: str) -> bool:
     """Have a way along cells; False if it leads nowhere, or something stands in it."""
-    robot.set_way(straightened(robot.grid, robot.position, cells, robot.room), purpose)
+    way = straightened(robot.grid, robot.position, cells, robot.room)
+    return _go_along(robot, way, purpose)
+
+
+def _go_along(robot: ARobot, way: list[Position], purpose: str, is_narrow: bool = False) -> bool:
+    """Have a way; False if it leads nowhere, or something stands in it."""
+    robot.set_way(way, purpose, is_narrow)
     pass_corners(robot)
     return is_open(robot)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_agents.robot.ground import is_clear
 from minerva_agents.robot.motion import STAY, Move, towards
+from minerva_agents.robot.narrows import is_passable
 from minerva_bus import portable
 
 if TYPE_CHECKING:
@@ -20,13 +21,17 @@ def pass_corners(robot: ARobot) -> None:
     while way and portable.dist(way[0], robot.position) < _THERE:
         way.pop(0)
     if len(way) != len(robot.plan_rows):
-        robot.set_way(way, robot.purpose)
+        robot.set_way(way, robot.purpose, robot.is_narrow)
 
 
 def is_open(robot: ARobot) -> bool:
     """Whether there is a way on, and no obstacle has turned up on it."""
-    way = robot.way
-    return bool(way) and is_clear(robot.grid, (robot.position, *way), robot.room)
+    way = (robot.position, *robot.way)
+    if len(way) == 1:
+        return False
+    if robot.is_narrow:
+        return is_passable(robot.grid, way, robot.radius, robot.cell)
+    return is_clear(robot.grid, way, robot.room)
 
 
 def step(robot: ARobot, dt: float) -> Move:

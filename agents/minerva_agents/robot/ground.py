@@ -4,7 +4,8 @@ Positions are (row, column) in cells; the centre of cell (2, 3) is (2.5, 3.5). W
 counts as free: a robot that never went there would never know.
 
 A robot keeps so far from the centres of obstacles' cells that it touches nothing wherever in such
-a cell the obstacle stands. One that has come nearer, by an error or because something came to it,
+a cell the obstacle stands; where that leaves no way it keeps from the cells themselves, see
+`narrows`. One that has come nearer, by an error or because something came to it,
 may go anywhere but nearer still.
 """
 

@@ -56,6 +56,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         fov, sight: how wide and how far the robot takes its camera to see.
         plan_rows, plan_columns: the corners still ahead on its way.
         purpose: what the way is for.
+        is_narrow: whether the way leads where the robot only just fits, see `narrows`.
         pause: frames for which it still waits.
         failures: how often in a row it has found no way.
         heading: where it turns to for a look, while that is its purpose.
@@ -92,6 +93,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     plan_rows: tuple[float, ...] = ()
     plan_columns: tuple[float, ...] = ()
     purpose: str = ""
+    is_narrow: bool = False
     pause: int = 0
     failures: int = 0
     heading: Degrees = 0.0
@@ -239,8 +241,9 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.been = self.dull = ()
         self.forget_plan()
 
-    def set_way(self, way: list[Position], purpose: str) -> None:
+    def set_way(self, way: list[Position], purpose: str, is_narrow: bool = False) -> None:
         """Have another way."""
+        self.is_narrow = is_narrow
         self.plan_rows = tuple([row for row, _ in way])
         self.plan_columns = tuple([column for _, column in way])
         self.purpose = purpose

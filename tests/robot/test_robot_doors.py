@@ -1,0 +1,104 @@
+"""Doors that are hardly wider than the robot, wherever they lie between the lines of its grid."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from floor_simulator import Simulator
+
+from minerva_agents.robot.narrows import Narrows, is_passable, passable_width
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
+from minerva_agents.robot.options import Options
+from minerva_agents.robot.world import scene
+
+RADIUS, PIXEL = 0.18, 0.005
+DEEP, WIDE, WALL = 2.0, 2.4, 0.1
+
+
+def pixels(metres):
+    return round(metres / PIXEL)
+
+
+def two_rooms(width, offset, along_x):
+    """Two rooms with a door between; its first jamb is `offset` metres behind a line of the grid.
+
+    The face of the wall lies as far behind a line.
+    """
+    cells = np.full((pixels(2 * DEEP + WALL), pixels(WIDE)), FREE, np.int16)
+    cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = OCCUPIED
+    face, jamb = pixels(DEEP + offset), pixels(0.9 + offset)
+    cells[face : face + pixels(WALL)] = OCCUPIED
+    cells[face : face + pixels(WALL), jamb : jamb + pixels(width)] = FREE
+    return OccupancyMap(cells if along_x else np.ascontiguousarray(cells.T), PIXEL)
+
+
+def drive(tmp_path, width, offset, along_x=True, frames=700):
+    """What comes of a search for a marker behind the door."""
+    floor = two_rooms(width, offset, along_x)
+    picture = np.where(floor.cells == FREE, 254, 0).astype(np.uint8).T[::-1]
+    high, wide = picture.shape
+    (tmp_path / "m.pgm").write_bytes(f"P5 {wide} {high} 255\n".encode() + picture.tobytes())
+    (tmp_path / "m.yaml").write_text(
+        f'{{"image": "m.pgm", "resolution": {PIXEL}, "origin": [0, 0, 0], "negate": 0,'
+        ' "occupied_thresh": 0.65, "free_thresh": 0.196}'
+    )
+    start, end = (0.7, 0.6), (3.5, 0.6)
+    if not along_x:
+        start, end = start[::-1], end[::-1]
+    options = {
+        "map": str(tmp_path / "m.yaml"),
+        "start": f"{start[0]}, {start[1]}, 0",
+        "markers": {"A": list(end)},
+        "parcels": "",
+    }
+    chosen = Options.read(options)
+    simulator = Simulator(chosen.floor, chosen.places, scene(options), "A")
+    run = simulator.go(frames)
+    run.reached &= math.dist(simulator.place(), end) < 1.2  # and it has not given up
+    return run
+
+
+@pytest.mark.parametrize("width", [0.54, 0.59])
+@pytest.mark.parametrize("offset", [0.005, 0.025, 0.05, 0.075])
+def test_it_passes_a_door_wherever_the_lines_of_its_grid_are(tmp_path, width, offset):
+    run = drive(tmp_path, width, offset)
+    assert run.reached
+    assert run.least_gap > RADIUS
+
+
+@pytest.mark.parametrize(("radius", "cell"), [(0.18, 0.1), (0.18, 0.05), (0.3, 0.1), (0.1, 0.2)])
+@pytest.mark.parametrize("into", [0, 1])
+def test_there_is_a_way_through_a_door_of_the_passable_width(radius, cell, into):
+    """Hits on one jamb may be rounded into the opening: one cell of it is lost."""
+    width = round(passable_width(radius, cell) / cell)
+    grid = np.ones((60, 60), np.int16)
+    grid[:, 30] = 9
+    grid[20 + into : 20 + width, 30] = 1
+    narrows = Narrows.around(grid, (10.3, 10.7), radius, cell)
+    way = narrows.way_to_cell((10, 50))
+    assert not narrows.closed_cells[10, 50]
+    assert way is not None
+    assert is_passable(grid, [(10.3, 10.7), *way], radius, cell)
+    assert gap_of(grid, [(10.3, 10.7), *way]) * cell > radius
+
+
+def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
+    grid = np.ones((60, 60), np.int16)
+    grid[:, 30] = 9
+    grid[20:23, 30] = 1
+    narrows = Narrows.around(grid, (10.3, 10.7), RADIUS, 0.1)
+    assert narrows.way_to_cell((10, 50)) is None
+    assert not is_passable(grid, [(21.5, 20.5), (21.5, 40.5)], RADIUS, 0.1)
+
+
+def gap_of(grid, way):
+    """The least distance, in cells, between a way and the squares of obstacles' cells."""
+    low = np.argwhere(grid == 9)
+    gaps = []
+    for begin, end in pairwise(np.array(way)):
+        for part in np.linspace(0.0, 1.0, 200):
+            at = begin + part * (end - begin)
+            away = np.maximum(np.maximum(low - at, at - low - 1), 0.0)
+            gaps.append(np.hypot(*away.T).min())
+    return min(gaps)
