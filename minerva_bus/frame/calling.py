@@ -19,6 +19,9 @@ from minerva_bus.world.services import Service
 VALUE: Final = "="
 """The name under which a value that is no mapping travels."""
 
+NOTHING: Final[Mapping[str, Any]] = {VALUE: None}
+"""What is kept of a member that saves nothing any more, instead of what it saved before."""
+
 
 def made_events(made: Any) -> Iterator[AnyEvent]:
     """The events of what `generate` returned: None, an event, or an iterable of both.
@@ -59,8 +62,10 @@ def saved_by(service: Service) -> Mapping[str, Any] | None:
 
 
 def restore(service: Service, saved: Mapping[str, Any]) -> None:
-    """Give a service what its predecessor saved. Raises UserCodeError."""
+    """Give a service what its predecessor saved, if that is anything. Raises UserCodeError."""
     value: Any = saved[VALUE] if set(saved) == {VALUE} else saved
+    if value is None:
+        return
     with blamed(service.restore):
         service.restore(value)
 

@@ -8,6 +8,7 @@ from typing import Final
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.calling import NOTHING
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.course import Course
@@ -51,8 +52,8 @@ class Steps(Endings):
         for member, reply in self._ticked.items():
             if reply.events:
                 sources[member] = [*reply.events, *sources.get(member, ())]
-            if reply.saved is not None:
-                self._saved[member] = reply.saved
+            if reply.saved is not None or member in self._saved:
+                self._saved[member] = NOTHING if reply.saved is None else reply.saved
         self._held = {}
         if due:
             sources["~device"] = self._visual_events(due)

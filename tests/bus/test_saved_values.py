@@ -1,0 +1,116 @@
+"""Whatever a service saves, it is given back: by a record, by the journal, to a successor."""
+
+import os
+import signal
+from functools import partial
+
+import pytest
+from running import World, eventually, here, summary, write_world
+
+CODE = '''\
+from minerva_bus import Agent, EventType, Generator, Vocabulary, on
+
+eCount = EventType("eCount", count=int)
+
+
+class Adder(Agent, symbol="AAdder"):
+    total: float = 0.0
+
+    @on("eCount")
+    def add(self, told, moment):
+        self.total = self.total / 1.01 + told.count
+
+
+FORMS = {
+    "whole": (int, lambda n: n),
+    "number": (float, lambda n: n / 2),
+    "text": (str, str),
+    "bytes": (bytes, lambda n: bytes([n])),
+    "list": (list, lambda n: [n, [str(n)]]),
+    "tuple": (list, lambda n: (n, None)),
+    "mapping": (dict, lambda n: {"count": n, "of": {"more": [n]}}),
+    "value": (dict, lambda n: {"=": n}),
+    "empty": (dict, lambda n: {} if n == 2 else {"=": n, "": n}),
+    "nothing": (int, lambda n: n or None),
+    "zero": (int, lambda n: n - 1),
+}
+
+
+class Keeper(Generator, events=("eCount",)):
+    """Counts 0, 1, 2, 0, ...; what it saves has the count in the form that is wanted."""
+
+    def __init__(self, form: str) -> None:
+        self.kind, self.form = FORMS[form]
+        self.count = 0
+
+    def generate(self, tick):
+        self.count = (self.count + 1) % 3
+        return eCount(count=self.count)
+
+    def save(self):
+        return self.form(self.count)
+
+    def restore(self, saved):
+        assert type(saved) is self.kind
+        again = [n for n in range(3) if plain(self.form(n)) == saved]
+        (self.count,) = again
+
+
+def plain(value):
+    return list(value) if isinstance(value, tuple) else value
+
+
+vocabulary = Vocabulary.of(eCount, Adder)
+'''
+
+FORMS = (
+    "whole", "number", "text", "bytes", "list", "tuple", "mapping", "value", "empty", "nothing",
+    "zero",
+)  # fmt: skip
+
+
+def keepers(folder, forms=FORMS, **world):
+    """A world with a keeper for each form."""
+    members = '[process.adders]\nagents = "keeping:Adder"\n' + "".join(
+        f'[process.{form}]\nservice = "keeping:Keeper"\nform = "{form}"\n' for form in forms
+    )
+    path = write_world(folder, members, string="AAdder#a", **world)
+    path.write_text(path.read_text().replace("yard:vocabulary", "keeping:vocabulary"))
+    (folder / "keeping.py").write_text(CODE)
+    return path
+
+
+def others(world, forms, before):
+    """Whether all of these processes are other ones than before."""
+    now = world.runs(*forms)
+    return all(now[form] != before[form] for form in forms)
+
+
+def alone(folder, *words):
+    return summary(here(folder, "run", *words, "--in-process", "--json"))
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 7])
+def test_a_record_gives_back_what_was_saved(frames, tmp_path):
+    pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+    path = keepers(tmp_path, frames=12)
+    whole = alone(tmp_path, path)
+    alone(tmp_path, path, "--frames", frames, "--record", "cut.mcap")
+    done = alone(tmp_path, "--resume", "cut.mcap", "--frames", 12, "--record", "on.mcap")
+    assert done["digest"] == whole["digest"]
+
+
+def test_the_journal_gives_back_what_was_saved(tmp_path):
+    forms = ("whole", "text", "list", "value", "nothing")
+    path = keepers(tmp_path, forms, frames=200, rate=50)
+    undisturbed = alone(tmp_path, path, "--rate", 0)
+    with World(path, "--json") as world:
+        for _ in range(2):
+            before = world.runs("adders", *forms)
+            world.kill_coordinator()
+            for form in forms:
+                os.kill(before[form], signal.SIGKILL)
+            eventually(partial(others, world, forms, before), "they are started anew")
+        found = world.summary()
+    assert found["digest"] == undisturbed["digest"]
+    assert "another one goes on from its journal" in world.text
