@@ -101,6 +101,8 @@ class Alone:
         runner.hear = self._record.sensed if self._record.topics else None
         reason = ""
         try:
+            for note in self._file.notes:
+                self._note(note)
             runner.start()
             self._run_freely(participants)
             self._pulsing = [

@@ -33,6 +33,7 @@ def read_description(
     and SceneError.
     """
     table.text("defaults")
+    table.text("notes")
     own_name, own_rate = table.text("name", path.stem), table.number("rate", 0.0)
     own_seed, own_frames = table.whole("seed", 0, -(1 << 63)), table.whole("frames", 0)
     vocabulary = _vocabulary(table, path)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.border import read_border
@@ -14,6 +16,7 @@ from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.overrides import AS_WRITTEN, Overrides
 from minerva_bus.launch.patience import read_patience
 from minerva_bus.launch.processes import check_members, read_processes
+from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.watching import read_watching
@@ -70,6 +73,7 @@ def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
     file = WorldFile(
         path, world, rate, processes, bus, options, record=record, text=text, watch=watch
     )
+    file = replace(file, notes=_notes(top.table("world").text("notes"), options, path))
     interactive = any(one.service is not None and one.service.interactive for one in members)
     return _interactive(file, given) if interactive else file
 
@@ -91,9 +95,17 @@ def _bus(top: Table, path: Path, given: Overrides) -> BusSettings:
     return bus
 
 
+def _notes(spec: str, options: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+    """What people should know of a world with these options, as a function says; "": nothing."""
+    notes: object = called(spec, options, path) if spec else ()
+    if not isinstance(notes, list | tuple):
+        raise WorldFileError(f"{path}: {spec} must return a list of texts, not {notes!r:.60}")
+    return tuple([str(note) for note in cast("list[object]", notes)])
+
+
 def _interactive(file: WorldFile, given: Overrides) -> WorldFile:
     """People sit before it: in real time and without end, unless somebody says otherwise."""
-    world, rate, notes = file.world, file.rate, list[str]()
+    world, rate, notes = file.world, file.rate, list(file.notes)
     if given.rate is None and not rate:
         rate = 1.0 / world.dt
         notes.append(f"{rate:g} frames a second, real time (--rate changes it)")

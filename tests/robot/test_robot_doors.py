@@ -1,16 +1,25 @@
 """Doors that are hardly wider than the robot, wherever they lie between the lines of its grid."""
 
 import math
+import subprocess
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from floor_simulator import Simulator
 
+import minerva_agents.robot
 from minerva_agents.robot.narrows import Narrows, is_passable, passable_width
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_agents.robot.options import Options
 from minerva_agents.robot.world import scene
+from minerva_bus.errors import WorldFileError
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+
+ROBOT = Path(minerva_agents.robot.__file__).with_name("robot.toml")
 
 RADIUS, PIXEL = 0.18, 0.005
 DEEP, WIDE, WALL = 2.0, 2.4, 0.1
@@ -90,6 +99,39 @@ def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
     narrows = Narrows.around(grid, (10.3, 10.7), RADIUS, 0.1)
     assert narrows.way_to_cell((10, 50)) is None
     assert not is_passable(grid, [(21.5, 20.5), (21.5, 40.5)], RADIUS, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({}, None),
+        ({"radius": "0.4"}, None),  # no cell makes such a robot fit a door of 0.7 m
+        ({"cell": "0.2"}, "doors from 0.80 m up, for their cells are 0.2 m wide; with --cell 0.1"),
+        ({"radius": "0.25", "cell": "0.15"}, "doors from 0.75 m up"),
+    ],
+)
+def test_a_run_says_if_the_cells_keep_robots_from_doors(options, line):
+    notes = read_world_file(ROBOT, Overrides(options=options)).notes
+    assert [line in note for note in notes] == ([True] if line else [])
+
+
+def test_notes_that_are_no_list_are_refused(tmp_path):
+    world = ROBOT.read_text().replace("robot.world:notes", "robot.world:defaults")
+    (tmp_path / "w.toml").write_text(world)
+    with pytest.raises(WorldFileError, match="world:defaults must return a list of texts"):
+        read_world_file(tmp_path / "w.toml")
+
+
+def test_a_run_in_one_process_shows_its_notes():
+    words = "run", "robot", "--in-process", "--frames", "1", "--cell", "0.2"
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,  # it has not found the kitchen in one frame
+    )
+    assert "the robots pass doors from 0.80 m up" in done.stderr + done.stdout
 
 
 def gap_of(grid, way):

@@ -39,7 +39,7 @@ def passable_width(radius: float, cell: float) -> float:
 
     It is the robot's width with a margin, rounded up to whole cells, and one cell more.
     """
-    return (math.ceil(2.0 * _room_of_points(radius, cell)) + 1) * cell
+    return round((math.ceil(2.0 * _room_of_points(radius, cell)) + 1) * cell, 9)
 
 
 def is_passable(grid: Cells, way: Sequence[Position], radius: float, cell: float) -> bool:

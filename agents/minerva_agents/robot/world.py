@@ -24,7 +24,7 @@ passes narrower ones only where the lines of its grid lie well in them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -33,6 +33,7 @@ import numpy as np
 from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.localising import ALocalisingRobot
+from minerva_agents.robot.narrows import passable_width
 from minerva_agents.robot.occupancy import Marker, OccupancyMap, Pose
 from minerva_agents.robot.options import Options
 from minerva_agents.robot.parcel import AParcel
@@ -94,6 +95,9 @@ _BELOW: Final = -90.0
 """The direction in which parcels stand at a marker, in degrees: the world's y is up."""
 _BREADTH: Final = 140.0
 """Degrees between the outermost of them."""
+_DOOR: Final = 0.7
+"""Metres: hardly a door in a building is narrower."""
+_PARTS_OF_CELLS: Final = (2, 4, 8)
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -124,6 +128,20 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
     chosen = Options.read(options)
     made = {name: getattr(chosen, name) for name in _NAMES if name not in options}
     return {**made, **options, "objective": chosen.goal}
+
+
+def notes(options: Mapping[str, Any]) -> Sequence[str]:
+    """A line if the cells keep robots from doors of usual width, with a size that does not."""
+    chosen = Options.read(options)
+    limit = passable_width(chosen.radius, chosen.cell)
+    sizes = [round(chosen.cell / part, 9) for part in _PARTS_OF_CELLS]
+    better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR]
+    if limit <= _DOOR or not better:
+        return ()
+    return (
+        f"the robots pass doors from {limit:.2f} m up, for their cells are {chosen.cell:g} m wide;"
+        f" with --cell {better[0]:g} from {passable_width(chosen.radius, better[0]):.2f} m up",
+    )
 
 
 def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
