@@ -12,6 +12,7 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import walk
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
 from minerva_bus.wording import counted
 
@@ -20,7 +21,8 @@ def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
     """Check one file; the exit code."""
     found: dict[str, Any] = {"file": str(file), "ok": True}
     try:
-        found["what"] = _check(file, vocabulary)
+        found["what"], warnings = _check(file, vocabulary)
+        found |= {"warnings": warnings} if warnings else {}
     except MinervaError as error:
         found |= {"ok": False, "error": str(error)}
         if isinstance(error, SceneError):
@@ -29,23 +31,26 @@ def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
         say(json.dumps(found))
     elif found["ok"]:
         say(f"{file}: {found['what']}")
+        for warning in found.get("warnings", []):
+            tell(f"warning: {warning}")
     else:
         tell(found["error"])
     return 0 if found["ok"] else 1
 
 
-def _check(file: Path, vocabulary: str) -> str:
+def _check(file: Path, vocabulary: str) -> tuple[str, list[str]]:
+    """What a file is, and warnings."""
     if file.suffix == ".toml":
         world = read_world_file(file)
         processes = counted(len(world.processes), "process")
-        return f"a world of {processes}, {_size(world.world.scene)}"
+        return f"a world of {processes}, {_size(world.world.scene)}", restless(world)
     text = _read(file)
     if vocabulary:
         alphabet = load(vocabulary, file.resolve().parent)
         if not isinstance(alphabet, Vocabulary):
             raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, no Vocabulary")
-        return f"a string of its vocabulary, {_size(alphabet.read(text, str(file)))}"
-    return f"a string of L(M), {_size(parse(text, str(file)))}"
+        return f"a string of its vocabulary, {_size(alphabet.read(text, str(file)))}", []
+    return f"a string of L(M), {_size(parse(text, str(file)))}", []
 
 
 def _read(file: Path) -> str:
