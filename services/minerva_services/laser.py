@@ -82,6 +82,7 @@ class Laser(Generator, events=("eLaser",)):
         self._every = every
         self._clear = clear
         self._clear_range = clear_range
+        self._timed = False
 
     def generates(self) -> tuple[str, ...]:
         return (self._event, self._clear) if self._clear else (self._event,)

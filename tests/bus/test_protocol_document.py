@@ -314,7 +314,7 @@ SEEN = {}
 def hear(name, items):
     if name != "view":
         return
-    type_, frame, sequence, parts, skeleton = items
+    type_, frame, sequence, parts, skeleton, halted = items
     if skeleton is not None:
         SEEN.clear()
         SEEN["skeleton"] = skeleton

@@ -174,4 +174,4 @@ def test_what_would_be_passed_over_is_refused(recorded, words, problem):
 def test_whose_code_fails_is_said(recorded):
     done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
     assert done.returncode == 1
-    assert done.stderr == "minerva: frame 0: ZeroDivisionError: its own fault\n"
+    assert done.stderr == "minerva: frame 0: Broken.generate: ZeroDivisionError: its own fault\n"
