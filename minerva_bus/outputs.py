@@ -40,6 +40,11 @@ class _Policy:
 _policy = _Policy()
 
 
+def forget_inputs() -> None:
+    """A new command begins: what earlier ones of this process have read is no input of it."""
+    _policy.read.clear()
+
+
 def force_overwriting(forced: bool) -> None:
     """Allow (`--force`) or forbid to overwrite any file."""
     _policy.forced = forced

@@ -16,6 +16,7 @@ from minerva_bus.cli.commands import development, records, runs, studies, worlds
 from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
 from minerva_bus.cli.keying import app as keys
 from minerva_bus.errors import MinervaError
+from minerva_bus.outputs import forget_inputs
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -31,6 +32,7 @@ app.add_typer(keys, name="keys")
 
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
+    forget_inputs()
     try:
         app()
     except MinervaError as error:

@@ -16,6 +16,7 @@ import typer
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.specs import entries, load
+from minerva_bus.outputs import forget_inputs
 from minerva_bus.world.recordings import MapChoice, Mapper, PassOver, Progress, Recording
 
 RECORDINGS, MAPPERS = "minerva.recordings", "minerva.mappers"
@@ -39,6 +40,7 @@ def map_recording(
     `poses` and `time_offset` see `MapChoice`.
     """
     last = math.inf if end is None else end
+    forget_inputs()
     choice = MapChoice(cell, farthest, begin, last, poses, time_offset)
     into = output or Path(f"{file.name.partition('.')[0]}.pgm")
     draw: Mapper = load(_installed(MAPPERS, "grid", "mapper"))

@@ -133,11 +133,12 @@ class Alone:
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
         self._console.frame = frame
-        text = f"failed in frame {frame}: {report(error)}"
+        told = report(error)
+        text = f"failed in frame {frame}: {told}"
         self._console.log(member, text, "error")
         self._console.details(member, whole(error))
         self._record.said(member, f"{text}\n{whole(error)}")
-        what = error.where if isinstance(error, UserCodeError) else type(error).__name__
+        what = told.partition("\n")[0]
         hint = "" if self._console.traceback else " (--traceback shows all frames)"
         return WorldStopped(f"{member} failed in frame {frame}: {what}; the world stops{hint}")
 

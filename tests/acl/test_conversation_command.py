@@ -162,7 +162,7 @@ def test_other_pictures_are_refused(record, tmp_path, name):
 
 
 def test_where_nothing_can_be_written(record, tmp_path):
-    with pytest.raises(MinervaError, match="cannot be written: No such file"):
+    with pytest.raises(MinervaError, match=r"cannot write .*x\.svg: No such file"):
         show_conversation(record(TALK), "", tmp_path / "nowhere" / "x.svg", False)
 
 

@@ -16,10 +16,9 @@ from minerva_bus import (
     Vocabulary,
 )
 from minerva_bus.cli.recording import draw_plot
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import World
 from minerva_bus.record.description import Description
-from minerva_bus.record.errors import RecordError
 from minerva_bus.record.places import Surveyor
 from minerva_bus.record.tracks import story_of
 from minerva_bus.record.writer import RecordWriter
@@ -143,9 +142,9 @@ def test_a_picture_that_cannot_be_written(tmp_path):
     pytest.importorskip("matplotlib")
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("robot"))
-    with pytest.raises(RecordError, match="cannot be written"):
+    with pytest.raises(MinervaError, match="cannot write"):
         draw_plot(path, tmp_path / "none" / "run.png")
-    with pytest.raises(RecordError, match="cannot be written"):
+    with pytest.raises(MinervaError, match="cannot be written"):
         draw_plot(path, tmp_path / "run.docx")
 
 
