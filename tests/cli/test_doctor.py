@@ -32,7 +32,11 @@ def test_what_is_missing_is_said_with_what_to_do(capsys, tmp_path, monkeypatch):
 
 def test_it_knows_all_extras():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    assert set(doctoring.EXTRAS) == set(project["optional-dependencies"]) - {"all", "dev"}
+    assert set(doctoring.EXTRAS) == set(project["optional-dependencies"]) - {
+        "all",
+        "dev",
+        "mutation",
+    }
 
 
 def test_without_a_bus_there_are_no_worlds(capsys, monkeypatch):

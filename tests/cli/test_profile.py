@@ -55,7 +55,7 @@ def test_a_members_page_is_written_where_the_output_says(tmp_path):
     done = minerva(tmp_path, "run", path, "--profile-member", "steps")
     assert done.returncode == 0, done.stderr
     page = tmp_path / f"{path.stem}-steps.html"
-    assert page.read_text() == "<p>started, stopped</p>"
+    assert page.read_text().startswith("<p>started, stopped</p>\n")
     assert f"steps │ its profile is in {page}" in done.stderr
 
 
