@@ -169,7 +169,7 @@ def in_world(task: Task) -> dict[str, Any]:
         options = _options(task, Path(folder))
         place = f"{{{task.marker.name} = [{task.marker.x}, {task.marker.y}]}}"
         command = [
-            sys.executable, "-m", "minerva_bus.cli", "run", "robot", "--in-process", "--json",
+            sys.executable, "-m", "minerva_bus", "run", "robot", "--in-process", "--json",
             "--map", options["map"], "--start", options["start"], "--markers", place,
             "--parcels", "", "--frames", str(3000 + int(25 * task.shortest / (SPEED * 0.1))),
         ]  # fmt: skip
