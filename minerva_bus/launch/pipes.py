@@ -26,7 +26,9 @@ class Pipes:
     def wait(self, seconds: float) -> None:
         """Wait until there is something to hear, but no longer; hear it."""
         for key, _ in self._selector.select(seconds):
-            key.data()
+            # What was called for one may have read another to its end: its key is stale then.
+            if self._selector.get_map().get(key.fd) is key:
+                key.data()
 
     def wait_for(self, descriptor: int, seconds: float) -> bool:
         """Wait until one of them has something to `read`, and hear none; whether it has."""
