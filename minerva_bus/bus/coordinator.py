@@ -4,8 +4,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import replace
 from typing import Any, cast
@@ -18,12 +17,13 @@ from minerva_bus.bus.credentials import covers
 from minerva_bus.bus.gate import STRANGERS, may_be_awaited
 from minerva_bus.bus.greetings import Greetings
 from minerva_bus.bus.guard import Guard, Place, Security
-from minerva_bus.bus.inbox import HubInbox, Tick
+from minerva_bus.bus.inbox import HubInbox, Question, Tick, question
 from minerva_bus.bus.links import Linked
 from minerva_bus.bus.outbox import Outbox
 from minerva_bus.bus.presence import Successor, presence, successor
 from minerva_bus.bus.session import LOOPBACK
 from minerva_bus.bus.shortcut import nothing_to
+from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.bus.totals import Totals
 from minerva_bus.bus.turned_away import TurnedAway
 from minerva_bus.bus.waiting import Deadlines, Waits
@@ -73,12 +73,14 @@ class BusCoordinator:
         security: Security | None = None,
         epoch: int = 0,
         algorithm: FrameAlgorithm | None = None,
+        system: System = REAL,
     ) -> None:
+        self._system = system
         self.algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         self.epoch = epoch
         self._guests: frozenset[str] = self.algorithm.roster.expected() - world.expected
         self.keys = Keys(world.name)
-        self.inbox = HubInbox(STATUS_EVERY)
+        self.inbox = HubInbox(STATUS_EVERY, system)
         self._outbox = Outbox(self.keys, epoch)
         self._stamp = self._outbox.stamp
         self._watch = watchers
@@ -91,7 +93,7 @@ class BusCoordinator:
         self._ready = False
         self._watched_until = 0.0
         self._place = Place(listen, shared, routers)
-        self.guard = Guard(self.keys, limits, security, self._say)
+        self.guard = Guard(self.keys, limits, security, self._say, system)
         self.limits = limits
         self._waits = Waits(deadlines or Deadlines())
         self._decoder: Decoder = Decoder(world.vocabulary, limits)
@@ -110,12 +112,17 @@ class BusCoordinator:
 
     def run(self) -> s.Ended:
         """Run the world to its end. Raises BusError where the bus cannot be set up."""
+        return run_through(self.life())
+
+    def life(self) -> Generator[None, None, s.Ended]:
+        """The same, turn by turn: whoever drives it decides when the next one comes."""
         with self.guard.session(self._place, self.inbox.put) as (session, endpoint):
             declared = self._declare(session)
             self._watch.listening(endpoint)
-            self._status_at = time.monotonic()
+            self._status_at = self._system.monotonic()
             while self.ended is None:
                 self._step()
+                yield
             self.inbox.close()
             for one in declared:
                 one.undeclare()
@@ -127,7 +134,7 @@ class BusCoordinator:
 
     def measured(self) -> Mapping[str, float]:
         """What was measured of the last frames: nothing, here."""
-        self._watched_until = time.monotonic() + WATCHED_FOR
+        self._watched_until = self._system.monotonic() + WATCHED_FOR
         return {}
 
     def counted(self) -> Totals:
@@ -159,7 +166,7 @@ class BusCoordinator:
     def repace(self) -> None:
         """The pace has changed: the next frame may begin now, later, or not at all."""
         if self._ready:
-            self._begin_at = self.pace.due(time.monotonic())
+            self._begin_at = self.pace.due(self._system.monotonic())
 
     def restart(self, member: str) -> str:
         """Ask for a process to be started anew; why that cannot be, or the empty text."""
@@ -172,8 +179,8 @@ class BusCoordinator:
             *self._outbox.open(session),
             *self._watch.opened(session),
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
-            session.declare_queryable(f"{keys.control}/**", handler()),
-            session.declare_queryable(f"{keys.base}/ask/*", handler()),
+            session.declare_queryable(f"{keys.control}/**", handler(question)),
+            session.declare_queryable(f"{keys.base}/ask/*", handler(question)),
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(self.epoch)),
             liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
@@ -188,15 +195,15 @@ class BusCoordinator:
             self._use_time()
             self._take(self.inbox.wait())
             return
-        if self.algorithm.at_rest and time.monotonic() < (until := self._rest_until()):
+        if self.algorithm.at_rest and self._system.monotonic() < (until := self._rest_until()):
             self._rest(until)
             return
         self._take_all_until(due)
-        if self._begin_at is not None and time.monotonic() >= self._begin_at:
+        if self._begin_at is not None and self._system.monotonic() >= self._begin_at:
             self._begin_at, self._ready = None, False
             self.pace.began()
             period = real_period(self.pace.rate, self.algorithm.world)
-            self.overruns.began(period, time.monotonic())
+            self.overruns.began(period, self._system.monotonic())
             self.tell(self._begin())
 
     def _rest_until(self) -> float:
@@ -215,16 +222,16 @@ class BusCoordinator:
         rates = self.algorithm.roster.attending.rates
         if not rates:
             return _BEGIN
-        return s.Begin(self._glances.due(time.monotonic(), rates))
+        return s.Begin(self._glances.due(self._system.monotonic(), rates))
 
     def _take_all_until(self, due: float) -> None:
         """Take what there is; what is still to come may take a nap's time to be heard."""
         while (item := self.inbox.ready()) is not None:
             self._take(item)
-        wait = due - time.monotonic()
+        wait = due - self._system.monotonic()
         if wait > 0:
             self._use_time()
-            time.sleep(min(wait, NAP))
+            self._system.sleep(min(wait, NAP))
 
     def _use_time(self) -> None:
         """Others are waited for now: what nobody waits for may be done."""
@@ -247,29 +254,28 @@ class BusCoordinator:
             self.guard.notice(item)
         elif isinstance(item, s.Appeared) and self.guard.keeps_out(item.member):
             pass
-        elif isinstance(item, zenoh.Query):
-            with item:
-                self._answer(item)
+        elif isinstance(item, Question):
+            self._answer(item)
         elif item is not None:
             self.tell(item)
 
-    def _answer(self, query: zenoh.Query) -> None:
-        who, orders, key = who_asks(str(query.key_expr), self.keys.world)
+    def _answer(self, question: Question) -> None:
+        who, orders, key = who_asks(question.key, self.keys.world)
         try:
-            asked = mapped(unpack(query.payload.to_bytes() if query.payload else b""), "a question")
+            asked = mapped(unpack(question.data), "a question")
             objection = self.guard.objection_to_question(who, orders, asked.get("ask"))
             found = {"error": objection} if objection else self._answered(asked)
         except MinervaError as error:
             found = {"error": str(error)}
         self._watch.operated()  # What is confirmed has been written down.
-        query.reply(key, pack(found))
+        question.reply(key, pack(found))
 
     def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """The answer to a question. Raises MinervaError where there is none."""
         return answer(asked, self)
 
     def _log(self, member: str, text: str, level: str) -> None:
-        self.diary.said(time.time(), member, text, self.algorithm.frame, level)
+        self.diary.said(self._system.time(), member, text, self.algorithm.frame, level)
 
     def _say(self, member: str, text: str, details: str = "") -> None:
         """Log a word about a member, with its details, and show it without them."""
@@ -303,7 +309,7 @@ class BusCoordinator:
             self.tell(s.Violation(member, str(error)))
             return
         if isinstance(message, m.EvolveReply):
-            took = time.monotonic() - self._evolving_since
+            took = self._system.monotonic() - self._evolving_since
             message = replace(message, took=took, heard=body)
         elif isinstance(message, m.TickReply):
             message = replace(message, heard=body)
@@ -347,9 +353,9 @@ class BusCoordinator:
     def _look_at(self, stimulus: s.Stimulus) -> None:
         """Note who has answered, and whether the end is urgent."""
         if isinstance(stimulus, m.TickReply):
-            self.overruns.heard("events", stimulus.member, time.monotonic())
+            self.overruns.heard("events", stimulus.member, self._system.monotonic())
         elif isinstance(stimulus, m.EvolveReply):
-            self.overruns.heard("evolution", stimulus.member, time.monotonic())
+            self.overruns.heard("evolution", stimulus.member, self._system.monotonic())
         elif isinstance(stimulus, s.End) and (stimulus.failed or stimulus.hurried):
             self._reports_within = HURRIED_REPORTS_WITHIN
 
@@ -360,7 +366,7 @@ class BusCoordinator:
             self._end_frame(instruction)
         elif isinstance(instruction, s.Ready):
             self._ready = True
-            self._begin_at = self.pace.due(time.monotonic())
+            self._begin_at = self.pace.due(self._system.monotonic())
             if instruction.frame == 0:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
@@ -373,7 +379,7 @@ class BusCoordinator:
             self.ended = instruction
 
     def _end_frame(self, instruction: s.FrameDone) -> None:
-        self.last_frame_at = time.monotonic()
+        self.last_frame_at = self._system.monotonic()
         self._has_time = True
         late = self.overruns.done(instruction.frame, self.last_frame_at)
         if late:
@@ -388,12 +394,12 @@ class BusCoordinator:
         if isinstance(instruction.message, m.Refused):
             self.guard.gate.count(instruction.to)
         elif isinstance(instruction.message, m.Greet):
-            self._greetings.sent(instruction.to, time.monotonic())
+            self._greetings.sent(instruction.to, self._system.monotonic())
         data = self._encode(instruction.message)
         if instruction.to == s.TICKED:
             self._asked, self._nothing = self.algorithm.frame, self._stamp + nothing_to(data)
         elif instruction.to == s.HOSTS:
-            self._evolving_since = time.monotonic()
+            self._evolving_since = self._system.monotonic()
         self._outbox.send(instruction.to, data)
         self._has_time = True
 
@@ -403,7 +409,7 @@ class BusCoordinator:
     # --- the clock ---
 
     def _look_at_the_clock(self) -> None:
-        now = time.monotonic()
+        now = self._system.monotonic()
         if now < self._status_at + STATUS_EVERY / 2:
             return  # After a long frame the clock has knocked several times.
         for name in self.guard.look(now):

@@ -17,7 +17,8 @@ from minerva_bus.bus.access import access_control
 from minerva_bus.bus.credentials import HUB, Credentials, Rights, rights_of
 from minerva_bus.bus.gate import STRANGERS, Gate
 from minerva_bus.bus.links import Linked, Links, cut, watched
-from minerva_bus.bus.session import Secured, listening_at, open_hub
+from minerva_bus.bus.session import Secured, listening_at
+from minerva_bus.bus.system import REAL, System
 from minerva_bus.bus.turned_away import LEVELS, TurnedAway, turned_away
 from minerva_bus.bus.zenoh_log import begin_logging, log_read
 from minerva_bus.errors import KeysError
@@ -65,7 +66,9 @@ class Guard:
         limits: Limits,
         security: Security | None,
         say: Callable[[str, str], None],
+        system: System = REAL,
     ) -> None:
+        self._open_hub = system.open_hub
         self._keys = keys
         self._limits = limits
         self._security = security
@@ -78,7 +81,9 @@ class Guard:
         self._rights: Mapping[str, Rights] = {} if security is None else security.rights()
         self._known = frozenset(self._rights)
         self._stamp = None if security is None else security.stamp()
-        self.gate = Gate(limits, None if security is None else lambda: self._rights)
+        self.gate = Gate(
+            limits, None if security is None else lambda: self._rights, system.monotonic
+        )
 
     @contextmanager
     def session(
@@ -90,14 +95,16 @@ class Guard:
         """
         security, shared, routers = self._security, place.shared, place.routers
         if security is None:
-            session, endpoint = open_hub(COORDINATOR, place.listen, shared=shared, routers=routers)
+            session, endpoint = self._open_hub(
+                COORDINATOR, place.listen, shared=shared, routers=routers
+            )
             with session:
                 self.listens_at = endpoint
                 yield session, endpoint
             return
         secured = Secured(security.own, security.local, self._access(), self._filters())
         with self._log_heard(security, tell):
-            session, endpoint = open_hub(
+            session, endpoint = self._open_hub(
                 COORDINATOR, place.listen, shared=shared, secured=secured, routers=routers
             )
             with session, watched(session, tell) as self._links:

@@ -13,11 +13,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from threading import Event, RLock, Thread
+from threading import RLock
 from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback, FifoChannel
+
+from minerva_bus.bus.system import REAL, System, Timer
 
 CAPACITY = 4096
 KNOCKS = CAPACITY // 2
@@ -28,6 +30,41 @@ KNOCKED_WITHIN = 1.0
 @dataclass(frozen=True, slots=True)
 class Tick:
     """It is time to look at the clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What came on a key, or whether the token of this key is `there`."""
+
+    key: str
+    data: bytes
+    there: bool = True
+
+
+def heard(sample: zenoh.Sample) -> Heard:
+    """What a sample says."""
+    there = sample.kind == zenoh.SampleKind.PUT
+    return Heard(str(sample.key_expr), sample.payload.to_bytes(), there)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Somebody asks on a key; `reply` answers, on a key, and once."""
+
+    key: str
+    data: bytes
+    reply: Callable[[str, bytes], None]
+
+
+def question(query: zenoh.Query) -> Question:
+    """What a query asks."""
+
+    def reply(key: str, data: bytes) -> None:
+        with query:
+            query.reply(key, data)
+
+    data = query.payload.to_bytes() if query.payload else b""
+    return Question(str(query.key_expr), data, reply)
 
 
 class Watch:
@@ -164,25 +201,27 @@ class HubInbox(Inbox):
 
     indirect = True
 
-    def __init__(self, every: float) -> None:
+    def __init__(self, every: float, system: System = REAL) -> None:
         super().__init__()
         self._every = every
-        self._stop = Event()
-        self._clock = Thread(target=self._tick, daemon=True)
+        self._system = system
+        self._clock: Timer | None = None
 
     def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
         """Begin to hear the members' keys; the declarations, to be undeclared at the end."""
         declared = super().open(session, key, knock)
         self._knocked = knock
         self._sender = len(knock.rpartition("/")[0]) + 1
-        self._clock.start()
+        self._clock = self._system.every(self._every, lambda: self._knock(b""))
         return declared
 
     def close(self) -> None:
         """Stop the clock; nobody knocks any more."""
-        self._stop.set()
+        if self._clock is not None:
+            self._clock.cancel()
         super().close()
-        self._clock.join()
+        if self._clock is not None:
+            self._clock.join()
 
     def wait(self) -> Any:
         """The next item: a member's name and its message, one from the side, or a `Tick`."""
@@ -198,7 +237,3 @@ class HubInbox(Inbox):
         if key != self._knocked:
             return key[self._sender :], data
         return self._aside() if data == KNOCK else Tick()
-
-    def _tick(self) -> None:
-        while not self._stop.wait(self._every):
-            self._knock(b"")

@@ -6,11 +6,12 @@ left to do is to say what happens, and to know when to give up.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
+
+from minerva_bus.bus.system import REAL, System, Timer
 
 UNSAID: Final = 1.0
 """Seconds for which nothing is said: a coordinator that was killed has a successor by then."""
@@ -46,7 +47,9 @@ class Lookout:
         obstacle: Callable[[], str],
         tell: Callable[[str], None],
         put: Callable[[Any], None],
+        system: System = REAL,
     ) -> None:
+        self._system = system
         self._subject = subject
         self._patience = patience
         self._obstacle = obstacle
@@ -54,7 +57,7 @@ class Lookout:
         self._put = put
         self._since: float | None = None
         self._said = False
-        self._timer: threading.Timer | None = None
+        self._timer: Timer | None = None
 
     @property
     def away(self) -> bool:
@@ -63,7 +66,7 @@ class Lookout:
 
     def lost(self) -> None:
         """The world is out of sight from now on."""
-        self._since, self._said = time.monotonic(), False
+        self._since, self._said = self._system.monotonic(), False
         self._look_in(min(UNSAID, self._patience))
 
     def found(self) -> None:
@@ -88,10 +91,10 @@ class Lookout:
             return False
         if not self._said:
             self._said = True
-            since = time.strftime("%H:%M:%S", time.localtime(time.time() - passed))
+            since = time.strftime("%H:%M:%S", time.localtime(self._system.time() - passed))
             self._tell(f"{self._subject} cannot be seen since {since}; {self._outlook()}")
         else:
-            threading.Thread(target=self._see, daemon=True).start()
+            self._system.aside(self._see)
         self._look_in(min(passed, SELDOM, self._patience - passed))
         return True
 
@@ -109,12 +112,10 @@ class Lookout:
         return f"it may come back within {_spoken(left)}"
 
     def _passed(self) -> float:
-        return 0.0 if self._since is None else time.monotonic() - self._since
+        return 0.0 if self._since is None else self._system.monotonic() - self._since
 
     def _look_in(self, seconds: float) -> None:
-        self._timer = threading.Timer(seconds, self._put, (Look(),))
-        self._timer.daemon = True
-        self._timer.start()
+        self._timer = self._system.later(seconds, lambda: self._put(Look()))
 
 
 def _spoken(seconds: float) -> str:

@@ -4,9 +4,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any, Final
 
 import zenoh
@@ -14,16 +12,15 @@ import zenoh
 from minerva_bus.blame import blamed, report, whole
 from minerva_bus.bus.asking import ask, question_key
 from minerva_bus.bus.credentials import Credentials
-from minerva_bus.bus.diagnosis import obstacle
-from minerva_bus.bus.endpoints import check_endpoint
-from minerva_bus.bus.inbox import Inbox
+from minerva_bus.bus.inbox import Heard, Inbox, heard
 from minerva_bus.bus.lookout import Look, Looked, Lookout
 from minerva_bus.bus.name import Name
 from minerva_bus.bus.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
 from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.own_threads import OwnThreads
-from minerva_bus.bus.session import closed_in_time, not_let_in, open_client
+from minerva_bus.bus.session import not_let_in
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
+from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant, Refusal
@@ -47,7 +44,7 @@ SHOWN_WITHIN = 0.25
 ANSWERED_WITHIN = 1.0
 CLAIMED_EVERY = 0.1
 BACK_WITHIN = 5.0
-REACHED_WITHIN = 2.0
+LOOKED_AGAIN = 0.02
 
 
 class BusMember:
@@ -64,6 +61,7 @@ class BusMember:
         own: Credentials | None = None,
         ends: bool = False,
         back_within: float = BACK_WITHIN,
+        system: System = REAL,
     ) -> None:
         """A participant, the world of some name at an endpoint, and who shows that it is.
 
@@ -71,6 +69,7 @@ class BusMember:
         `back_within`: seconds for which a world is looked for that is out of sight.
         """
         checked_name(participant.name, "a member")
+        self._system = system
         self.participant = participant
         self.keys = Keys(world)
         self.inbox = Inbox()
@@ -90,18 +89,19 @@ class BusMember:
         self._lookout = Lookout(
             f"{participant.name}: the world {world!r}",
             back_within,
-            lambda: obstacle(check_endpoint(endpoint), own, REACHED_WITHIN),
+            lambda: system.obstacle(endpoint, own),
             tell,
             self.inbox.put,
+            system,
         )
         self._claimed_at = 0.0
         self._unheard = 0
         self._figures: m.Figures = {}
         self.failure: Exception | None = None
-        self._threads = OwnThreads(participant.name, self.inbox.put, tell, ends=ends)
+        self._threads = OwnThreads(participant.name, self.inbox.put, tell, system, ends=ends)
         self._deeds: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._heard_first,
-            zenoh.Sample: self._heard_aside,
+            Heard: self._heard_aside,
             Event: self._emit,
             Events: self._emit,
             Published: self._publish,
@@ -123,16 +123,19 @@ class BusMember:
 
         Raises BusError where the world cannot be reached and Refusal where it refuses.
         """
-        name = self.participant.name
-        session = open_client(name, self._endpoint, shared=self._shared, own=self._own)
-        with closed_in_time(session):
-            self._find_world(session)
-            self._session = session
-            self.participant.operator = AskingOperator(self._ask)
-            self._name.wait_until_free(session)
+        return run_through(self.life())
+
+    def life(self) -> Generator[None, None, int]:
+        """The same, turn by turn: whoever drives it decides when the next one comes."""
+        name, system = self.participant.name, self._system
+        own, shared = self._own, self._shared
+        with system.client(name, self._endpoint, shared=shared, own=own) as session:
+            for _ in self._arrive(session):
+                system.sleep(LOOKED_AGAIN)
+                yield
             declared = self._declare(session)
             try:
-                return self._take_part()
+                return (yield from self._take_part())
             finally:
                 self._threads.stop()
                 self._lookout.close()
@@ -154,16 +157,23 @@ class BusMember:
             raise BusError(f"the world {self.keys.world!r} has not answered for a second")
         return answer
 
-    def _find_world(self, session: zenoh.Session) -> None:
+    def _arrive(self, session: zenoh.Session) -> Iterator[None]:
+        """Look for the world, and wait for its own name, with a pause at each turn."""
+        yield from self._find_world(session)
+        self._session = session
+        self.participant.operator = AskingOperator(self._ask)
+        yield from self._name.until_free(session, self._system.monotonic)
+
+    def _find_world(self, session: zenoh.Session) -> Iterator[None]:
         """A coordinator that is there can be seen at once; others would be waited for in vain."""
-        key, until = self.keys.alive(COORDINATOR), time.monotonic() + WORLD_SEEN
+        key, until = self.keys.alive(COORDINATOR), self._system.monotonic() + WORLD_SEEN
         while not list(session.liveliness().get(key, timeout=1.0)):
-            if time.monotonic() > until:
+            if self._system.monotonic() > until:
                 raise BusError(
                     f"there is no world {self.keys.world!r} at {self._endpoint};"
                     f" is that its name (minerva list)?{not_let_in(self._own)}"
                 )
-            time.sleep(0.02)
+            yield
 
     def _declare(self, session: zenoh.Session) -> list[Any]:
         """Subscribers first, then publishers, the token last: so that nothing is missed."""
@@ -171,7 +181,7 @@ class BusMember:
         handler = self.inbox.handler
         first, *others = self._listens()
         declared = self.inbox.open(session, first)
-        declared += [session.declare_subscriber(key, handler()) for key in others]
+        declared += [session.declare_subscriber(key, handler(heard)) for key in others]
         self._first = first
         self._answers = self._publisher(session, keys.sent_by(name))
         for topic in service.publishes if service is not None else ():
@@ -179,7 +189,7 @@ class BusMember:
             self._publishers[topic] = self._publisher(session, key)
         declared += [self._answers, *self._publishers.values()]
         liveliness = session.liveliness()
-        declared.append(liveliness.declare_subscriber(self._alive, handler(), history=True))
+        declared.append(liveliness.declare_subscriber(self._alive, handler(heard), history=True))
         self._name.take(session)
         return list(reversed(declared))
 
@@ -199,17 +209,16 @@ class BusMember:
     def _publisher(self, session: zenoh.Session, key: str) -> zenoh.Publisher:
         return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
 
-    def _take_part(self) -> int:
+    def _take_part(self) -> Generator[None, None, int]:
         service = self.participant.service
-        self._greeting = threading.Timer(GREETING, self.inbox.put, (Ungreeted(),))
-        self._greeting.daemon = True
-        self._greeting.start()
+        self._greeting = self._system.later(GREETING, lambda: self.inbox.put(Ungreeted()))
         try:
             observes = isinstance(service, Device) and not service.coupled
             while not self.participant.stopped:
                 item = self._shown_first() if observes else self.inbox.wait()
                 if not self._handle(item):
                     return 0
+                yield
         except (Refusal, BusError):
             raise
         except Exception as error:
@@ -227,13 +236,13 @@ class BusMember:
         if item is None:
             self._show()
             return self.inbox.wait()
-        if time.monotonic() > self._shown_at + SHOWN_WITHIN:
+        if self._system.monotonic() > self._shown_at + SHOWN_WITHIN:
             self._show()
         return item
 
     def _show(self) -> None:
         self.participant.show()
-        self._shown_at = time.monotonic()
+        self._shown_at = self._system.monotonic()
 
     def _handle(self, item: Any) -> bool:
         """Deal with one item; False when it is time to go."""
@@ -295,18 +304,18 @@ class BusMember:
             else:
                 self._send(answer)
 
-    def _heard_aside(self, sample: zenoh.Sample) -> bool:
-        key = str(sample.key_expr)
+    def _heard_aside(self, item: Heard) -> bool:
+        key = item.key
         if key.startswith(self._topics):
-            self._heard(key, sample.payload.to_bytes())
+            self._heard(key, item.data)
         elif key != self._alive:
-            body = self._of_my_coordinator(sample.payload.to_bytes())
+            body = self._of_my_coordinator(item.data)
             if body is not None:
                 self._heard(key, body)
-        elif sample.kind == zenoh.SampleKind.DELETE:
-            self._lose()
-        else:
+        elif item.there:
             self._find_again()
+        else:
+            self._lose()
         return True
 
     def _of_my_coordinator(self, data: bytes) -> bytes | None:
@@ -345,7 +354,7 @@ class BusMember:
 
     def _find_again(self) -> None:
         if self._lookout.away:
-            self._claimed_at = time.monotonic()
+            self._claimed_at = self._system.monotonic()
             self._claim(Claim())
 
     def _claim(self, _: Claim) -> None:
@@ -358,19 +367,13 @@ class BusMember:
             if self._unheard:
                 self._tell(f"{self.participant.name}: {self._unheard} events of it were not heard")
                 self._unheard = 0
-        elif time.monotonic() < self._claimed_at + NAME_FREE_AGAIN:
-            self._in(CLAIMED_EVERY, Claim())
+        elif self._system.monotonic() < self._claimed_at + NAME_FREE_AGAIN:
+            self._system.later(CLAIMED_EVERY, lambda: self.inbox.put(Claim()))
         else:
             raise BusError(
                 f"the world {self.keys.world!r} is back, but there is another"
                 f" {self.participant.name!r} in it by now: this one ends"
             )
-
-    def _in(self, seconds: float, item: Any) -> None:
-        """Hear something by and by."""
-        timer = threading.Timer(seconds, self.inbox.put, (item,))
-        timer.daemon = True
-        timer.start()
 
     def _heard(self, key: str, data: bytes) -> None:
         message = self._decode(key, data)

@@ -4,7 +4,7 @@
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-import time
+from collections.abc import Callable, Iterator
 
 import zenoh
 
@@ -22,16 +22,19 @@ class Name:
         self._key = key
         self._token: zenoh.LivelinessToken | None = None
 
-    def wait_until_free(self, session: zenoh.Session) -> None:
-        """Wait until it is free. Raises BusError where another one goes on to bear it."""
-        until = time.monotonic() + FREE_WITHIN
+    def until_free(self, session: zenoh.Session, clock: Callable[[], float]) -> Iterator[None]:
+        """Look again and again until it is free, with a pause at each turn.
+
+        Raises BusError where another one goes on to bear it.
+        """
+        until = clock() + FREE_WITHIN
         while self.taken(session):
-            if time.monotonic() > until:
+            if clock() > until:
                 raise BusError(
                     f"there is a member {self._name!r} in the world already;"
                     " choose another name (--name)"
                 )
-            time.sleep(0.02)
+            yield
 
     def taken(self, session: zenoh.Session) -> bool:
         """Whether somebody bears it."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from minerva_bus.bus.notices import Count, Leave, Outlet, Pulse
+from minerva_bus.bus.system import System, Timer
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.participant import Unready
 from minerva_bus.source import handler_name
@@ -23,8 +24,16 @@ class OwnThreads:
     """
 
     def __init__(
-        self, name: str, put: Callable[[Any], None], tell: Callable[[str], None], *, ends: bool
+        self,
+        name: str,
+        put: Callable[[Any], None],
+        tell: Callable[[str], None],
+        system: System,
+        *,
+        ends: bool,
     ) -> None:
+        self._system = system
+        self._timers: list[Timer] = []
         self._name = name
         self._put = put
         self._tell = tell
@@ -38,14 +47,16 @@ class OwnThreads:
         if service is None:
             return
         if isinstance(service, Generator) and not service.lockstep:
-            self._begin(self._emit_all, service)
-        self._begin(self._count)
+            self._system.aside(lambda: self._emit_all(service))
+        self._timers.append(self._system.every(COUNTED_EVERY, lambda: self._put(Count())))
         if service.pulse_every > 0:
-            self._begin(self._give_pulses, service.pulse_every)
+            self._timers.append(self._system.every(service.pulse_every, self._give_pulse))
 
     def stop(self) -> None:
         """Come to an end, each at its next turn."""
         self._stop.set()
+        for timer in self._timers:
+            timer.cancel()
 
     def taken(self) -> None:
         """One thing that the service has said is dealt with."""
@@ -54,9 +65,6 @@ class OwnThreads:
     def felt(self) -> None:
         """A pulse was felt: the next one may come."""
         self._pulsed.clear()
-
-    def _begin(self, work: Callable[..., None], *told: Any) -> None:
-        threading.Thread(target=work, args=told, daemon=True).start()
 
     def _emit_all(self, service: Generator) -> None:
         try:
@@ -72,13 +80,8 @@ class OwnThreads:
             failure.__cause__ = error
             self._put(failure)
 
-    def _count(self) -> None:
-        while not self._stop.wait(COUNTED_EVERY):
-            self._put(Count())
-
-    def _give_pulses(self, every: float) -> None:
-        """Knock every so many seconds, but not while a pulse still waits to be felt."""
-        while not self._stop.wait(every):
-            if not self._pulsed.is_set():
-                self._pulsed.set()
-                self._put(Pulse())
+    def _give_pulse(self) -> None:
+        """Knock, but not while a pulse still waits to be felt."""
+        if not self._pulsed.is_set():
+            self._pulsed.set()
+            self._put(Pulse())
