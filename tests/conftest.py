@@ -17,6 +17,8 @@ settings.register_profile(
 )
 settings.load_profile("minerva")
 
+pytest_plugins = ["tests.flaky"]
+
 
 def pytest_configure():
     """Ctrl-C reaches the worlds of tests, also where a shell has begun pytest in its background.

@@ -1,0 +1,113 @@
+"""`--retry`: each failed test runs once more, alone, when all others have ended.
+
+If it passes then, it is flaky: the run succeeds, and its last lines name the test. "Alone" means in a
+process of its own, one test after the other, when no worker of pytest-xdist has anything left to do.
+A test that fails by an example of Hypothesis fails again, because Hypothesis keeps the example.
+"""
+
+import argparse
+import subprocess
+import sys
+
+import pytest
+
+MOST = 10
+"""Tests that are run again. More failures are a fault of the change, not of single tests."""
+
+
+def pytest_addoption(parser):
+    parser.getgroup("general").addoption(
+        "--retry",
+        action=argparse.BooleanOptionalAction,
+        default=False,
+        help="run each failed test once more, alone, at the end; if it passes, the run succeeds "
+        "and its last lines name the test as flaky",
+    )
+
+
+def pytest_configure(config):
+    if config.getoption("retry") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Retry(config))
+
+
+class Retry:
+    """What failed in a session, and what of it passes alone."""
+
+    def __init__(self, config):
+        self.config = config
+        self.failed = {}
+        self.flaky = []
+
+    @property
+    def terminal(self):
+        return self.config.pluginmanager.get_plugin("terminalreporter")
+
+    def pytest_runtest_logreport(self, report):
+        if report.failed:
+            self.failed.setdefault(report.nodeid, []).append(report)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_sessionfinish(self, session, exitstatus):
+        ended = exitstatus == pytest.ExitCode.TESTS_FAILED
+        if ended and self.failed and not (session.shouldfail or session.shouldstop):
+            self.retry(session)
+        result = yield
+        for nodeid in self.flaky:
+            self.terminal.write_line(f"FLAKY {nodeid} (failed, then passed alone)", yellow=True)
+        return result
+
+    def retry(self, session):
+        """Run the failed tests again, and take back the failures of those that pass."""
+        self.terminal.line("")
+        if len(self.failed) > MOST:
+            self.terminal.write_line(f"{len(self.failed)} failed; not run again (at most {MOST})")
+            return
+        for nodeid, reports in self.failed.items():
+            passed = self.passes_alone(nodeid)
+            self.terminal.write_line(f"alone: {nodeid} {'passed' if passed else 'failed again'}")
+            if passed:
+                self.flaky.append(nodeid)
+                session.testsfailed -= len(reports)
+        self.correct_counts()
+        if not session.testsfailed:
+            session.exitstatus = pytest.ExitCode.OK
+
+    def passes_alone(self, nodeid):
+        """Whether the test passes in a process of its own; being skipped is not passing."""
+        command = [sys.executable, "-m", "pytest", "-q", "--color=no", "--no-retry"]
+        for plugin in self.config.getoption("plugins"):
+            command += ["-p", plugin]
+        if self.config.pluginmanager.hasplugin("xdist"):
+            command.append("-n0")
+        command += ["-m", self.config.getoption("markexpr"), nodeid]
+        done = subprocess.run(
+            command,
+            cwd=self.config.rootpath,
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+        )
+        return done.returncode == 0 and "\n1 passed" in done.stdout
+
+    def correct_counts(self):
+        """The summary counts a flaky test as such, not as a failure or an error."""
+        stats = self.terminal.stats
+        for kind in ("failed", "error"):
+            kept = [report for report in stats.pop(kind, []) if report.nodeid not in self.flaky]
+            if kept:
+                stats[kind] = kept
+        if self.flaky:
+            stats["flaky"] = [self.failed[nodeid][0] for nodeid in self.flaky]
+
+    def pytest_terminal_summary(self, terminalreporter):
+        """What flaky tests said when they failed."""
+        if not self.flaky:
+            return
+        terminalreporter.section("FLAKY: failed, then passed alone")
+        for nodeid in self.flaky:
+            for report in self.failed[nodeid]:
+                terminalreporter.section(nodeid, "_")
+                terminalreporter.write_line(report.longreprtext)
+                for title, text in report.sections:
+                    terminalreporter.section(title, "-")
+                    terminalreporter.write_line(text)
