@@ -24,7 +24,7 @@ from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.membership import Change, Member, State
 from minerva_bus.frame.showing import check_all, patch_all
 from minerva_bus.frame.steps import HANDED_OVER
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent, count_of
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
@@ -265,18 +265,21 @@ class FrameAlgorithm(Attendance):
                     s.Violation(member.name, f"it sent {event.type} but said it makes {allowed}")
                 )
                 return False
-        return True
+        objection = self._speaking.objection(member.name, events)
+        if objection:
+            self._on_violation(s.Violation(member.name, objection))
+        return not objection
 
     def _on_emitted(self, told: m.Emitted) -> None:
         member = self.roster.get(told.member)
         if not member.here or not self._may_generate(member, told.events):
             return
         member.last_reply = self.frame
-        count = sum(map(_count, told.events))
+        count = sum(map(count_of, told.events))
         waiting = self._inbox.setdefault(told.member, [])
         held = self._held.get(told.member)
         if held is None:  # The first since the last frame, or since the world went on.
-            held = sum(map(_count, waiting))
+            held = sum(map(count_of, waiting))
         if held < MOST_WAITING:
             self._held[told.member] = held + count
             waiting.extend(told.events)
@@ -368,7 +371,7 @@ class FrameAlgorithm(Attendance):
         """The ids under which an agent sends; under the literal policy its copies' too."""
         if self.world.policy is not Policy.LITERAL:
             return frozenset((agent,))
-        copies = range(2, 1 + sum(map(_count, self._evolving)))
+        copies = range(2, 1 + sum(map(count_of, self._evolving)))
         return frozenset((agent, *(copy_id(agent, self.frame, number) for number in copies)))
 
     # --- what may come at any time ---
@@ -408,10 +411,6 @@ class FrameAlgorithm(Attendance):
             self._over()
         else:
             self._end(told.reason)
-
-
-def _count(event: AnyEvent) -> int:
-    return event.count if isinstance(event, Events) else 1
 
 
 def _from(event: AnyEvent, senders: Container[str], part: Columns | None) -> bool:

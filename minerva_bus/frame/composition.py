@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
-from typing import Final, TypeAlias, cast
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.grammar.column import CHUNK
@@ -172,6 +173,15 @@ class Composition:
             home = self.home(agent)
             return self.fragments[home].symbol if home is not None else ""
         return kind
+
+    def kinds(self, agents: Ids) -> NDArray[Any]:
+        """The symbols of the kinds of some agents, shape (n,); empty where there is no agent."""
+        found = np.full(len(agents), "", object)
+        if self._kind:
+            found[:] = [self._kind.get(agent, "") for agent in agents]
+        for part in self.parts.values():
+            found[_ids(part).rows_of(agents) >= 0] = part.symbol
+        return found
 
     def agents(self) -> Iterable[str]:
         """The ids of all agents, also those within others."""

@@ -15,6 +15,7 @@ from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.enforcement import Enforcement
 from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
+from minerva_bus.frame.speaking import Speaking
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
@@ -66,6 +67,7 @@ class Core:
         self._enforcement = Enforcement(
             world.norms, self.composition, world.vocabulary, past.saved.get(SOURCE, {})
         )
+        self._speaking = Speaking(world.speaks_for, self.composition)
         self._held: dict[str, int] = {}
         self._emitted: list[AnyEvent] = list(past.emitted)
         self._asked_ahead: dict[str, int] = {}

@@ -25,7 +25,8 @@ class World:
     instead, `give_up`, by which an agent says that it cannot.
     In `real_time` something outside, as a robot, sees to it that a frame lasts `dt` seconds.
     `norms` say what nobody may do. `people` are the event types that people may send although a
-    generator makes them. `placement` says where agents may live; it cannot reach the
+    generator makes them. `speaks_for` has, by generator, the kinds and `#id`s of agents in whose
+    name it may send events. `placement` says where agents may live; it cannot reach the
     string unless some find no place.
 
     One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
@@ -49,6 +50,7 @@ class World:
     expected: frozenset[str] = frozenset()
     norms: tuple[Norm, ...] = ()
     people: tuple[str, ...] = ()
+    speaks_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     placement: Placement = field(default_factory=Placement)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])

@@ -15,7 +15,7 @@ from minerva_bus.frame.course import Course
 from minerva_bus.frame.endings import Endings
 from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.showing import Showing
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.batch import AnyEvent, count_of
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import collect
@@ -55,12 +55,26 @@ class Steps(Endings):
             if reply.saved is not None or member in self._saved:
                 self._saved[member] = NOTHING if reply.saved is None else reply.saved
         self._held = {}
+        self._leave_out_foreign(sources)
         if due:
             sources["~device"] = self._visual_events(due)
         self._people = self._people or self._standing_for_people(sources)
         allowed = self._allowed(sources)
         if allowed:
             self._sort_events(collect(self.world.order, allowed))
+
+    def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
+        """Leave events out whose sender has died, or is none that their generator speaks for."""
+        for name in sorted(sources.keys() & self.world.speaks_for.keys()):
+            kept = self._speaking.kept(name, sources[name])
+            dropped = sum(map(count_of, sources[name])) - sum(map(count_of, kept))
+            sources[name] = kept
+            if dropped:
+                member = self.roster.get(name)
+                if not member.dropped:
+                    gone = "from agents that are not in the string"
+                    self._say(name, f"sent {dropped} events {gone}; such events are left out")
+                member.dropped += dropped
 
     def _take_inbox(self) -> dict[str, list[AnyEvent]]:
         """What waits for this frame; orders that a generator takes came too late for it."""

@@ -169,6 +169,11 @@ class Events:
 AnyEvent: TypeAlias = Event | Events
 
 
+def count_of(event: AnyEvent) -> int:
+    """How many events it is."""
+    return event.count if isinstance(event, Events) else 1
+
+
 def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
     """Every event by itself."""
     for event in events:

@@ -8,7 +8,8 @@ from typing import Any
 
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.scene import Scene
+from minerva_bus.frame.speaking import ID
+from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.specs import called, load
@@ -38,6 +39,7 @@ def read_description(
     own_seed, own_frames = table.whole("seed", 0, -(1 << 63)), table.whole("frames", 0)
     vocabulary = _vocabulary(table, path)
     _check_kinds(processes, vocabulary, path, table.text("vocabulary"))
+    _check_speakers(processes, vocabulary, path)
     world = World(
         name=table.named(given.name or own_name, "a world"),
         scene=_scene(table, vocabulary, path, options),
@@ -46,6 +48,7 @@ def read_description(
         dt=table.number("dt", 1.0 / own_rate if own_rate else 0.1, 1e-9),
         order=Order(_event_types(table, "order", vocabulary)),
         people=_event_types(table, "people", vocabulary),
+        speaks_for={one.name: one.speaks_for for one in processes if one.speaks_for},
         policy=Policy(table.choice("policy", ("sequential", "literal"))),
         frames=own_frames if given.frames is None else given.frames,
         until=_until(table, vocabulary, given.until),
@@ -72,6 +75,20 @@ def _check_kinds(
                     f" {cls.kind.name}: add its class, {cls.__name__} of {cls.__module__}, to"
                     " Vocabulary.of(...)"
                 )
+
+
+def _check_speakers(processes: Sequence[Process], vocabulary: Vocabulary, path: Path) -> None:
+    """Whether those for whom generators speak are kinds of the vocabulary, or can be ids."""
+    for process in processes:
+        for one in process.speaks_for:
+            known = list(vocabulary.kinds)
+            if one.startswith(ID):
+                wrong = "" if AGENT_ID.fullmatch(one[1:]) else f"{one!r} is no id of an agent"
+            else:
+                unknown = f"the vocabulary has no agents {one}{nearest(one, known)}"
+                wrong = "" if one in known else f'{unknown} (an id is "#{one}")'
+            if wrong:
+                raise WorldFileError(f"{path}: [process.{process.name}]: speaks_for: {wrong}")
 
 
 def _seed(seed: int, path: Path) -> int:

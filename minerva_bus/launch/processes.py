@@ -67,6 +67,7 @@ class _Reader:
             on_failure=table.choice("on_failure", ("restart", "stop", "ignore")),
             restarts=table.whole("restarts", 5),
             elsewhere=table.truth("elsewhere", False) or self.elsewhere,
+            speaks_for=table.texts("speaks_for"),
             patience=self._patience(table),
         )
         names = [checked] if count == 1 else [f"{checked}-{i + 1}" for i in range(count)]
@@ -76,6 +77,8 @@ class _Reader:
             raise WorldFileError(
                 f"{self.path}: [process.{name}] needs exactly one of service, agents and command"
             )
+        if agents and plain.speaks_for:
+            table.wrong("speaks_for", "is for generators: agents speak for themselves")
         folder = self.path.parent
         if service:
             options = {key: beside(value, folder) for key, value in table.rest().items()}

@@ -34,7 +34,8 @@ class Process:
     """One process of a world, and what happens when it fails: restart, stop or ignore.
 
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by
-    whatever runs things there: `minerva attach WORLD --process NAME`.
+    whatever runs things there: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and
+    `#id`s of agents in whose name a generator may send events.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Process:
     on_failure: str = "restart"
     restarts: int = 5
     elsewhere: bool = False
+    speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
 
     def participant(self) -> Participant:

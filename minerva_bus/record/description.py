@@ -76,6 +76,7 @@ def encode_description(told: Description) -> bytes:
         "until": world.until,
         "give_up": world.give_up,
         "expected": sorted(world.expected),
+        "speaks_for": {name: list(some) for name, some in world.speaks_for.items()},
         "norms": [plain_norm(norm) for norm in world.norms],
         "file": told.file,
         "rate": told.rate,
@@ -123,6 +124,10 @@ def _description(plain: Mapping[str, Any]) -> Description:
         give_up=text(plain.get("give_up", ""), "give_up"),
         expected=frozenset(_texts(plain["expected"])),
         norms=read_norms(plain.get("norms", []), reader),
+        speaks_for={
+            name: _texts(some)
+            for name, some in mapped(plain.get("speaks_for", {}), "speaks_for").items()
+        },
     )
     return Description(
         world,

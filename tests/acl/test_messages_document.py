@@ -70,7 +70,11 @@ def test_its_agents_converse():
 
 def test_its_bridge_can_be_made():
     told = tomllib.loads(block("toml outside"))
-    options = {name: one for name, one in told["process"]["xmpp"].items() if name != "service"}
+    options = {
+        name: one
+        for name, one in told["process"]["xmpp"].items()
+        if name not in ("service", "speaks_for")
+    }
     assert Spade(**options).generates() == ("eMessage",)
     Vocabulary.of(*acl.MESSAGES, *acl.OUTSIDE)
     compile(block("python spade"), "spade", "exec")

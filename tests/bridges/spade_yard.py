@@ -74,6 +74,7 @@ event = "eStep"
 
 [process.xmpp]
 service = "minerva_services.spade:Spade"
+speaks_for = "AOutside"
 inside = ["buyer", "clerk"]
 domain = "localhost"
 server = "localhost:${port}"

@@ -1,0 +1,78 @@
+"""For whom a generator may speak: which agents may stand as the senders of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.frame.composition import Composition
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.ids import Ids
+
+ID: Final = "#"
+"""What an entry of `speaks_for` begins with that is the id of an agent, not a kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Speaking:
+    """Binds the senders of generators' events.
+
+    `speaks_for` has, by member, the kinds of agents and the `#id`s of agents in whose name it may
+    send events; a member that it lacks speaks for itself alone, without a sender.
+    """
+
+    speaks_for: Mapping[str, tuple[str, ...]]
+    composition: Composition
+
+    def objection(self, member: str, events: Sequence[AnyEvent]) -> str:
+        """Why a member may not send some events, or the empty text.
+
+        An agent that is not in the string, as one that has just died, is no reason where a member
+        speaks for others: `kept` leaves its events out.
+        """
+        allowed = self.speaks_for.get(member, ())
+        for event in events:
+            senders = _senders(event)
+            if senders is None:
+                continue
+            wrong = ~self._may(senders, allowed)
+            if allowed:
+                wrong &= self.composition.kinds(senders) != ""
+            if wrong.any():
+                sender = senders[int(np.argmax(wrong))]
+                whom = f"only for {', '.join(allowed)}" if allowed else "only for itself"
+                return (
+                    f"it sent {event.type} from #{sender[:64]}, but it speaks {whom};"
+                    f" speaks_for under [process.{member}] names others"
+                )
+        return ""
+
+    def kept(self, member: str, events: Sequence[AnyEvent]) -> list[AnyEvent]:
+        """The events whose sender, if any, is in this frame an agent that a member speaks for."""
+        allowed, kept = self.speaks_for.get(member, ()), list[AnyEvent]()
+        for event in events:
+            senders = _senders(event)
+            rows = None if senders is None else self._may(senders, allowed)
+            if rows is None or rows.all():
+                kept.append(event)
+            elif isinstance(event, Events) and rows.any():
+                kept.append(event.take(np.flatnonzero(rows)))
+        return kept
+
+    def _may(self, senders: Ids, allowed: Sequence[str]) -> NDArray[np.bool_]:
+        kinds = self.composition.kinds(senders)
+        may = np.isin(kinds, [one for one in allowed if not one.startswith(ID)])
+        ids = [one.removeprefix(ID) for one in allowed if one.startswith(ID)]
+        if ids:
+            may |= (Ids.of(ids).rows_of(senders) >= 0) & (kinds != "")
+        return may
+
+
+def _senders(event: AnyEvent) -> Ids | None:
+    if isinstance(event, Events):
+        return event.senders
+    return Ids.of([event.sender]) if event.sender else None

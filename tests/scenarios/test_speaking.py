@@ -1,0 +1,164 @@
+"""Generators speak for themselves, or for the agents that the world file names."""
+
+import pytest
+from pond import VOCABULARY, eAdd, eCroak
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.record.description import Description, decode_description, encode_description
+
+MANY = 100
+
+
+def begun(text="ACounter#a · ACounter#b · AFrog#f", lockstep=False, **speaks_for):
+    world = FrameAlgorithm(World("w", VOCABULARY.read(text), VOCABULARY, speaks_for=speaks_for))
+    world.receive(s.Appeared("rain"))
+    hello = m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd", "eCroak"), lockstep=lockstep)
+    world.receive(hello)
+    return world
+
+
+def columns(event, senders):
+    return Events(
+        event.type, event.names, Events.repeated(event, len(senders)).columns, len(senders),
+        senders=Ids.of(senders),
+    )  # fmt: skip
+
+
+def said(out):
+    return " ".join(one.text for one in out if isinstance(one, s.Say))
+
+
+def happened(world):
+    (done,) = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    return [str(event) for event in done.record.events]
+
+
+FORGED = {
+    "an agent's": (eAdd(1, sender="a"),),
+    "behind another one": (eAdd(1), eAdd(2, sender="b")),
+    "nobody's": (eAdd(1, sender="nobody"),),
+    "a generator's": (eAdd(1, sender="rain"),),
+    "in columns": (columns(eAdd(1), ["a", "b"]),),
+}
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+@pytest.mark.parametrize("how", FORGED)
+def test_a_generator_has_no_agent_as_its_sender(how, lockstep):
+    world = begun(lockstep=lockstep)
+    if lockstep:
+        world.receive(s.Begin())
+        out = world.receive(m.TickReply("rain", 0, FORGED[how]))
+    else:
+        out = world.receive(m.Emitted("rain", FORGED[how]))
+    assert "broke the protocol: it sent eAdd from #" in said(out)
+    assert "only for itself; speaks_for under [process.rain] names others" in said(out)
+    assert not world.roster.get("rain").here
+
+
+@pytest.mark.parametrize("speaks_for", [("ACounter",), ("#b", "#a"), ("AFrog", "#a", "#b")])
+def test_it_speaks_for_those_whom_the_world_names(speaks_for):
+    world = begun(rain=speaks_for)
+    events = (eAdd(1, sender="a"), eAdd(2), columns(eAdd(3), ["a", "b"]))
+    assert "broke" not in said(world.receive(m.Emitted("rain", events)))
+    assert happened(world) == [
+        "eAdd<n=1> from #a", "eAdd<n=2>", "eAdd<n=3> from #a", "eAdd<n=3> from #b"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("speaks_for", [("ACounter",), ("#a",), ("#a", "AMother")])
+@pytest.mark.parametrize("in_columns", [False, True])
+def test_and_for_no_others(speaks_for, in_columns):
+    world = begun(rain=speaks_for)
+    event = columns(eAdd(1), ["a", "f"]) if in_columns else eAdd(1, sender="f")
+    out = world.receive(m.Emitted("rain", (event,)))
+    assert f"from #f, but it speaks only for {', '.join(speaks_for)};" in said(out)
+
+
+def test_what_somebody_else_may_is_not_allowed_to_it():
+    out = begun(rainy=("ACounter",)).receive(m.Emitted("rain", (eAdd(1, sender="a"),)))
+    assert "broke the protocol" in said(out)
+
+
+@pytest.mark.parametrize("in_columns", [False, True])
+def test_the_events_of_one_that_is_no_more_are_left_out_and_counted(in_columns):
+    """A bridge cannot know yet who has died; nor may it speak for who is born later."""
+    world = begun(rain=("ACounter",))
+    events = (eAdd(1, sender="a"), eAdd(1, sender="a:1"))
+    if in_columns:
+        events = (columns(eAdd(1), ["a", "a:1"]),)
+    assert "broke" not in said(world.receive(m.Emitted("rain", events)))
+    out = world.receive(s.Begin())
+    assert "sent 1 events from agents that are not in the string" in said(out)
+    (done,) = [one for one in out if isinstance(one, s.FrameDone)]
+    assert [str(event) for one in done.record.events for event in (one if in_columns else [one])] \
+        == ["eAdd<n=1> from #a"]  # fmt: skip
+    assert world.roster.get("rain").dropped == 1
+
+
+def test_it_speaks_for_agents_in_columns():
+    text = " · ".join(f"AFrog#f{n}" for n in range(MANY))
+    senders = [f"f{n}" for n in range(MANY)]
+    for speaks_for in (("AFrog",), tuple(f"#{one}" for one in senders)):
+        world = begun(text, rain=speaks_for)
+        assert world.composition.parts
+        assert "broke" not in said(
+            world.receive(m.Emitted("rain", (columns(eCroak(1.0), senders),)))
+        )
+    world = begun(text, rain=("ACounter",))
+    out = world.receive(m.Emitted("rain", (columns(eCroak(1.0), senders),)))
+    assert "from #f0, but it speaks only for ACounter" in said(out)
+
+
+def test_a_record_has_it():
+    world = begun(rain=("ACounter",)).world
+    read = decode_description(encode_description(Description(world))).world
+    assert read.speaks_for == {"rain": ("ACounter",)}
+
+
+FILE = """
+[world]
+vocabulary = "pond:VOCABULARY"
+string = "ACounter#a"
+[process.counters]
+agents = "pond:Counter"
+{agents}
+[process.add]
+command = ["true"]
+processes = 2
+{add}
+"""
+
+
+def read(tmp_path, add="", agents=""):
+    path = tmp_path / "w.toml"
+    path.write_text(FILE.format(add=add, agents=agents))
+    return read_world_file(path)
+
+
+def test_the_world_file_names_them(tmp_path):
+    file = read(tmp_path, 'speaks_for = ["ACounter", "#x:1"]')
+    assert file.world.speaks_for == dict.fromkeys(("add-1", "add-2"), ("ACounter", "#x:1"))
+
+
+@pytest.mark.parametrize(
+    ("add", "agents", "problem"),
+    [
+        ('speaks_for = "ACount"', "", r"\[process.add-1\]: .* no agents ACount; did you mean"),
+        ('speaks_for = "a"', "", r'no agents a.* \(an id is "#a"\)'),
+        ('speaks_for = "#a b"', "", r"'#a b' is no id of an agent"),
+        ("speaks_for = 7", "", "must be a list of texts"),
+        ("", 'speaks_for = "ACounter"', "speaks_for is for generators"),
+    ],
+)
+def test_a_world_file_that_names_them_wrongly(tmp_path, add, agents, problem):
+    with pytest.raises(WorldFileError, match=problem):
+        read(tmp_path, add, agents)
