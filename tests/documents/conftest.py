@@ -1,0 +1,11 @@
+"""The network that the documentation's commands are typed in."""
+
+import pytest
+from terminal import Island
+
+
+@pytest.fixture(scope="module")
+def island(tmp_path_factory):
+    island = Island(tmp_path_factory.mktemp("island"))
+    yield island
+    island.close()

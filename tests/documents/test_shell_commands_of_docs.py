@@ -1,0 +1,10 @@
+"""Every shell command of the documents does what a reader expects of it."""
+
+import pytest
+from reader import of, type_page
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("page", of("docs"))
+def test_every_command_of_a_page_does_what_it_says(page, tmp_path, island):
+    type_page(page, tmp_path, island)
