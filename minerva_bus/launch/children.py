@@ -5,86 +5,115 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Generator
+from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
 from minerva_bus.bus.overhearing import overhear
+from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.bus.watchers import Printed, Status, Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.border import security
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import Keeping, find_past, next_epoch
-from minerva_bus.launch.profiling import profile_of, sampled
+from minerva_bus.launch.profiling import Profiling, profile_of, sampled
 from minerva_bus.launch.recording import Nothing, Recording, recording
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.record.journal import go_on
 
 
-def take_part(process: Process, world: str, endpoint: str, sample: bool, shared: bool) -> int:
+@dataclass(frozen=True, slots=True)
+class Coordinating:
+    """A coordinator to be started: of which world, made by what, and whether it goes on."""
+
+    file: WorldFile
+    make: Callable[..., BusCoordinator]
+    profile: bool
+    shared: bool
+    again: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Joining:
+    """A member to be started: which process, and where its world is."""
+
+    process: Process
+    world: str
+    endpoint: str
+    shared: bool
+    profiling: Profiling
+
+
+def take_part(work: Joining) -> int:
     """Be a member of a world; the exit code."""
+    process, world = work.process, work.world
 
     def tell(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    member = BusMember(process.participant(), world, endpoint, tell, shared=shared)
+    member = BusMember(process.participant(), world, work.endpoint, tell, shared=work.shared)
+    sample = process.name == work.profiling.member
     return sampled(member.run, profile_of(world, process.name)) if sample else member.run()
 
 
-def coordinate(
-    file: WorldFile,
-    reports: Reports,
-    commands: int,
-    profile: bool,
-    shared: bool,
-    make: Callable[..., BusCoordinator],
-    again: bool,
-) -> int:
-    """Be a world's coordinator, which reports to the launcher and obeys it; the exit code.
+def coordinate(work: Coordinating, reports: Reports, commands: int) -> int:
+    """Be a world's coordinator, which reports to the launcher and obeys it; the exit code."""
+    shift = Shift(work, reports)
+    threading.Thread(target=_obey, args=(commands, shift.coordinator), daemon=True).start()
+    name, listen, ask = work.file.world.name, work.file.watch.metrics, shift.coordinator.ask
+    with exported(name, listen, ask, lambda text: reports.tell("noted", text=text)):
+        return run_through(shift.life())
 
-    `again`: the one before it was killed.
-    """
-    started = [one.name for one in file.processes if not one.elsewhere]
-    told = _Told(reports, [one.name for one in file.processes if one.elsewhere])
-    past = find_past(file, again=again)
-    algorithm = FrameAlgorithm(file.world if past is None else past.world)
 
-    def say(text: str) -> None:
-        reports.tell("said", member="record", text=text)
+class Shift:
+    """One coordinator's share of a run, from where the one before it ended."""
 
-    told.record = recording(file, algorithm, say, again=past is not None)
-    if past is not None:
-        go_on(algorithm, past, told.record.frame)
-        reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal")
-    coordinator = make(
-        file.world,
-        told.watchers(),
-        rate=file.rate,
-        listen=file.bus.listen,
-        deadlines=file.deadlines,
-        shared=shared,
-        routers=file.bus.border.routers,
-        limits=file.bus.border.limits,
-        security=security(file.bus.border, file.world.name, started),
-        keep=profile,
-        epoch=next_epoch(past),
-        algorithm=algorithm,
-    )
-    told.coordinator = coordinator
-    told.journal = Keeping(file, coordinator, past, say)
-    threading.Thread(target=_obey, args=(commands, coordinator), daemon=True).start()
-    name, listen = file.world.name, file.watch.metrics
-    try:
-        with exported(name, listen, coordinator.ask, lambda text: reports.tell("noted", text=text)):
-            ended = coordinator.run()
-    finally:
-        told.record.close()
-        told.journal.close()
-    told.ended(ended)
-    return 0
+    def __init__(self, work: Coordinating, reports: Reports, system: System = REAL) -> None:
+        """Raises RecordError and BusError where it cannot begin."""
+        file, again = work.file, work.again
+        started = [one.name for one in file.processes if not one.elsewhere]
+        told = self._told = _Told(reports, [one.name for one in file.processes if one.elsewhere])
+        past = find_past(file, again=again)
+        algorithm = FrameAlgorithm(file.world if past is None else past.world)
+
+        def say(text: str) -> None:
+            reports.tell("said", member="record", text=text)
+
+        told.record = recording(file, algorithm, say, again=past is not None)
+        if past is not None:
+            go_on(algorithm, past, told.record.frame)
+            reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal")
+        self.coordinator = told.coordinator = work.make(
+            file.world,
+            told.watchers(),
+            rate=file.rate,
+            listen=file.bus.listen,
+            deadlines=file.deadlines,
+            shared=work.shared,
+            routers=file.bus.border.routers,
+            limits=file.bus.border.limits,
+            security=security(file.bus.border, file.world.name, started),
+            keep=work.profile,
+            epoch=next_epoch(past, system.time()),
+            algorithm=algorithm,
+            system=system,
+        )
+        told.journal = Keeping(file, told.coordinator, past, say)
+
+    def life(self) -> Generator[None, None, int]:
+        """Run the world to its end, turn by turn; the exit code."""
+        told = self._told
+        try:
+            ended = yield from self.coordinator.life()
+        finally:
+            told.record.close()
+            told.journal.close()
+        told.ended(ended)
+        return 0
 
 
 class _Told:
@@ -169,11 +198,16 @@ def _obey(commands: int, coordinator: BusCoordinator) -> None:
     lines = Lines()
     while data := os.read(commands, 4096):
         for line in lines.feed(data):
-            word, _, rest = line.partition(" ")
-            if word == "log":
-                level, member, text = rest.split(" ", 2)
-                coordinator.inbox.put(Printed(member, text, level))
-            elif word == "gave_up":
-                coordinator.inbox.put(s.GaveUp(rest))
-            elif word == "stop":
-                coordinator.inbox.put(s.End("interrupted", hurried=True))
+            obey(line, coordinator)
+
+
+def obey(line: str, coordinator: BusCoordinator) -> None:
+    """Do what the launcher commands; from any thread."""
+    word, _, rest = line.partition(" ")
+    if word == "log":
+        level, member, text = rest.split(" ", 2)
+        coordinator.inbox.put(Printed(member, text, level))
+    elif word == "gave_up":
+        coordinator.inbox.put(s.GaveUp(rest))
+    elif word == "stop":
+        coordinator.inbox.put(s.End("interrupted", hurried=True))

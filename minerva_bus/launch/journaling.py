@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,10 +28,9 @@ def find_past(file: WorldFile, *, again: bool) -> Journaled | None:
     return read_journal(journal_path(file), file.world) if wanted else None
 
 
-def next_epoch(past: Journaled | None) -> int:
+def next_epoch(past: Journaled | None, now: float) -> int:
     """The epoch of a coordinator: seconds since 1970, but always above the one before it."""
-    now = int(time.time())
-    return now if past is None else max(past.epoch + 1, now)
+    return int(now) if past is None else max(past.epoch + 1, int(now))
 
 
 class Keeping:

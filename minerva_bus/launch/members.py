@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 
-from minerva_bus.launch.children import take_part
-from minerva_bus.launch.ending import kill, kill_rest
 from minerva_bus.launch.failures import Failures
+from minerva_bus.launch.machine import REAL, Joining, Machine
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines
-from minerva_bus.launch.starters import Child, command, fork
+from minerva_bus.launch.starters import Child
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import ASK, is_stack
 from minerva_bus.launch.worldfile import Process
@@ -36,6 +32,7 @@ class Watched:
     """
 
     process: Process
+    machine: Machine = REAL
     child: Child | None = None
     failures: int = 0
     started: float = 0.0
@@ -56,17 +53,17 @@ class Watched:
         """Let it be started anew, as somebody wants it; that is no failure of it."""
         self.wanted = self.child is not None
         if self.child is not None:
-            kill(self.child.pid)
+            self.machine.kill(self.child.pid)
         else:
-            self.restart_at = time.monotonic()
+            self.restart_at = self.machine.monotonic()
 
     def leave(self) -> None:
         """It has ended by itself: word of the world's end may follow."""
-        self.left_at = time.monotonic() + LAST_WORDS
+        self.left_at = self.machine.monotonic() + LAST_WORDS
 
     def fail(self) -> float | None:
         """Count a failure; the seconds until it is started anew, or None where it is not."""
-        now = time.monotonic()
+        now = self.machine.monotonic()
         if now - self.started > CALM:
             self.failures = 0
         self.failures += 1
@@ -85,7 +82,8 @@ class Members:
         here = [process for process in around.file.processes if not process.elsewhere]
         self._around = around
         self._printed = printed
-        self._watched = {process.name: Watched(process) for process in here}
+        self._machine = around.machine
+        self._watched = {process.name: Watched(process, around.machine) for process in here}
         self.failures = Failures()
 
     def __iter__(self) -> Iterator[Watched]:
@@ -106,29 +104,22 @@ class Members:
     def start(self, watched: Watched) -> None:
         """Start a process, or start it anew."""
         child = self._child(watched.process)
-        watched.child, watched.started, watched.restart_at = child, time.monotonic(), None
+        watched.child, watched.started = child, self._machine.monotonic()
+        watched.restart_at = None
         watched.lines, watched.cause = Lines(), ""
         self._around.pipes.listen(child.output, lambda: self._hear(watched, child))
 
     def _child(self, process: Process) -> Child:
-        around, world = self._around, self._around.file.world.name
-        endpoint, shared, lifeline = around.endpoint, around.shared, around.lifeline[0]
-        if process.command:
-            environment = {
-                "MINERVA_WORLD": world,
-                "MINERVA_CONNECT": endpoint,
-                "MINERVA_NAME": process.name,
-            }
-            return command(process.name, process.command, environment, process.folder, lifeline)
-        sample = process.name == around.profiling.member
-        body = partial(take_part, process, world, endpoint, sample, shared)
-        return fork(process.name, body, (), lifeline)
+        around = self._around
+        name, shared = around.file.world.name, around.shared
+        work = Joining(process, name, around.endpoint, shared, around.profiling)
+        return self._machine.start_member(work, around.lifeline[0])
 
     def ended(self, pid: int) -> Watched | None:
         """The process whose child has ended, once its last lines are told and its own are dead."""
         for watched in self:
             if watched.child is not None and watched.child.pid == pid:
-                kill_rest(pid)
+                self._machine.kill_rest(pid)
                 self._drain(watched, watched.child)
                 watched.child = None
                 return watched
@@ -139,7 +130,7 @@ class Members:
         for watched in self:
             watched.restart_at = watched.left_at = None
             if watched.child is not None:
-                kill(watched.child.pid)
+                self._machine.kill(watched.child.pid)
 
     def _hear(self, watched: Watched, child: Child) -> bool:
         """Tell the lines that have come; whether more may be there."""
@@ -159,9 +150,9 @@ class Members:
         if child is None or watched.process.command:
             return []
         watched.stacks = []
-        os.kill(child.pid, ASK)
-        until = time.monotonic() + STACKS_WITHIN
-        while child.output != NOWHERE and (left := until - time.monotonic()) > 0:
+        self._machine.signal(child.pid, ASK)
+        until = self._machine.monotonic() + STACKS_WITHIN
+        while child.output != NOWHERE and (left := until - self._machine.monotonic()) > 0:
             seconds = min(left, STACKS_GO_ON) if watched.stacks else left
             if not self._around.pipes.wait_for(child.output, seconds):
                 break

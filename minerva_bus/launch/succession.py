@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.launch.children import coordinate
+from minerva_bus.launch.machine import Coordinating
 from minerva_bus.launch.pipes import NOWHERE
-from minerva_bus.launch.reports import Lines, Reports, parsed
-from minerva_bus.launch.starters import FAILED, Child, fork
+from minerva_bus.launch.reports import Lines, parsed
+from minerva_bus.launch.starters import FAILED, Child
 from minerva_bus.launch.surroundings import Surroundings
-from minerva_bus.protocol.keys import COORDINATOR
 
 MOST_SUCCESSIONS = 100
 MOST_FAILURES = 3
@@ -48,24 +46,14 @@ class Succession:
 
     def start(self) -> None:
         """Start the first one, or one that goes on from the journal of the last."""
-        down_read, down_write = os.pipe()
-        up_read, up_write = os.pipe()
         around, again = self._around, self.count > 0
         file = around.file
         if again:
             file = replace(file, bus=replace(file.bus, listen=self.listens_at))
-        profile, shared, make = around.profiling.frames, around.shared, self._make
-        self.child = fork(
-            COORDINATOR,
-            lambda: coordinate(file, Reports(up_write), down_read, profile, shared, make, again),
-            (down_read, up_write),
-            around.lifeline[0],
-        )
-        os.close(down_read)
-        os.close(up_write)
-        os.set_blocking(up_read, False)
-        os.set_blocking(down_write, False)
-        self._commands, self._reports, self._output = down_write, up_read, self.child.output
+        work = Coordinating(file, self._make, around.profiling.frames, around.shared, again)
+        started = around.machine.start_coordinator(work, around.lifeline[0])
+        self.child, self._commands, self._reports = started
+        self._output = self.child.output
         self._report_lines, self._output_lines = Lines(), Lines()
         around.pipes.listen(self._reports, self._hear_reports)
         around.pipes.listen(self._output, self._hear_output)
@@ -73,14 +61,14 @@ class Succession:
     def command(self, line: str) -> None:
         """Tell the coordinator something; one that does not listen must not stop us, too."""
         try:
-            os.write(self._commands, line.encode() + b"\n")
+            self._around.machine.write(self._commands, line.encode() + b"\n")
         except OSError:
             return  # It has just died, which its exit says, or is stuck, which will be seen.
 
     def ended(self) -> None:
         """The coordinator's process has ended; hear what it said last."""
         self.child = None
-        os.close(self._commands)
+        self._around.machine.close(self._commands)
         self._commands = NOWHERE
         if self._reports != NOWHERE:
             self._hear_reports()

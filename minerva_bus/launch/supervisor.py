@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,9 +13,10 @@ from minerva_bus.bus.session import POOL_BYTES
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch import starters
 from minerva_bus.launch.console import Console, live_line
-from minerva_bus.launch.ending import how_ended, kill, next_ended
+from minerva_bus.launch.ending import how_ended
 from minerva_bus.launch.failures import REPORT_BEGINS
 from minerva_bus.launch.interrupts import caught
+from minerva_bus.launch.machine import REAL, Machine
 from minerva_bus.launch.members import LAST_WORDS, Members, Watched
 from minerva_bus.launch.memory import prepared, sweep
 from minerva_bus.launch.profiling import NOTHING, Profiling
@@ -49,12 +49,14 @@ class Supervisor:
         began: float,
         profiling: Profiling = NOTHING,
         coordinator: Callable[..., BusCoordinator] = MeasuringCoordinator,
+        machine: Machine = REAL,
     ) -> None:
+        self._machine = machine
         self._file = file
         self._console = console
         self._laps = Laps(began)
         self._last_words = LAST_PAGE if profiling.member else LAST_WORDS
-        around = self._around = Surroundings(file, profiling)
+        around = self._around = Surroundings(file, profiling, machine)
         self._coordinator = Succession(around, coordinator, self._on_report, self._on_last_line)
         self._members = Members(around, lambda name, line: self._log(name, line, "info"))
         self._claim: Claim | None = None
@@ -103,7 +105,7 @@ class Supervisor:
     def _turn(self) -> None:
         self._around.pipes.wait(self._patience())
         self._reap()
-        now = time.monotonic()
+        now = self._machine.monotonic()
         for watched in self._members:
             if watched.restart_at is not None and now >= watched.restart_at:
                 self._members.start(watched)
@@ -117,7 +119,7 @@ class Supervisor:
         times = [at for watched in self._members for at in watched.times]
         if self._deadline is not None:
             times.append(self._deadline)
-        return max(0.0, min(times) - time.monotonic()) if times else 1.0
+        return max(0.0, min(times) - self._machine.monotonic()) if times else 1.0
 
     # --- what the coordinator says ---
 
@@ -181,7 +183,7 @@ class Supervisor:
         if watched is None or watched.child is None:
             return
         self._log_stacks(watched, f"has not answered for {waited:.0f} s: it is killed")
-        kill(watched.child.pid)
+        self._machine.kill(watched.child.pid)
 
     def _log_stacks(self, watched: Watched, text: str) -> None:
         """Say something of a process that does not answer, and in which line it is."""
@@ -208,7 +210,7 @@ class Supervisor:
     def _on_ended(self, **ended: Any) -> None:
         self._ended = ended
         regular = not (self._failure or self._interrupts or ended["failed"])
-        self._deadline = time.monotonic() + (CLOSING if regular else self._last_words)
+        self._deadline = self._machine.monotonic() + (CLOSING if regular else self._last_words)
 
     def _on_last_line(self, line: str) -> None:
         self._last_line = line
@@ -217,7 +219,7 @@ class Supervisor:
     # --- processes that end ---
 
     def _reap(self) -> None:
-        while (ended := next_ended()) is not None:
+        while (ended := self._machine.next_ended()) is not None:
             self._on_exit(*ended)
 
     def _on_exit(self, pid: int, code: int) -> None:
@@ -231,7 +233,7 @@ class Supervisor:
             if self._coordinator.count:
                 self._gave_up(watched)
         elif watched.wanted:
-            watched.wanted, watched.restart_at = False, time.monotonic()
+            watched.wanted, watched.restart_at = False, self._machine.monotonic()
         elif code == 0:
             watched.leave()
         else:
@@ -251,7 +253,7 @@ class Supervisor:
             return  # Its members' deadline is set.
         if not self._failure:
             self._failure = self._last_line or f"the coordinator {how_ended(code)}"
-        self._deadline = min(self._deadline or 1e18, time.monotonic() + self._last_words)
+        self._deadline = min(self._deadline or 1e18, self._machine.monotonic() + self._last_words)
 
     def _on_failure(self, watched: Watched, code: int) -> None:
         process = watched.process
@@ -284,8 +286,8 @@ class Supervisor:
 
     def _await_cause(self, watched: Watched) -> None:
         """Hear why it failed: that comes through the coordinator, perhaps after its death."""
-        until = time.monotonic() + LAST_WORDS
-        while not watched.cause and (left := until - time.monotonic()) > 0:
+        until = self._machine.monotonic() + LAST_WORDS
+        while not watched.cause and (left := until - self._machine.monotonic()) > 0:
             self._around.pipes.wait(left)
 
     def _gave_up(self, watched: Watched) -> None:
@@ -296,7 +298,7 @@ class Supervisor:
     def _stop(self, failure: str) -> None:
         self._failure = self._failure or failure
         self._coordinator.command("stop")
-        self._deadline = time.monotonic() + GRACE
+        self._deadline = self._machine.monotonic() + GRACE
 
     def _on_interrupt(self, number: signal.Signals) -> None:
         self._interrupts += 1
@@ -318,9 +320,9 @@ class Supervisor:
         """Nothing of a world is left when it is over, and nothing of it is started any more."""
         self._deadline = 0.0
         if self._coordinator.child is not None:
-            kill(self._coordinator.child.pid)
+            self._machine.kill(self._coordinator.child.pid)
         self._members.kill()
-        while self._busy() and (ended := next_ended(wait=True)) is not None:
+        while self._busy() and (ended := self._machine.next_ended(wait=True)) is not None:
             self._on_exit(*ended)
 
     # --- what people are told ---

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 
+from minerva_bus.launch.machine import REAL, Machine
 from minerva_bus.launch.pipes import Pipes
 from minerva_bus.launch.profiling import Profiling
 from minerva_bus.launch.worldfile import WorldFile
@@ -20,13 +20,17 @@ class Surroundings:
 
     file: WorldFile
     profiling: Profiling
-    pipes: Pipes = field(default_factory=Pipes)
-    lifeline: tuple[int, int] = field(default_factory=os.pipe)
+    machine: Machine = REAL
+    pipes: Pipes = field(init=False)
+    lifeline: tuple[int, int] = field(init=False)
     shared: bool = False
     endpoint: str = ""
+
+    def __post_init__(self) -> None:
+        self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()
 
     def close(self) -> None:
         """All processes have ended."""
         self.pipes.close()
         for end in self.lifeline:
-            os.close(end)
+            self.machine.close(end)
