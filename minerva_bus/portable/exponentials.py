@@ -130,8 +130,14 @@ def _exp_kernel(x: F, k: F) -> F:
     """E to the power of x, divided by 2^k."""
     upper, lower = _reduced(x, k)
     r = upper - lower
+    c = exp_series(r)
+    return 1.0 + (r * c / (2.0 - c) - lower + upper)
+
+
+def exp_series(r: F) -> F:
+    """R - r² P(r²), so that e to the power of r is 1 + r + r c / (2 - c); fdlibm's e_exp."""
     t = r * r
-    c = r - t * (
+    return r - t * (
         1.66666666666666019037e-01
         + t
         * (
@@ -143,7 +149,6 @@ def _exp_kernel(x: F, k: F) -> F:
             )
         )
     )
-    return 1.0 + (r * c / (2.0 - c) - lower + upper)
 
 
 def _expm1_rest(x: F, k: F) -> tuple[F, F]:

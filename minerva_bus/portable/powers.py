@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from minerva_bus.portable.exponentials import exp_series
 from minerva_bus.portable.forms import F, Numbers, binary, head
 
 _LN2: Final = 6.93147180559945286227e-01
@@ -140,19 +141,7 @@ def _power_kernel(z: F, low: F) -> F:
     v = (low - (t - z)) * _LN2 + t * _LN2_LOWER
     z = u + v
     w = v - (z - u)
-    t = z * z
-    c = z - t * (
-        1.66666666666666019037e-01
-        + t
-        * (
-            -2.77777777770155933842e-03
-            + t
-            * (
-                6.61375632143793436117e-05
-                + t * (-1.65339022054652515390e-06 + t * 4.13813679705723846039e-08)
-            )
-        )
-    )
+    c = exp_series(z)
     r = (z * c) / (c - 2.0) - (w + z * w)
     return 1.0 - (r - z)
 
