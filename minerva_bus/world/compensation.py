@@ -12,9 +12,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Final, Protocol
+from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.world.poses import HasPose, Pose, interpolated
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
@@ -26,17 +27,6 @@ MAX_SPEED, MAX_TURN = 20.0, 1080.0
 
 _KEPT: Final = 2000
 _HELD: Final = 1000
-
-
-class Place(Protocol):
-    """A place in the plane: metres and degrees."""
-
-    @property
-    def x(self) -> float: ...
-    @property
-    def y(self) -> float: ...
-    @property
-    def angle(self) -> float: ...
 
 
 class Compensator:
@@ -124,7 +114,7 @@ def span(scan: Scan) -> tuple[float, float]:
 
 
 def path_of(
-    scan: Scan, times: Sequence[float], places: Sequence[Place]
+    scan: Scan, times: Sequence[float], places: Sequence[HasPose]
 ) -> tuple[Displacement, ...]:
     """The path of a robot during a scan; () where it is not known.
 
@@ -151,7 +141,7 @@ def _covers(times: Sequence[float], begin: float, end: float) -> bool:
     return max(gaps) <= GAP_SECONDS and beyond <= GAP_SECONDS
 
 
-def _jumps(times: Sequence[float], places: Sequence[Place]) -> bool:
+def _jumps(times: Sequence[float], places: Sequence[HasPose]) -> bool:
     for number in range(1, len(times)):
         before, after = places[number - 1], places[number]
         seconds = times[number] - times[number - 1]
@@ -162,25 +152,13 @@ def _jumps(times: Sequence[float], places: Sequence[Place]) -> bool:
     return False
 
 
-def _at(time: float, times: Sequence[float], places: Sequence[Place]) -> Displacement:
-    """The place at a time, on the line through the two places around it, or next to it."""
+def _at(time: float, times: Sequence[float], places: Sequence[HasPose]) -> Pose:
+    """The pose at a time, on the line through the two poses around it, or next to it."""
     after = min(max(bisect_left(times, time), 1), len(times) - 1)
-    begin, end = places[after - 1], places[after]
     part = (time - times[after - 1]) / (times[after] - times[after - 1])
-    turn = math.remainder(end.angle - begin.angle, 360.0)
-    return Displacement(
-        time,
-        begin.x + part * (end.x - begin.x),
-        begin.y + part * (end.y - begin.y),
-        begin.angle + part * turn,
-    )
+    return interpolated(places[after - 1], places[after], part)
 
 
-def _displacement(seconds: float, origin: Place, place: Place) -> Displacement:
-    """A place as seen from another one."""
-    east, north = place.x - origin.x, place.y - origin.y
-    turn = math.radians(origin.angle)
-    ahead = portable.cos(turn) * east + portable.sin(turn) * north
-    left = portable.cos(turn) * north - portable.sin(turn) * east
-    angle = math.remainder(place.angle - origin.angle, 360.0)
-    return Displacement(seconds, ahead, left, angle)
+def _displacement(seconds: float, origin: Pose, place: Pose) -> Displacement:
+    seen = origin.seen(place)
+    return Displacement(seconds, seen.x, seen.y, seen.angle)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from minerva_agents.robot.going import Place
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import Recorded
 
@@ -18,11 +18,11 @@ def place_at(time, speed, turn, start=(-2.0, -1.0, 20.0), begin=0.0):
     seconds = time - begin
     after = math.radians(angle + turn * seconds)
     if abs(turn) < 1e-9:
-        return Place(
+        return Pose(
             x + speed * seconds * math.cos(after), y + speed * seconds * math.sin(after), angle
         )
     radius, before = speed / math.radians(turn), math.radians(angle)
-    return Place(
+    return Pose(
         x + radius * (math.sin(after) - math.sin(before)),
         y - radius * (math.cos(after) - math.cos(before)),
         angle + turn * seconds,

@@ -14,11 +14,11 @@ from minerva_agents.robot.maps import OCCUPIED, load_map
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.beams import hits
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_services.bridging.testing import Running
 from minerva_services.ros2 import Ros2, Ros2Robot
 from minerva_services.ros2 import messages as types
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.sensors import _Listening
 from minerva_services.ros2.track import Track
 from minerva_services.rosbag import Rosbag

@@ -9,15 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeping import drive, place_at, spread, swept, without_path
 
-from minerva_agents.robot.going import Place
 from minerva_agents.robot.locating import Motion, located_scans
 from minerva_agents.robot.mapping import draw_map
 from minerva_bus.protocol.readings import plain_reading, read_reading
 from minerva_bus.world.beams import hits
 from minerva_bus.world.compensation import Compensator, path_of
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.senses import scanned_from
 
 FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)
@@ -61,7 +60,7 @@ def test_a_sweep_over_many_readings_of_odometry_follows_each_of_them():
     """A slow lidar on a robot that turns to one side, and then to the other."""
 
     def place(time):
-        return Place(0.0, 0.0, 90.0 * (time if time < 1.0 else 2.0 - time))
+        return Pose(0.0, 0.0, 90.0 * (time if time < 1.0 else 2.0 - time))
 
     scan = swept(0.5, 360, 1.0, 1.0 / 360, place)
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in np.arange(0.0, 2.0, 0.1)]
@@ -105,7 +104,7 @@ def test_odometry_that_jumps_moves_no_wall():
     place = partial(place_at, speed=0.0, turn=0.0)
     scan = Recorded(1.2, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.05)]
-    wheels += [Recorded(t, "odometry", _odometry(Place(90.0, 0.0, 0.0), t)) for t in (1.1, 1.3)]
+    wheels += [Recorded(t, "odometry", _odometry(Pose(90.0, 0.0, 0.0), t)) for t in (1.1, 1.3)]
     (scan,), uncorrected = scans_of(sorted([scan, *wheels], key=lambda one: one.stamp))
     assert (scan.path, uncorrected) == ((), 1)
 

@@ -8,12 +8,12 @@ import pytest
 from recorded import INTEL, Passed, flaser, needs_intel, odom, write
 
 from minerva_agents.robot.drift import errors_of
-from minerva_agents.robot.going import Place, gone
 from minerva_agents.robot.locating import located_scans
 from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.posing import posed_scans
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
+from minerva_bus.world.poses import Pose, moved
 from minerva_bus.world.recordings import MapChoice
 from minerva_services.carmen import CarmenLog, open_log
 
@@ -36,7 +36,7 @@ def box(x, y, theta, beams=180):
 
 def drive(path, slip=0.0, corrected=False):
     """A way of ten steps of 0.2 m and 5 degrees, with wheels that take each for more degrees."""
-    lines, true, wheels = [], Place(0.0, 0.0, 0.0), Place(0.0, 0.0, 0.0)
+    lines, true, wheels = [], Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0)
     for time in range(1, 11):
         at = true.x, true.y, math.radians(true.angle)
         lines.append(odom(wheels.x, wheels.y, math.radians(wheels.angle), time=time))
@@ -44,9 +44,9 @@ def drive(path, slip=0.0, corrected=False):
         if corrected:
             lines.append(odom(*at, time=0))
             wheels = true
-        step = Place(0.2, 0.0, 5.0)
-        true = gone(true, Place(0.0, 0.0, 0.0), step)
-        wheels = gone(wheels, Place(0.0, 0.0, 0.0), Place(0.2, 0.0, 5.0 + slip))
+        step = Pose(0.2, 0.0, 5.0)
+        true = moved(true, Pose(0.0, 0.0, 0.0), step)
+        wheels = moved(wheels, Pose(0.0, 0.0, 0.0), Pose(0.2, 0.0, 5.0 + slip))
     return write(path, *lines)
 
 
@@ -55,7 +55,7 @@ def off(one):
 
 
 def test_a_step_from_elsewhere():
-    found = gone(Place(1.0, 1.0, 90.0), Place(5.0, 5.0, 0.0), Place(7.0, 6.0, 30.0))
+    found = moved(Pose(1.0, 1.0, 90.0), Pose(5.0, 5.0, 0.0), Pose(7.0, 6.0, 30.0))
     assert (found.x, found.y, found.angle) == pytest.approx((0.0, 3.0, 120.0))
 
 
@@ -93,8 +93,8 @@ def test_a_reading_of_the_same_time_is_where_the_scan_was(tmp_path):
 
 
 def test_errors_as_they_are_and_laid_over_one_another():
-    way = [Place(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0)]
-    turned = [Place(0.0, x, 90.0) for x in (0.0, 1.0, 2.0)]
+    way = [Pose(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0)]
+    turned = [Pose(0.0, x, 90.0) for x in (0.0, 1.0, 2.0)]
     errors = errors_of(turned, way)
     assert errors.metres == pytest.approx([0.0, math.sqrt(2), 2 * math.sqrt(2)])
     assert errors.degrees == pytest.approx([90.0] * 3)

@@ -12,10 +12,10 @@ from looping import Block, recorded
 
 from minerva_agents.robot.doubling import doubled_walls, doubling_told
 from minerva_agents.robot.drift import errors_of
-from minerva_agents.robot.going import Place
 from minerva_agents.robot.loops import closed_loops
 from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.pose_graph import Edge, optimised
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import MapChoice
 
@@ -43,7 +43,7 @@ def lap():
     readings = recorded(Block(24.0, 14.0))
     scans = [one.reading for one in readings if one.topic == "scan"]
     true = [
-        Place(p.x, p.y, p.angle) for p in (one.reading for one in readings if one.topic == "pose")
+        Pose(p.x, p.y, p.angle) for p in (one.reading for one in readings if one.topic == "pose")
     ]
     drifted = [true[0]]
     for before, after in pairwise(true):
@@ -52,7 +52,7 @@ def lap():
         off = math.radians(last.angle - before.angle)
         x = last.x + (math.cos(off) * east - math.sin(off) * north)
         y = last.y + (math.sin(off) * east + math.cos(off) * north)
-        drifted.append(Place(x, y, last.angle + after.angle - before.angle + 0.2 * length))
+        drifted.append(Pose(x, y, last.angle + after.angle - before.angle + 0.2 * length))
     return scans, true, drifted
 
 
@@ -86,7 +86,7 @@ def test_who_does_not_come_back_has_no_loops(lap):
 
 def test_two_corridors_that_look_alike_are_not_one():
     """Straight walls everywhere: what fits at many places pulls nobody to one of them."""
-    places = [Place(0.4 * number, 0.0, 0.0) for number in range(100)]
+    places = [Pose(0.4 * number, 0.0, 0.0) for number in range(100)]
     angle = np.radians(np.arange(180) * 2.0)
     with np.errstate(divide="ignore"):
         ranges = np.abs(1.0 / np.sin(angle))

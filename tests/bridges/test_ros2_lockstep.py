@@ -14,10 +14,10 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.specs import find_world
 from minerva_bus.record.reader import Record
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_services.camera import Camera
 from minerva_services.ros2.geometry import Command
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.steering import Limits
 from minerva_services.ros2.stepping import NANO, is_rounding, phases
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house

@@ -9,12 +9,12 @@ from minerva_agents.robot.vocabulary import PRobot, TMove, TPlace, TRotate
 from minerva_bus import Scene
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
 from minerva_services.ros2.driver import STILL, Care, Driver, State
 from minerva_services.ros2.geometry import Command, MotorGeometry
 from minerva_services.ros2.mounts import mount_of
 from minerva_services.ros2.network import Attachment, Network
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.rhythm import Rhythm
 from minerva_services.ros2.senses import scanned_from, seen_from
 from minerva_services.ros2.steering import Limits, driven

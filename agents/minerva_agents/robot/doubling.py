@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from minerva_agents.robot.going import Place
 from minerva_agents.robot.keyframes import (
     MIN_LOOP,
     between,
@@ -21,6 +20,7 @@ from minerva_agents.robot.keyframes import (
     poses_of,
     seen_through,
 )
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 
 _AGAIN: Final = 1.5
@@ -43,7 +43,7 @@ class Doubled:
     second: float
 
 
-def doubled_walls(scans: Sequence[Scan], places: Sequence[Place]) -> tuple[list[Doubled], int]:
+def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[Doubled], int]:
     """Places whose walls a later visit saw elsewhere, and the number of places visited again."""
     keys = keyframes_of(scans, places)
     poses = poses_of([places[key.number] for key in keys])
@@ -70,7 +70,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Place]) -> tuple[list[
     return doubled, visits
 
 
-def doubling_told(scans: Sequence[Scan], places: Sequence[Place], poses: str) -> list[str]:
+def doubling_told(scans: Sequence[Scan], places: Sequence[Pose], poses: str) -> list[str]:
     """A line on walls that are drawn twice, if there are any, that says what to do."""
     doubled, visits = doubled_walls(scans, places)
     if len(doubled) < 2 or len(doubled) <= _FEW * visits:

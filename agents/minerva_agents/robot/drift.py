@@ -19,9 +19,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.going import Place
 from minerva_bus.errors import MisuseError
 from minerva_bus.record.style import write_figure
+from minerva_bus.world.poses import Pose
 
 Reals: TypeAlias = NDArray[np.float64]
 
@@ -31,9 +31,9 @@ class Gone:
     """A scan: seconds, where the robot was, took itself to be, and was by its odometry alone."""
 
     time: float
-    published: Place
-    taken: Place
-    chained: Place | None
+    published: Pose
+    taken: Pose
+    chained: Pose | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ class Drift:
         )
 
 
-def errors_of(taken: Sequence[Place], published: Sequence[Place]) -> Errors:
+def errors_of(taken: Sequence[Pose], published: Sequence[Pose]) -> Errors:
     """The errors of as many places as were published."""
     turns = [one.angle - other.angle for one, other in zip(taken, published, strict=True)]
     degrees = np.abs([math.remainder(turn, 360.0) for turn in turns])

@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.going import Place
 from minerva_bus.world.beams import hits
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 
 Reals: TypeAlias = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Keyframe:
     way: float
 
 
-def keyframes_of(scans: Sequence[Scan], places: Sequence[Place]) -> list[Keyframe]:
+def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[Keyframe]:
     """Some scans of a way, no farther from one another than the way needs."""
     keys: list[Keyframe] = []
     way, last = 0.0, -1
@@ -72,7 +72,7 @@ def _reach(dist: Reals, angle: Reals) -> Reals:
     return np.where(np.isfinite(least), least, 0.0)
 
 
-def poses_of(places: Sequence[Place]) -> Reals:
+def poses_of(places: Sequence[Pose]) -> Reals:
     """Places as poses, (n, 3)."""
     return np.array([(p.x, p.y, math.radians(p.angle)) for p in places])
 

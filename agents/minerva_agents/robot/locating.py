@@ -15,13 +15,13 @@ from typing import Final
 
 import numpy as np
 
+from minerva_agents.robot import motion
 from minerva_agents.robot.canvas import Canvas, Extent, canvas_of, hits
-from minerva_agents.robot.going import Place, Placed, gone
 from minerva_agents.robot.matching import Doubt, match
-from minerva_agents.robot.motion import Pose
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import portable
 from minerva_bus.world.compensation import needs_path, path_of
+from minerva_bus.world.poses import HasPose, Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
 
@@ -34,7 +34,7 @@ class Motion:
     """Where a robot was at times in seconds, which rise: its motion during scans, by matching."""
 
     times: tuple[float, ...] = ()
-    places: tuple[Place, ...] = ()
+    places: tuple[Pose, ...] = ()
 
     @staticmethod
     def of(located: Iterable[Located]) -> Motion:
@@ -55,9 +55,9 @@ class Located:
     """A scan with the place that counts, the one that is published and that of the odometry."""
 
     scan: Scan
-    taken: Place | None
-    published: Place | None
-    chained: Place | None
+    taken: Pose | None
+    published: Pose | None
+    chained: Pose | None
 
     @property
     def posed(self) -> Posed | Unposed:
@@ -103,15 +103,15 @@ class _Chain:
     """Step upon step of the odometry, from the first place that is known."""
 
     def __init__(self) -> None:
-        self._start: Placed | None = None
+        self._start: HasPose | None = None
         self._first: Posed | None = None
 
-    def go(self, said: Posed | Unposed, wheels: Posed | Unposed) -> Place | None:
+    def go(self, said: Posed | Unposed, wheels: Posed | Unposed) -> Pose | None:
         if isinstance(wheels, Unposed):
             return None
         if self._first is None or self._start is None:
             self._start, self._first = (_told(said) or wheels), wheels
-        return gone(self._start, self._first, wheels)
+        return moved(self._start, self._first, wheels)
 
 
 class _Matcher:
@@ -121,7 +121,7 @@ class _Matcher:
         self._cell = cell
         self._canvas: Canvas | None = None
         self._extent = Extent()
-        self._here = Place(0.0, 0.0, 0.0)
+        self._here = Pose(0.0, 0.0, 0.0)
         self._wheels: Posed | None = None
         self._motion = motion
 
@@ -143,30 +143,30 @@ class _Matcher:
         self._here, self._wheels = here, wheels if isinstance(wheels, Posed) else None
         return posed
 
-    def _step(self, wheels: Posed | Unposed) -> tuple[Place, Doubt]:
+    def _step(self, wheels: Posed | Unposed) -> tuple[Pose, Doubt]:
         before, here = self._wheels, self._here
         if before is None or isinstance(wheels, Unposed):
             return here, _ANYWHERE
         turn = math.remainder(wheels.angle - before.angle, 360.0)
         dist = portable.dist((wheels.x, wheels.y), (before.x, before.y))
-        return gone(here, before, wheels), Doubt.after(turn, dist)
+        return moved(here, before, wheels), Doubt.after(turn, dist)
 
-    def _matched(self, canvas: Canvas, scan: Scan, guess: Place, doubt: Doubt) -> Place:
+    def _matched(self, canvas: Canvas, scan: Scan, guess: Pose, doubt: Doubt) -> Pose:
         cell = self._cell
         seen = np.array(list(hits(scan)), np.float64).reshape(-1, 2)
-        start = Pose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
+        start = motion.Pose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
         found = match(canvas.grid, start, (seen[:, 0] / cell, seen[:, 1]), cell, doubt)
         if found is start:
             return guess
-        return Place(canvas.x + found.row * cell, canvas.y + found.column * cell, found.angle)
+        return Pose(canvas.x + found.row * cell, canvas.y + found.column * cell, found.angle)
 
 
-def place_of(posed: Posed) -> Place:
+def place_of(posed: Posed) -> Pose:
     """Where a scan was measured."""
-    return Place(posed.x, posed.y, posed.angle)
+    return Pose(posed.x, posed.y, posed.angle)
 
 
-def _told(said: Posed | Unposed) -> Place | None:
+def _told(said: Posed | Unposed) -> Pose | None:
     if isinstance(said, Unposed) or not said.told:
         return None
     return place_of(said)

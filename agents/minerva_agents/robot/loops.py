@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.closures import candidates, closure
-from minerva_agents.robot.going import Place, gone
 from minerva_agents.robot.keyframes import Keyframe, between, keyframes_of, poses_of
 from minerva_agents.robot.pose_graph import Edge, optimised
+from minerva_bus.world.poses import Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Progress
 
@@ -35,7 +35,7 @@ _NARROW: Final = 2.0
 class Closed:
     """The places of scans after loops were closed, and how many closures held and were rejected."""
 
-    places: list[Place]
+    places: list[Pose]
     closures: int
     rejected: int
 
@@ -43,7 +43,7 @@ class Closed:
         return f"loops: {self.closures} closures hold, {self.rejected} contradicted and were left"
 
 
-def closed_loops(scans: Sequence[Scan], places: Sequence[Place], progress: Progress) -> Closed:
+def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progress) -> Closed:
     """Correct the places of scans by loops.
 
     The first round searches in windows as wide as the drift may be, the second one, from the poses
@@ -95,12 +95,12 @@ def _steps(keys: Sequence[Keyframe], poses: Reals) -> list[Edge]:
     return edges
 
 
-def _carried(places: Sequence[Place], keys: Sequence[Keyframe], poses: Reals) -> list[Place]:
+def _carried(places: Sequence[Pose], keys: Sequence[Keyframe], poses: Reals) -> list[Pose]:
     """All places, each as it lay from the keyframe before it."""
     carried, at = [], 0
     for number, place in enumerate(places):
         while at + 1 < len(keys) and keys[at + 1].number <= number:
             at += 1
         x, y, turn = poses[at].tolist()
-        carried.append(gone(Place(x, y, math.degrees(turn)), places[keys[at].number], place))
+        carried.append(moved(Pose(x, y, math.degrees(turn)), places[keys[at].number], place))
     return carried

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from minerva_agents.robot.canvas import Extent, canvas_of
 from minerva_agents.robot.doubling import doubling_told
 from minerva_agents.robot.drift import Drift, Gone
-from minerva_agents.robot.going import Place
 from minerva_agents.robot.knowledge import free, obstacles
 from minerva_agents.robot.locating import (
     NO_MOTION,
@@ -31,6 +30,7 @@ from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
 from minerva_bus.world.compensation import Compensator, needs_path
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Displacement
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
 
@@ -103,7 +103,7 @@ class _Located:
     """The scans with their places, which need not be found out a second time."""
 
     def __init__(self) -> None:
-        self._taken: list[tuple[Place | None, tuple[Displacement, ...]]] = []
+        self._taken: list[tuple[Pose | None, tuple[Displacement, ...]]] = []
         self._gone: list[Gone] = []
         self.notes: list[str] = []
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
-from minerva_agents.robot.going import gone
+from minerva_bus.world.poses import interpolated, moved
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
@@ -114,7 +113,7 @@ class _Wheels:
         """Where the wheels alone would have the robot."""
         if self._start is not None:
             start, correction = self._start
-            at = gone(start, correction, said)
+            at = moved(start, correction, said)
             said = replace(said, x=at.x, y=at.y, angle=at.angle)
         self._last = said
         return said
@@ -125,16 +124,11 @@ _Known: TypeAlias = "Odometry | None"
 
 def _between(scan: Scan, before: _Known, after: _Known) -> Posed | Unposed:
     """A scan at its place between two readings, or at the one that is near enough."""
-    near = [one for one in (before, after) if one and abs(one.time - scan.time) <= NEAR]
+    near = [known for known in (before, after) if known and abs(known.time - scan.time) <= NEAR]
     if not near:
         return Unposed(scan)
     first, last = near[0], near[-1]
     span = last.time - first.time
     part = min(1.0, max(0.0, (scan.time - first.time) / span)) if span > 0 else 1.0
-    turn = math.remainder(last.angle - first.angle, 360.0)
-    return Posed(
-        scan,
-        first.x + part * (last.x - first.x),
-        first.y + part * (last.y - first.y),
-        first.angle + part * turn,
-    )
+    pose = interpolated(first, last, part)
+    return Posed(scan, pose.x, pose.y, pose.angle)

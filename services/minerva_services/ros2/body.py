@@ -12,6 +12,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Metres
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.making import Maker
 from minerva_services.playing import checked_offset
@@ -22,7 +23,6 @@ from minerva_services.ros2.messages import messages
 from minerva_services.ros2.motors import Motors
 from minerva_services.ros2.mounts import mount_of
 from minerva_services.ros2.network import Network, Tls
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.rhythm import Rhythm
 from minerva_services.ros2.senses import Senses
 from minerva_services.ros2.session import Session

@@ -12,8 +12,8 @@ from enum import Enum
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.world.poses import Pose
 from minerva_services.ros2.geometry import Command
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.steering import Course, Limits, Velocity, driven, steer
 from minerva_services.ros2.track import SUDDEN, Track
 

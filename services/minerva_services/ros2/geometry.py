@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import Geometry
-from minerva_services.ros2.plane import Pose
+from minerva_bus.world.poses import Pose
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from minerva_bus.world.poses import Pose
 from minerva_services.ros2 import messages as types
 from minerva_services.ros2.messages import messages
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.session import Publisher, Session
 from minerva_services.ros2.steering import Velocity
 from minerva_services.ros2.stepping import Step

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_services.ros2.messages import (
     DETECTIONS,
@@ -20,7 +21,6 @@ from minerva_services.ros2.messages import (
     messages,
 )
 from minerva_services.ros2.mounts import UnplacedError, mounting_of
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.session import Session
 from minerva_services.ros_messages import Frames, GarbageError, readings
 

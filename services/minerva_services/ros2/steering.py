@@ -13,8 +13,8 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
+from minerva_bus.world.poses import Pose
 from minerva_services.ros2.geometry import Command
-from minerva_services.ros2.plane import Pose
 
 _AHEAD: Final = 8.0
 """Speed for each metre that is missing, 1/s, where that is less than braking allows."""

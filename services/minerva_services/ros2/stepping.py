@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.world.poses import Pose
 from minerva_services.ros2.driver import STILL, Driver, State
 from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.link import say
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.steering import Limits, Velocity
 
 NANO: Final = 1_000_000_000

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 
 from minerva_bus.world.compensation import span
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Tick
 from minerva_services.ros2.driver import Driver
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.senses import Senses, scanned_from, seen_from
 from minerva_services.ros2.stepping import is_rounding
 

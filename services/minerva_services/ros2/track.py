@@ -10,8 +10,8 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.world.compensation import needs_path, path_of
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
-from minerva_services.ros2.plane import Pose
 
 _KEPT: Final = 500
 SUDDEN: Final = Pose(0.5, 0.0, 45.0)

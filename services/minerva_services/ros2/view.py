@@ -16,12 +16,12 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
+from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.ros2 import messages as types
 from minerva_services.ros2.link import Link, say
 from minerva_services.ros2.messages import messages
 from minerva_services.ros2.network import Network, Tls
-from minerva_services.ros2.plane import Pose
 from minerva_services.ros2.session import Publisher, Session
 from minerva_services.ros_messages import GarbageError
 from minerva_services.ros_messages.readings import place_of
