@@ -9,6 +9,7 @@ import pytest
 
 from tests.deploy.commands import DEPLOY
 from tests.deploy.deployed import COMPOSE, DOCKERFILE, README
+from tools.dependencies import IMAGE_EXTRAS, project
 
 
 def test_compose_is_of_the_compose_specification():
@@ -96,13 +97,11 @@ def test_what_the_image_copies_is_there_and_not_ignored():
             assert f"!{source}" in ignore
 
 
-def test_the_extras_that_are_installed_exist():
-    import tomllib
-
-    extras = tomllib.loads((DEPLOY.parent / "pyproject.toml").read_text())["project"][
-        "optional-dependencies"
+def test_the_image_has_the_extras_that_the_page_installs():
+    installed = [
+        set(extras.split(",")) for extras in re.findall(r"minerva-bus\[([\w,]+)\]", README)
     ]
-    texts = [DOCKERFILE, README]
-    named = {one for t in texts for found in re.findall(r"\.\[([\w,]+)\]|bus\[([\w,]+)\]", t)
-             for group in found for one in group.split(",") if one}  # fmt: skip
-    assert {"metrics", "tls", "record"} <= named <= extras.keys()
+    assert installed
+    assert all(extras >= set(IMAGE_EXTRAS) for extras in installed)
+    declared = project()["project"]["optional-dependencies"]
+    assert all(extras <= declared.keys() for extras in installed)

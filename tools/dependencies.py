@@ -1,0 +1,238 @@
+"""The locked dependencies: write the locks, report licences and vulnerabilities, test the limits.
+
+    python -m tools.dependencies                # licences, and what is known to be vulnerable
+    python -m tools.dependencies lock           # write requirements/ anew from pyproject.toml
+    python -m tools.dependencies try oldest     # tests with the oldest versions that are allowed
+    python -m tools.dependencies try newest     # and with the newest
+
+It needs the extra `audit`: pip install -e '.[dev]' has it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+LOCKS = ROOT / "requirements"
+OLDEST_PYTHON = "3.11"
+EDITABLE = "editables"
+"""What hatchling needs to install the project in place, besides pyproject's build-system."""
+
+IMAGE_EXTRAS = ("metrics", "record", "tls")
+RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
+FAST = ("unit", "laws", "frame", "protocol", "record", "paper", "views", "study", "svg", "sprites",
+        "physics", "services", "cli")  # fmt: skip
+"""Folders of tests that together import every dependency which does not need a device."""
+
+
+@dataclass(frozen=True)
+class Locked:
+    """A version of a lock: for which markers, with which hashes, and what required it."""
+
+    name: str
+    version: str
+    marker: str
+    hashes: tuple[str, ...]
+    via: tuple[str, ...]
+
+
+def read(lock: Path) -> list[Locked]:
+    """The versions of a lock, in its order."""
+    entries = re.split(r"^(?=[A-Za-z0-9])", lock.read_text(encoding="utf-8"), flags=re.M)[1:]
+    return [_locked(entry) for entry in entries]
+
+
+def _locked(entry: str) -> Locked:
+    head = re.match(r"(\S+)==(\S+)(?: ; (.*?))?(?: \\)?$", entry, re.M)
+    if head is None:
+        raise SystemExit(f"requirements: not a version with `==`: {entry.splitlines()[0]}")
+    hashes = re.findall(r"--hash=(sha256:[0-9a-f]{64})\b", entry)
+    via = re.search(r"# via\b(.*)", entry, re.S)
+    required_by = re.findall(r"[^\s#,][^\n,]*", via[1]) if via else []
+    return Locked(head[1], head[2], head[3] or "", tuple(hashes), tuple(required_by))
+
+
+def project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def lock() -> int:
+    """Write all locks. The image and the build have the versions that the tests have."""
+    LOCKS.mkdir(exist_ok=True)
+    build = project()["build-system"]["requires"]
+    dev = LOCKS / "dev.txt"
+    compile_lock(dev, [*build, EDITABLE], "--extra=dev", "--upgrade", "pyproject.toml")
+    same = f"--constraint={dev.relative_to(ROOT)}"
+    extras = [f"--extra={extra}" for extra in IMAGE_EXTRAS]
+    compile_lock(LOCKS / "image.txt", [], *extras, same, "pyproject.toml")
+    compile_lock(LOCKS / "build.txt", build, same)
+    return 0
+
+
+def compile_lock(path: Path, requirements: list[str], *arguments: str) -> None:
+    """One lock, for every platform and each Python that is allowed."""
+    command = [
+        sys.executable, "-m", "uv", "pip", "compile", "--quiet", "--universal", "--generate-hashes",
+        f"--python-version={OLDEST_PYTHON}", "--no-header", *arguments,
+        f"--output-file={path.relative_to(ROOT)}",
+    ]  # fmt: skip
+    if requirements:
+        command.append("-")
+    subprocess.run(command, cwd=ROOT, input="\n".join(requirements), text=True, check=True)
+    path.write_text(
+        "# Written by `python -m tools.dependencies lock` from pyproject.toml.\n"
+        + path.read_text(encoding="utf-8"),
+        encoding="utf-8",
+    )
+
+
+def report() -> int:
+    """Print the licences and the known vulnerabilities of all locked versions.
+
+    Returns: 0 if none is known, 1 if one is, 2 if no source of advisories knows the versions.
+    """
+    locked = read(LOCKS / "dev.txt")
+    in_image = {entry.name for entry in read(LOCKS / "image.txt")}
+    names = {entry.name for entry in locked}
+    print(f"{len(names)} dependencies are locked; * marks the {len(in_image)} of the image.\n")
+    print_licences(names, in_image)
+    return print_vulnerabilities(LOCKS / "dev.txt")
+
+
+def print_licences(names: set[str], in_image: set[str]) -> None:
+    """The names by licence, as the packages that are installed here state it."""
+    by_licence: dict[str, list[str]] = defaultdict(list)
+    stated = licences()
+    for name in sorted(names):
+        licence = stated.get(name, "not installed here (another platform or Python)")
+        by_licence[licence].append(f"{name}*" if name in in_image else name)
+    for licence, members in sorted(by_licence.items()):
+        print(f"{licence}:\n    {', '.join(members)}")
+
+
+def licences() -> dict[str, str]:
+    """The licence that each installed package states, on one line."""
+    done = subprocess.run(
+        [sys.executable, "-m", "piplicenses", "--format=json", "--from=all", "--with-system"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return {
+        re.sub(r"[-_.]+", "-", package["Name"]).lower(): _licence(package)
+        for package in json.loads(done.stdout)
+    }
+
+
+def _licence(package: dict[str, str]) -> str:
+    """The expression if there is one, else the classifier, else the text's first line."""
+    for kind in ("License-Expression", "License-Classifier", "License-Metadata"):
+        text = package.get(kind, "UNKNOWN").strip()
+        if text and text != "UNKNOWN":
+            return text.splitlines()[0][:80]
+    return "not stated"
+
+
+def print_vulnerabilities(lock: Path) -> int:
+    """What the first source of advisories that answers knows of a lock."""
+    silent = []
+    for source in ("pypi", "osv"):
+        answer, reason = ask(source, lock)
+        if answer is not None:
+            return print_answer(source, answer)
+        silent.append(f"{source}: {reason}")
+    print("\nVulnerabilities: UNKNOWN. No source of advisories can be reached from here:")
+    print("\n".join(f"    {line}" for line in silent))
+    print("Run this again where one can be reached.")
+    return 2
+
+
+def ask(source: str, lock: Path) -> tuple[list[dict] | None, str]:
+    """What a source knows of the versions of a lock, or None and why it knows nothing.
+
+    A source that finds none of the packages is none: pip-audit calls that "no vulnerabilities".
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "pip_audit", "--vulnerability-service", source,
+         "--requirement", lock, "--disable-pip", "--require-hashes",
+         "--format=json", "--progress-spinner=off"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    try:
+        answer = json.loads(done.stdout)["dependencies"]
+    except (ValueError, KeyError):
+        return None, (done.stderr.strip().splitlines() or ["no answer"])[-1][:160]
+    if all("skip_reason" in package for package in answer):
+        return None, "it knows none of the packages"
+    return answer, ""
+
+
+def print_answer(source: str, answer: list[dict]) -> int:
+    skipped = [package["name"] for package in answer if "skip_reason" in package]
+    bad = [package for package in answer if package.get("vulns")]
+    print(f"\nVulnerabilities known to {source}: {sum(len(each['vulns']) for each in bad)}")
+    for package in bad:
+        for advisory in package["vulns"]:
+            fixed = ", ".join(advisory.get("fix_versions", ())) or "no version"
+            print(f"    {package['name']} {package['version']}: {advisory['id']}, fixed in {fixed}")
+    if skipped:
+        print(f"Not in {source}, so UNKNOWN: {', '.join(skipped)}")
+    return 1 if bad else 2 if skipped else 0
+
+
+def try_versions(which: str, python: str, paths: list[str]) -> int:
+    """Install the oldest or newest versions that pyproject.toml allows, and run tests with them."""
+    folder = ROOT / "build" / "dependencies" / f"{which}-{python}"
+    interpreter = folder / "bin" / "python"
+    uv = [sys.executable, "-m", "uv"]
+    subprocess.run([*uv, "venv", "--quiet", "--clear", "--python", python, folder], check=True)
+    subprocess.run(
+        [*uv, "pip", "install", "--quiet", "--python", interpreter, "--upgrade",
+         "--resolution", RESOLUTIONS[which], "--editable", ".[dev]"], cwd=ROOT, check=True,
+    )  # fmt: skip
+    tests = paths or [f"tests/{name}" for name in FAST]
+    command = [interpreter, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--retry", *tests]
+    return subprocess.run(command, cwd=ROOT).returncode
+
+
+def parse(words: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.dependencies", description=(__doc__ or "").partition("\n")[0]
+    )
+    commands = parser.add_subparsers(dest="command")
+    commands.add_parser("report", help="licences and known vulnerabilities (the default)")
+    commands.add_parser("lock", help="write requirements/ anew from pyproject.toml")
+    trying = commands.add_parser("try", help="run tests with the oldest or newest versions")
+    trying.add_argument("which", choices=RESOLUTIONS)
+    trying.add_argument("paths", nargs="*", help="tests (default: the fast ones)")
+    trying.add_argument("--python", default=OLDEST_PYTHON, help="the version of Python")
+    return parser.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> int:
+    given = parse(words)
+    needed = {"lock": ("uv",), "try": ("uv",)}.get(given.command, ("piplicenses", "pip_audit"))
+    missing = [name for name in needed if importlib.util.find_spec(name) is None]
+    if missing:
+        print(f"{' and '.join(missing)} not installed: pip install -e '.[audit]'", file=sys.stderr)
+        return 2
+    if given.command == "lock":
+        return lock()
+    if given.command == "try":
+        return try_versions(given.which, given.python, given.paths)
+    return report()
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except subprocess.CalledProcessError as failure:
+        print((failure.stderr or "") + f"{failure.cmd[2]} failed", file=sys.stderr)
+        sys.exit(2)
