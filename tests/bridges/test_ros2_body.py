@@ -102,11 +102,12 @@ class Body:
     def __exit__(self, *exc):
         self.device.close()
 
-    def frames(self, *moves):
+    def frames(self, *moves, halted=()):
         """Carry out moves; the events and the readings of the last frame."""
         for move in moves:
             view = TPlace(5.0, 5.0, 90.0)(action_of(move, "r1", 0.18))
-            self.device.show(View(self.frame, "eRepresent", view))
+            shown = View(self.frame, "eRepresent", view, halted=frozenset(halted))
+            self.device.show(shown)
             tick = Tick(Frame(self.frame, 0.1, 0), "robot")
             events = list(self.device.generate(tick))
             self.frame += 1
@@ -183,6 +184,18 @@ def test_a_view_that_was_carried_out_is_not_carried_out_again():
     assert device._ordered is None
     device.show(View(8, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
     assert device._ordered.command.forward == 1.0
+
+
+def test_a_robot_that_is_halted_stops_and_is_not_believed_to_have_driven():
+    with network() as (endpoint, _), Base(Network(endpoint)) as base, Body(endpoint) as body:
+        body.frames(*[Move(0.0, 0.1)] * 3)
+        goal = body.device.save()["goal"]
+        body.frames(*[Move(0.0, 0.1)] * 20, halted=("r1",))
+        assert body.device.save()["goal"] == goal
+        assert base.pose.x == pytest.approx(0.3, abs=0.05)
+        assert base.told[-1] == STILL
+        body.frames(Move(0.0, 0.1), halted=("r2",))
+        assert body.device.save()["goal"] == pytest.approx([0.4, 0.0, 0.0], abs=0.02)
 
 
 @pytest.mark.parametrize(
