@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import gc
-import os
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
 
+BEGAN = time.monotonic() - time.process_time()
+"""When this program began, on the monotonic clock, seconds.
 
-def _process_began() -> float:
-    """When this process was started, on the monotonic clock; now, where the system won't say."""
-    try:
-        ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
-        age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
-    except (OSError, ValueError, AttributeError, IndexError):
-        age = 0.0
-    return time.monotonic() - age
-
-
-BEGAN = _process_began()
-"""When this process was started, on the monotonic clock, seconds."""
+What has happened until here is start-up, which computes. The age of the process is no measure: a
+shell that has installed the program may have become this process.
+"""
 
 
 @contextmanager
