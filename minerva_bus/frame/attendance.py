@@ -127,6 +127,8 @@ class Attendance(Steps):
             self._say(member.name, "has left")
             self._go_on_without(member)
             self._count_report(member.name, {})  # if it has not said it yet, it never will
+        if self.phase is Phase.WAITING:
+            self._ready_if_all_here()
 
     def _on_gave_up(self, told: s.GaveUp) -> None:
         member = self.roster.get(told.member)

@@ -4,7 +4,10 @@
 (none) ────────▶ JOINING ───────▶ JOINING ────────▶ PRESENT ◀──▶ LATE
                     ▲                                  │ vanished  │
                     │ appeared                         ▼           ▼
-                   LEFT ◀── gave up, or nobody waits ── LOST ◀──────
+                   LEFT ◀─── gave up, or went ──────── LOST ◀──────
+
+A member that goes of its own will says so, and its token vanishes. Either may be heard first: Zenoh
+sends what concerns tokens before data.
 """
 
 from __future__ import annotations
@@ -49,6 +52,7 @@ TRANSITIONS: dict[tuple[State, Change], State] = {
     (State.LATE, Change.WENT): State.LEFT,
     (State.LOST, Change.APPEARED): State.JOINING,
     (State.LOST, Change.GAVE_UP): State.LEFT,
+    (State.LOST, Change.WENT): State.LEFT,
     (State.LEFT, Change.APPEARED): State.JOINING,
 }
 

@@ -16,6 +16,7 @@ from pond import (
     world,
 )
 
+from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.membership import State
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
@@ -559,3 +560,43 @@ def test_a_generator_is_not_held_up_by_a_source_that_will_not_come_back():
             ready for frame 2
     """,
     )
+
+
+@pytest.mark.parametrize("who", ["add", "host", "more"])
+@pytest.mark.parametrize("frames", [0, 1])
+def test_who_leaves_has_left_also_where_the_departure_overtakes_the_last_words(who, frames):
+    """What a member says and whether it is there come to the coordinator on ways of their own."""
+    members = {"more": host("more", Counter)}
+    plain, overtaken = counters(members=members), counters(members=members)
+    for bus in (plain, overtaken):
+        bus.start()
+        bus.run(frames)
+        bus.hold(("up", who))
+        if bus is overtaken:
+            bus.leave(who)
+            bus.settle()
+            assert bus.algorithm.roster.get(who).state is State.LOST
+        bus.release()
+        if bus is plain:
+            bus.put(m.Leaving(who))
+            bus.settle()
+            bus.vanish(who)
+        bus.run(3)
+        assert bus.algorithm.roster.get(who).state is State.LEFT
+        assert bus.algorithm.waiting_for() == bus.stuck == []
+    assert overtaken.digests == plain.digests
+
+
+@pytest.mark.parametrize("who", ["add", "host"])
+def test_a_world_that_has_not_begun_does_not_wait_for_who_has_left(who):
+    bus = counters()
+    bus.start()
+    bus.hold(("up", who))
+    bus.settle()
+    bus.leave(who)
+    bus.settle()
+    bus.release()
+    bus.run(2)
+    assert bus.algorithm.roster.get(who).state is State.LEFT
+    assert bus.stuck == []
+    assert len(bus.records) == 2
