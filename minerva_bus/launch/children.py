@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Callable, Collection, Generator
 from dataclasses import dataclass
 from typing import Any
@@ -126,7 +125,7 @@ class _Told:
         self._elsewhere = elsewhere
         self.record: Recording = Nothing()
         self._reports = reports
-        self._began: float | None = None
+        self._began = False
         self._members = 0
 
     def watchers(self) -> Watchers:
@@ -160,10 +159,10 @@ class _Told:
     def _frame_done(self, done: s.FrameDone) -> None:
         self.journal.frame(done)
         self.record.frame(done)
-        if self._began is None:
-            self._began = time.monotonic()
+        if not self._began:
+            self._began = True
             self._members = len(self.coordinator.algorithm.roster.here())
-            self._reports.tell("first_frame")
+            self._reports.tell("first_frame", frame=done.frame, at=self.coordinator.last_frame_at)
 
     def _said(self, member: str, text: str, details: str) -> None:
         self.record.said(member, f"{text}\n{details}" if details else text)
@@ -185,9 +184,7 @@ class _Told:
             frames=algorithm.frame,
             digest=algorithm.scene.digest.hex(),
             reached=algorithm.reached,
-            seconds=0.0
-            if self._began is None
-            else max(0.0, coordinator.last_frame_at - self._began),
+            last_frame_at=coordinator.last_frame_at,
             members=max(self._members, coordinator.most_members),
             figures=dict(ended.figures),
             profile=coordinator.profile(),

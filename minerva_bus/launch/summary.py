@@ -29,11 +29,25 @@ class Laps:
 
 
 @dataclass(frozen=True, slots=True)
+class FirstFrame:
+    """The first frame that a run completed: its number, when, and the seconds until then.
+
+    `at` is of the coordinators' clock, which is the same for all that follow one another.
+    """
+
+    frame: int
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class Summary:
     """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...).
 
-    `before` is how many of the frames ran before this run, which went on from a record;
-    `first_frame_seconds` is None where no frame was completed.
+    `before` is how many of the frames ran before this run, which went on from a record or a
+    journal. `wall_seconds` is from the end of its first frame to the end of its last one, also
+    where another coordinator followed in between. `first_frame_seconds` is None where no frame was
+    completed.
     """
 
     world: str
@@ -64,6 +78,7 @@ class Summary:
         own: dict[str, Any] = {
             "world": self.world,
             "frames": self.frames,
+            "frames_before": self.before,
             "digest": self.digest,
             "reached": self.reached,
             "wall_seconds": round(self.wall_seconds, 3),

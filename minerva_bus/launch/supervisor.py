@@ -24,7 +24,7 @@ from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.starters import FAILED
 from minerva_bus.launch.succession import MOST_SUCCESSIONS, Succession
-from minerva_bus.launch.summary import Laps, Summary
+from minerva_bus.launch.summary import FirstFrame, Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
@@ -61,7 +61,7 @@ class Supervisor:
         self._members = Members(around, lambda name, line: self._log(name, line, "info"))
         self._claim: Claim | None = None
         self._last_line = ""
-        self._first_frame: float | None = None
+        self._first: FirstFrame | None = None
         self._interrupts = 0
         self._stopping = False
         self._ended: dict[str, Any] | None = None
@@ -170,10 +170,10 @@ class Supervisor:
         self._console.frame = self._coordinator.frame = int(status["frame"])
         self._console.live(live_line(world.name, status, world.frames, self._laps.began))
 
-    def _on_first_frame(self) -> None:
-        if self._first_frame is None:
+    def _on_first_frame(self, frame: int, at: float) -> None:
+        if self._first is None:
             self._laps.end("members and frame 0")
-            self._first_frame = self._laps.total
+            self._first = FirstFrame(frame, at, self._laps.total)
 
     def _on_stalled(self, member: str, waited: float) -> None:
         watched = self._members.get(member)
@@ -344,19 +344,20 @@ class Supervisor:
         if ended is None:
             raise WorldStopped(self._failure or "the world ended without a word")
         reason = self._failure or str(ended["reason"])
+        first = self._first
         summary = Summary(
             world=self._file.world.name,
             frames=int(ended["frames"]),
             digest=str(ended["digest"]),
             reached=bool(ended["reached"]),
             ended=reason,
-            wall_seconds=float(ended["seconds"]),
-            first_frame_seconds=self._first_frame,
+            wall_seconds=max(0.0, float(ended["last_frame_at"]) - first.at) if first else 0.0,
+            first_frame_seconds=first.seconds if first else None,
             members=int(ended["members"]),
             seed=self._file.world.seed,
             startup=self._laps.parts,
             figures=ended["figures"],
-            before=self._file.world.past.frame,
+            before=first.frame if first else self._file.world.past.frame,
             profile=ended["profile"],
         )
         if ended["failed"] and not self._failure:

@@ -33,7 +33,7 @@ def alone(folder, path, *words):
 
 
 def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
-    path = write_world(tmp_path, LOCKSTEP, frames=250, rate=60)
+    path = write_world(tmp_path, LOCKSTEP, frames=150, rate=30)
     undisturbed = alone(tmp_path, path)
     with World(path, "--json") as world:
         before = world.runs(*NAMES)
@@ -42,7 +42,10 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
             assert world.runs(*NAMES) == before
         found = world.summary()
         world.gone()
-    assert (found["frames"], found["digest"]) == (250, undisturbed["digest"])
+    assert (found["frames"], found["digest"]) == (150, undisturbed["digest"])
+    assert found["frames_before"] == 0
+    assert found["wall_seconds"] >= 149 / 30 - 0.1, "since the first coordinator's first frame"
+    assert found["frames_per_second"] <= 31
     assert (
         "coordinator │ was killed by SIGKILL; another one goes on from its journal (3 of"
         in world.text
@@ -167,6 +170,9 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
     assert list((tmp_path / "kept").glob("*.journal"))
     found = summary(minerva(tmp_path, "run", path, *words, "--rate", 0, "--json"))
     assert found["digest"] == undisturbed["digest"]
+    assert 0 < found["frames_before"] < 600
+    ran = (600 - found["frames_before"]) / found["wall_seconds"]
+    assert found["frames_per_second"] == pytest.approx(ran, rel=0.02, abs=0.1)
     assert not list((tmp_path / "kept").iterdir())
 
 
