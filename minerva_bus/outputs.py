@@ -16,9 +16,9 @@ import secrets
 import stat
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import IO, Final, TypeAlias
 
 from minerva_bus.errors import MisuseError
 
@@ -65,6 +65,17 @@ def check_output(path: Path, kind: str = "output") -> None:
     _check(path, kind, inputs=True)
 
 
+def check_new(path: Path, kind: str = "output") -> None:
+    """Raises MisuseError where `path` is an input, or exists and nothing is forced."""
+    with contextlib.suppress(OSError):
+        if _identity(path.stat()) in _policy.read:
+            raise MisuseError(f"{kind}: {path} is an input of this run; choose another path")
+    if not _policy.forced and os.path.lexists(path):
+        raise MisuseError(
+            f"{kind}: {path} exists and is not overwritten; choose another path, or give --force"
+        )
+
+
 def check_replaceable(path: Path, kind: str = "output") -> None:
     """As `check_output`, for a file whose old content is kept under another name."""
     _check(path, kind, inputs=False)
@@ -102,13 +113,7 @@ def write_output(path: Path, content: bytes, kind: str = "output") -> None:
     if path.exists() and not path.is_file():
         _write(path, kind, lambda: _write_into(path, content))  # a pipe or a device stays one
         return
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        _write(path, kind, lambda: _replace(draft, marked(content, path.suffix), path))
-    except MisuseError:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        raise
+    _write(path, kind, lambda: _replace(path, marked(content, path.suffix)))
 
 
 def _write(path: Path, kind: str, write: Callable[[], None]) -> None:
@@ -126,10 +131,36 @@ def _write_into(path: Path, content: bytes) -> None:
         file.write(content)
 
 
-def _replace(draft: Path, content: bytes, path: Path) -> None:
-    with draft.open("xb") as file:
+def _replace(path: Path, content: bytes) -> None:
+    with replacing(path) as file:
         file.write(content)
-    draft.replace(path)
+
+
+@contextlib.contextmanager
+def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Generator[IO[bytes]]:
+    """A new file that takes the name `path` at the end of the block, and is gone if that fails.
+
+    So whoever opens `path` finds a whole file. `mode` is as for `os.open`; `durable`: what was
+    written is on the disk before it has its name. Raises OSError.
+    """
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    descriptor = open_itself(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
+    try:
+        with os.fdopen(descriptor, "w+b") as file:
+            yield file
+            file.flush()
+            if durable:
+                os.fsync(file.fileno())
+            draft.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+
+
+def open_itself(path: Path, flags: int, mode: int = 0o600) -> int:
+    """A descriptor of a file, never opened through a link. Raises OSError."""
+    return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
 
 
 def marked(content: bytes, suffix: str) -> bytes:

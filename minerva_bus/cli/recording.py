@@ -11,6 +11,7 @@ from minerva_bus.record.comparison import compare
 from minerva_bus.record.info import info_of
 from minerva_bus.record.looking import moment_of, written
 from minerva_bus.record.reader import Record
+from minerva_bus.record.recovering import recover, recovered_name
 
 
 def show_info(file: Path, check: bool, json_too: bool) -> None:
@@ -39,6 +40,12 @@ def show_difference(a: Path, b: Path, json_too: bool) -> int:
         found = compare(one, other)
     say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
     return 0 if found.same else 1
+
+
+def recover_record(file: Path, output: Path | None, json_too: bool) -> None:
+    """Write what is intact in a record into a new one. Raises RecordError and MisuseError."""
+    done = recover(file, output or recovered_name(file))
+    say(json.dumps(done.plain()) if json_too else "\n".join(done.lines()))
 
 
 def draw_plot(file: Path, output: Path | None) -> None:

@@ -85,7 +85,8 @@ class Shift:
         told.record = recording(file, algorithm, say, again=past is not None)
         if past is not None:
             go_on(algorithm, past, told.record.frame)
-            reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal")
+            lost = f"; {past.lost:,} bytes behind it cannot be read" if past.lost else ""
+            reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal{lost}")
         self.coordinator = told.coordinator = work.make(
             file.world,
             told.watchers(),

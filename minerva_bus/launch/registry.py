@@ -17,9 +17,9 @@ from minerva_bus.errors import BusError
 from minerva_bus.launch.runtime_folder import (
     check_runtime_folder,
     make_runtime_folder,
-    open_private,
     runtime_folder,
 )
+from minerva_bus.outputs import open_itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Claim:
 
     def _open(self) -> IO[str]:
         try:
-            descriptor = open_private(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+            descriptor = open_itself(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
         except OSError as error:
             raise BusError(f"{self._path} cannot be opened: {error.strerror}; remove it") from None
         return os.fdopen(descriptor, "a+", encoding="utf-8")
@@ -89,7 +89,7 @@ def _same_file(file: IO[str], path: Path) -> bool:
 
 def _read(path: Path) -> Running | None:
     try:
-        with os.fdopen(open_private(path, os.O_RDONLY), encoding="utf-8") as file:
+        with os.fdopen(open_itself(path, os.O_RDONLY), encoding="utf-8") as file:
             found = json.load(file)
         return Running(str(found["world"]), str(found["endpoint"]), int(found["pid"]))
     except (OSError, ValueError, KeyError, TypeError):
@@ -117,7 +117,7 @@ def running() -> list[Running]:
 
 def _is_locked(path: Path) -> bool:
     try:
-        with os.fdopen(open_private(path, os.O_RDONLY)) as file:
+        with os.fdopen(open_itself(path, os.O_RDONLY)) as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             return False
     except FileNotFoundError:

@@ -23,7 +23,13 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.replaying import ReplayAlgorithm
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.resuming import completed, differing_vocabulary, find_file, kinds_in
+from minerva_bus.launch.resuming import (
+    completed,
+    damage_of,
+    differing_vocabulary,
+    find_file,
+    kinds_in,
+)
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.protocol.keys import checked_name
 from minerva_bus.protocol.plain import whole
@@ -98,6 +104,7 @@ def read_replay(
         raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
     with Record(path) as record:
         told = record.description
+        damage = tuple(damage_of(record))
         file = world_file_of(path, world, told, overrides)
         film = RecordFilm(record)
         if not film.end:
@@ -114,7 +121,7 @@ def read_replay(
         rate=speed / played.dt,
         processes=views,
         record=replace(file.record, path=""),
-        notes=(f"replays {path} from frame {begin}",),
+        notes=(f"replays {path} from frame {begin}", *damage),
     )
     return Replay(shown, partial(ReplayCoordinator, path, kinds_in(file), stay))
 

@@ -58,6 +58,7 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
         wanted = f"minerva run WORLD --resume {path}"
         file = read_world_file(find_file(world, told, wanted), given)
         check_same(file.world, told.world, path)
+        damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
         if file.world.until != told.world.until:
             saved = {name: one for name, one in checkpoint.saved.items() if name != GIVEN_UP}
@@ -67,11 +68,19 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
         past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
         check_unfinished(past, path)
     kept = replace(file.record, path=file.record.path or str(path))
-    notes = (f"goes on from frame {checkpoint.frame} of {path}", *_unused(checkpoint, file))
+    notes = (f"goes on from frame {checkpoint.frame} of {path}", *damage)
+    notes += tuple(_unused(checkpoint, file))
     notes += file.notes
     said: dict[str, Any] = {one.name: getattr(file, one.name) for one in fields(WorldFile)}
     said.update(world=past, notes=notes, record=kept, origin=path)
     return Resumed(**said)
+
+
+def damage_of(record: Record) -> Iterator[str]:
+    """Words about what is damaged in a record, and what that has cost."""
+    losses = record.losses()
+    if losses.damage:
+        yield f"{record.path} is damaged: {losses.damaged}; lost: {losses.frames}"
 
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
@@ -201,13 +210,19 @@ def kinds_in(file: WorldFile) -> Kinds:
 
 def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[str, LastView]:
     """What the coupled devices of a world have been shown last, by visual event type."""
+    from minerva_bus.record.errors import RecordError
+
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
     found: dict[str, LastView] = {}
-    for event_type, (frame, events) in sorted(record.last_events(_coupled(file)).items()):
+    recorded = record.last_events(_coupled(file), checkpoint.frame)
+    for event_type, (frame, events) in sorted(recorded.items()):
         mine = [event for event in events if event.type == event_type]
-        shown = visualize(record.string(frame), mine, kinds, frame)
+        try:
+            string = record.string(frame)
+        except RecordError:  # It is damaged: the device waits for the next view.
+            continue
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
-        found[event_type] = LastView(frame, shown, still)
+        found[event_type] = LastView(frame, visualize(string, mine, kinds, frame), still)
     return found
 
 

@@ -58,10 +58,5 @@ def check_runtime_folder(place: Path) -> bool:
     return True
 
 
-def open_private(path: Path, flags: int) -> int:
-    """A descriptor of a file of this user's alone, never opened through a link. Raises OSError."""
-    return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-
-
 def _unusable(place: Path, problem: str) -> BusError:
     return BusError(f"{place} {problem}; set MINERVA_RUNTIME_DIR to a folder of your own")

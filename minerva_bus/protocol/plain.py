@@ -20,10 +20,28 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     """What msgpack bytes hold: nil, booleans, numbers, texts, bytes, lists, maps, extensions."""
     if len(data) > limits.message_bytes:
         raise ProtocolError(f"{len(data)} bytes at once, over {limits.message_bytes}")
+    counted: dict[str, Any] = {}
+    if len(data) > limits.items:  # Else there cannot be so many.
+        count = _Count(limits.items)
+        most = {"max_array_len": limits.items, "max_map_len": limits.items}
+        counted = {"list_hook": count, "object_hook": count, **most}
     try:
-        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
+        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True, **counted)
     except Exception as error:
         raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
+
+
+class _Count:
+    """Counts the items of lists and maps while they are read, so that few bytes stay little."""
+
+    def __init__(self, most: int) -> None:
+        self._left = most
+
+    def __call__(self, plain: Any) -> Any:
+        self._left -= len(plain) + 1
+        if self._left < 0:
+            raise ValueError("too many items")
+        return plain
 
 
 def on_screen(text: str) -> str:

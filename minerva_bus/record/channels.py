@@ -36,6 +36,9 @@ TOPICS: Final = "topics/"
 TRANSFORMS: Final = "transforms"
 """Where those are whose sensors are shown."""
 
+OWN: Final = (WORLD, STRING, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP)
+"""The channels that each record has; their ids are 1, 2, ..."""
+
 NANO: Final = 1_000_000_000
 _LATEST: Final = (1 << 64) - 1
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.description import World
+from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.protocol.limits import Limits
 from minerva_bus.protocol.plain import listed, mapped, number, pack, text, unpack, whole
@@ -23,8 +24,10 @@ from minerva_bus.world.order import Order
 FORMAT: Final = 1
 """The version of the record's own messages; a reader reads this one and no other."""
 
-LIMITS: Final = Limits(message_bytes=1 << 31, nodes=50_000_000, events=100_000_000)
-"""A record is read from one's own disk, and one of its messages may hold a whole string."""
+LIMITS: Final = Limits(
+    message_bytes=1 << 31, nodes=50_000_000, events=100_000_000, items=16_000_000
+)
+"""A message of a record may hold a whole string, and somebody else may have made the record."""
 
 _LEAST: Final = -(1 << 63)
 
@@ -61,13 +64,13 @@ class Description:
     path: str = ""
 
 
-def encode_description(told: Description) -> bytes:
-    """`["world", format, {...}]` as msgpack."""
+def encode_description(told: Description, *, string: bool = True) -> bytes:
+    """`["world", format, {...}]` as msgpack; with nil in the place of the `string`, if wanted."""
     world = told.world
     plain = {
         "name": world.name,
         "vocabulary": plain_vocabulary(world.vocabulary),
-        "string": plain_scene(world.scene),
+        "string": plain_scene(world.scene) if string else None,
         "seed": world.seed,
         "dt": world.dt,
         "order": list(world.order.types),
@@ -88,8 +91,8 @@ def encode_description(told: Description) -> bytes:
     return pack(["world", FORMAT, plain])
 
 
-def decode_description(data: bytes) -> Description:
-    """The description that a record begins with. Raises RecordError."""
+def decode_description(data: bytes) -> tuple[Description, bool]:
+    """A description, and whether it has the initial string. Raises RecordError."""
     try:
         items = listed(unpack(data, LIMITS), "a description")
         if len(items) != 3 or items[0] != "world":
@@ -99,12 +102,13 @@ def decode_description(data: bytes) -> Description:
                 f"its format is {items[1]!r}, this version of Minerva Bus reads {FORMAT}:"
                 " read it with the version that wrote it"
             )
-        return _description(mapped(items[2], "a description"))
+        plain = mapped(items[2], "a description")
+        return _description(plain), plain["string"] is not None
     except KeyError as missing:
         raise RecordError(f"its description lacks {missing}") from None
     except RecordError:
         raise
-    except (MinervaError, ValueError) as error:
+    except (MinervaError, ValueError, RecursionError) as error:
         raise RecordError(f"its description is wrong: {error}") from None
 
 
@@ -113,7 +117,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
     reader = Reader(vocabulary, LIMITS)
     world = World(
         name=text(plain["name"], "the name"),
-        scene=reader.scene(plain["string"]),
+        scene=EMPTY if plain["string"] is None else reader.scene(plain["string"]),
         vocabulary=vocabulary,
         seed=whole(plain["seed"], "the seed", _LEAST),
         dt=number(plain["dt"], "dt"),

@@ -11,6 +11,7 @@ from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.record.errors import RecordError
+from minerva_bus.record.losses import Losses
 from minerva_bus.record.messages import Frame
 from minerva_bus.record.reader import Record
 from minerva_bus.record.sensing import Dropped
@@ -26,7 +27,7 @@ class Info:
     out, `topics` readings by topic, `dropped` messages on topics that could not be kept.
     `first_agents` and `last_agents` say how many agents of each kind there were,
     `broken` how often norms have been broken. `checked`: all
-    digests have been compared.
+    digests have been compared. `losses` say what is damaged.
     """
 
     world: str
@@ -49,10 +50,12 @@ class Info:
     options: Mapping[str, str]
     versions: Mapping[str, str]
     checked: bool
+    losses: Losses
 
     def plain(self) -> dict[str, Any]:
         """As one JSON object."""
-        return {name: _plain(getattr(self, name)) for name in self.__slots__}
+        shown = {name: _plain(getattr(self, name)) for name in self.__slots__ if name != "losses"}
+        return shown | self.losses.plain()
 
     def lines(self) -> list[str]:
         """As a person reads it."""
@@ -76,9 +79,13 @@ class Info:
             "log": counted(self.log_lines, "line") if self.log_lines else "",
             "options": _pairs(options),
             "written by": _pairs(self.versions),
+            "damaged": self.losses.damaged,
+            "lost": self.losses.frames,
             "digest": self.digest + ("  (all digests are right)" if self.checked else ""),
         }
         shown = [f"  {name:10}  {text}" for name, text in rows.items() if name and text]
+        if self.losses.damage:
+            shown.append("  minerva recover writes all that is intact into a new record")
         return [f"{self.world}, seed {self.seed}: {rows['']}", *shown]
 
 
@@ -115,6 +122,7 @@ def info_of(record: Record, check: bool = False) -> Info:
         options=record.description.options,
         versions=record.description.versions,
         checked=check,
+        losses=record.losses(),
     )
 
 

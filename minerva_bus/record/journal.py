@@ -34,6 +34,7 @@ from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.outputs import replacing
 from minerva_bus.protocol.alphabet import plain_vocabulary
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.plain import listed, mapped, number, pack, text, unpack, whole
@@ -57,7 +58,8 @@ class Journaled:
     """What a journal has: where it begins, and what has happened since.
 
     `members` took part, beside those that the world file names; `rate` and `left` are as in
-    `Pace`. `waiting` are events that people sent since the last frame, None: nothing new.
+    `Pace`. `waiting` are events that people sent since the last frame, None: nothing new. `lost`
+    bytes at the end cannot be read: they are damaged, or were written when it was cut off.
     """
 
     epoch: int
@@ -68,6 +70,7 @@ class Journaled:
     rate: float | None = None
     left: int | None = None
     waiting: Waiting | None = None
+    lost: int = 0
 
 
 # --- writing ---
@@ -134,18 +137,25 @@ class Journal:
         """Write it anew, from the string of now."""
         if self._file >= 0 and self._is_followed():
             raise Followed(self._complaint())
-        anew = self.path.with_name(f"{self.path.name}.{os.getpid()}")
-        new = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
-        file = os.open(anew, new, 0o600)
-        old, self._file = self._file, file
+        old = self._file
+        try:
+            with replacing(self.path, mode=0o600) as file:
+                self._file = os.dup(file.fileno())
+                self._put_beginning()
+        except BaseException:
+            new, self._file = self._file, old
+            if new != old:
+                os.close(new)
+            raise
+        self._string, self._since = self._since, 0
+        if old >= 0:
+            os.close(old)
+
+    def _put_beginning(self) -> None:
         self._put(["begin", FORMAT, key_of(self._algorithm.world), self._epoch])
         self._put(_plain_string(self._algorithm))
         self._put(["members", list(self._members)])
         self._put(["pace", *self._pace])
-        self._string, self._since = self._since, 0
-        anew.replace(self.path)
-        if old >= 0:
-            os.close(old)
 
     def _put(self, plain: list[Any]) -> None:
         if self._string and self._is_followed():
@@ -201,7 +211,8 @@ def _plain_events(events: Waiting) -> dict[str, list[Any]]:
 def read_journal(path: Path, world: World) -> Journaled | None:
     """What a world's journal has; None where there is none.
 
-    What was cut off at its end is left out. Raises RecordError where it is of another world.
+    What comes after damaged bytes, or was cut off at its end, is left out: each frame needs those
+    before. Raises RecordError where it is of another world, or its beginning is damaged.
     """
     try:
         data = path.read_bytes()
@@ -209,23 +220,44 @@ def read_journal(path: Path, world: World) -> Journaled | None:
         return None
     except OSError as error:
         raise RecordError(f"{path}: {error.strerror}") from None
+    entries = _Entries(data)
     try:
-        return _journaled(_entries(data), world, path)
+        found = _journaled(iter(entries), world, path)
     except RecordError:
         raise
-    except (MinervaError, ValueError, IndexError, TypeError) as error:
+    except (MinervaError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise RecordError(f"{path}: this journal is broken: {error}") from None
+    if found is None and data:
+        raise RecordError(
+            f"{path}: the beginning of this journal is damaged, so nothing can go on from it; move"
+            " it away to begin anew"
+        )
+    if found is not None:
+        found.lost = len(data) - entries.read
+    return found
 
 
-def _entries(data: bytes) -> Iterator[list[Any]]:
-    begin = 0
-    while begin + _HEAD.size <= len(data):
-        length, check = _HEAD.unpack_from(data, begin)
-        entry = data[begin + _HEAD.size : begin + _HEAD.size + length]
-        if len(entry) < length or zlib.crc32(entry) != check:
-            return
-        yield listed(unpack(entry, LIMITS), "an entry of a journal")
-        begin += _HEAD.size + length
+class _Entries:
+    """The entries of a journal up to the first that is damaged or cut off; `read` bytes so far."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self.read = 0
+
+    def __iter__(self) -> Iterator[list[Any]]:
+        data = self._data
+        while (entry := _entry(data, self.read)) is not None:
+            self.read += _HEAD.size + len(entry)
+            yield listed(unpack(entry, LIMITS), "an entry of a journal")
+
+
+def _entry(data: bytes, begin: int) -> bytes | None:
+    if begin + _HEAD.size > len(data):
+        return None
+    length, check = _HEAD.unpack_from(data, begin)
+    entry = data[begin + _HEAD.size : begin + _HEAD.size + length]
+    whole = 0 < length == len(entry)  # The checksum of nothing is zero, as zeros on a disk have it.
+    return entry if whole and zlib.crc32(entry) == check else None
 
 
 def _journaled(entries: Iterator[list[Any]], world: World, path: Path) -> Journaled | None:

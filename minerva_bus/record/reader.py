@@ -7,9 +7,9 @@ from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self, cast
 
-from minerva_bus.errors import MinervaError
+from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.batch import AnyEvent
@@ -17,15 +17,20 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.protocol.values import Reader
 from minerva_bus.record import channels as c
 from minerva_bus.record.checkpoints import Step, decode_checkpoint
-from minerva_bus.record.chunks import Chunks
+from minerva_bus.record.chunks import Chunks, Message
 from minerva_bus.record.description import LIMITS, Description, decode_description
-from minerva_bus.record.edits import edited
+from minerva_bus.record.edits import edit_between, edited
 from minerva_bus.record.errors import RecordError
-from minerva_bus.record.messages import Frame, decode_frame, decode_string, frame_number
+from minerva_bus.record.losses import Losses
+from minerva_bus.record.messages import (
+    Frame,
+    decode_frame,
+    decode_string,
+    encode_frame,
+    frame_number,
+)
 from minerva_bus.record.sensing import Dropped, decode_sensed
-
-if TYPE_CHECKING:
-    from mcap.records import Message
+from minerva_bus.record.soundness import Sound
 
 _END: Final = 1 << 62
 
@@ -39,6 +44,15 @@ class LogLine:
     text: str
 
 
+def _checkpoint(number: int, steps: list[Step]) -> Checkpoint:
+    found = Checkpoint()
+    for step in steps:
+        found = step.after(found)
+    if found.frame < number:  # Nothing was new in the last frames, and no events wait.
+        found = replace(found, frame=number, emitted=(), inbox={})
+    return found
+
+
 class Record:
     """A record that is read; also the context in which its file is open.
 
@@ -47,8 +61,9 @@ class Record:
                 ...
 
     `description` says of which world it is. `complete`: it was closed as it should be; a record
-    whose world has crashed has all but what came after the last flush. Raises RecordError, here
-    and wherever it is read.
+    whose world has crashed has all but what came after the last flush. Where bytes are damaged,
+    all else can be used, and `losses` says what cannot. Raises RecordError, here and wherever it is
+    read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,6 +71,7 @@ class Record:
         self._chunks = Chunks(path)
         self.complete = self._chunks.complete
         self.size = self._chunks.size
+        self._count = len(self._chunks.places)
         try:
             self.description = self._description()
         except BaseException:
@@ -74,30 +90,61 @@ class Record:
         self._chunks.close()
 
     def _description(self) -> Description:
+        """What the first of its descriptions that is intact says: there are two."""
         for _, message in self._chunks.messages((c.WORLD,)):
             try:
-                return decode_description(message.data)
-            except RecordError as error:
+                told, whole = decode_description(message.data)
+                return told if whole else self._with_string(told)
+            except (RecordError, ProtocolError) as error:
                 raise RecordError(f"{self.path}: {error}") from None
-        raise RecordError(f"{self.path}: it does not say of which world it is")
+        damage = self._chunks.damage
+        why = f" (byte {damage[0].begin:,}: {damage[0].why})" if damage else ""
+        raise RecordError(f"{self.path}: it does not say of which world it is{why}")
+
+    def _with_string(self, told: Description) -> Description:
+        """The second description leaves the initial string to the message that follows it."""
+        reader = Reader(told.world.vocabulary, LIMITS)
+        for _, message in self._chunks.messages((c.STRING,)):
+            _, scene = decode_string(message.data, reader)
+            return replace(told, world=replace(told.world, scene=scene))
+        raise RecordError("the string that it begins with is damaged")
+
+    def losses(self) -> Losses:
+        """What of it cannot be used. Reads all chunks, but no string that need not be known."""
+        sound = self._sound(0, 0)
+        for _ in sound.messages(()):
+            pass
+        open_from = sound.reached if sound.open else None
+        damage, cut = tuple(self._chunks.damage), self._chunks.cut
+        return Losses(damage, cut, tuple(sound.lost), open_from)
+
+    def _sound(self, begin: int, start: int, end: int | None = None) -> Sound:
+        end = self._count if end is None else end
+        return Sound(self._chunks, self._whole_string, begin, start, end)
+
+    def _whole_string(self, data: bytes) -> tuple[int, Scene]:
+        with self._explained("a string"):
+            return decode_string(data, self._reader)
 
     def frames(self) -> Iterator[Frame]:
         """All frames, in order. A number that is left out is of a frame that was not recorded."""
-        return self._frames(0)
-
-    def _frames(self, chunk: int) -> Iterator[Frame]:
-        for place in range(chunk, len(self._chunks.places)):
+        for place in range(self._count):
             yield from self._frames_in(place)
 
     def _frames_in(self, chunk: int) -> Iterator[Frame]:
-        for _, message in self._chunks.messages_in(chunk, (c.FRAME,)):
-            with self._explained(f"frame {message.sequence}"):
-                frame = decode_frame(message.data, self._reader, self._seconds(message))
-            yield frame
+        for _, message in self._chunks.messages_in(chunk, (c.FRAME,)) or ():
+            yield self._frame(message)
+
+    def _frame(self, message: Message) -> Frame:
+        with self._explained(f"frame {message.sequence}"):
+            return decode_frame(message.data, self._reader, self._seconds(message))
 
     def strings(self, check: bool = False) -> Iterator[tuple[Frame, Scene]]:
-        """Each frame, with the string after it; `check`: compare the digests of all strings."""
-        return self._strings(self.description.world.scene, 0, 0, check)
+        """Each frame, with the string after it; `check`: compare the digests of all strings.
+
+        Left out is what is damaged, and with it those frames of which the string is not known then.
+        """
+        return self._strings(self._sound(0, 0), self.description.world.scene, 0, check)
 
     def string(self, number: int) -> Scene:
         """w of a frame: the string with which it begins. Number 0 is the initial string.
@@ -107,7 +154,7 @@ class Record:
         start, scene, chunk = self._key_before(number)
         if start == number:
             return scene
-        for frame, after in self._strings(scene, start, chunk, check=False):
+        for frame, after in self._strings(self._sound(chunk, start), scene, start):
             if frame.number == number - 1:
                 return after
             if frame.number >= number:
@@ -117,23 +164,44 @@ class Record:
     def play(self, number: int) -> Iterator[tuple[Frame, Scene]]:
         """As `strings`, from the frame of this number on."""
         start, scene, chunk = self._key_before(number)
-        for frame, after in self._strings(scene, start, chunk, check=False):
+        for frame, after in self._strings(self._sound(chunk, start), scene, start):
             if frame.number >= number:
                 yield frame, after
 
     # --- where its world can go on ---
 
     def end(self) -> tuple[Checkpoint, Scene]:
-        """The checkpoint after the last whole frame, and the string there. Raises RecordError."""
-        number, scene = self.last()
-        return self._checkpoint(number), scene
+        """The checkpoint after the last whole frame that has one, and the string there.
+
+        Raises RecordError where there are none.
+        """
+        before = self._count
+        while True:
+            number, scene, since = self._last(before)
+            steps = self._steps(number, since, before)
+            if not isinstance(steps, int):
+                return _checkpoint(number, steps), scene
+            before = steps
+
+    def intact_end(self) -> tuple[int, Scene]:
+        """As `end`; where there are no checkpoints, as `last`."""
+        try:
+            checkpoint, scene = self.end()
+        except RecordError:
+            return self.last()
+        return checkpoint.frame, scene
 
     def last(self) -> tuple[int, Scene]:
         """The number after that of the last whole frame, and the string there."""
-        number, scene, chunk = self._key_before(_END)
-        for frame, after in self._strings(scene, number, chunk, check=False):
+        return self._last(self._count)[:2]
+
+    def _last(self, before: int) -> tuple[int, Scene, int]:
+        """As `last` in the chunks before one; and the chunk since which no frame is lost."""
+        number, scene, chunk = self._key_before(_END, before)
+        sound = self._sound(chunk, number, before)
+        for frame, after in self._strings(sound, scene, number):
             number, scene = frame.number + 1, after
-        return number, scene
+        return number, scene, sound.since
 
     def emitted(self) -> Iterator[tuple[Frame, tuple[AnyEvent, ...] | None]]:
         """Each frame, with what agents sent in it; None where there are no checkpoints."""
@@ -152,19 +220,19 @@ class Record:
     def _seconds(self, message: Message) -> float:
         return (message.publish_time - self.description.began) / c.NANO
 
-    def _checkpoint(self, number: int) -> Checkpoint:
-        found = Checkpoint()
-        for step in self._steps(number):
-            found = step.after(found)
-        if found.frame < number:  # Nothing was new in the last frames, and no events wait.
-            found = replace(found, frame=number, emitted=(), inbox={})
-        return found
+    def _steps(self, number: int, since: int, before: int) -> list[Step] | int:
+        """The checkpoints up to a frame's, from the last whole one on.
 
-    def _steps(self, number: int) -> list[Step]:
-        """The checkpoints up to a frame's, from the last whole one on."""
+        Where some may be lost between the two, the chunk before which that is so.
+        """
         found: list[Step] = []
-        for chunk in range(len(self._chunks.places) - 1, -1, -1):
-            some = list(self._steps_in(chunk, number))
+        for chunk in range(before - 1, -1, -1):
+            if chunk < since and self._chunks.torn(chunk + 1):
+                return chunk + 1
+            some = self._steps_in(chunk, number)
+            if some is None and chunk < since:
+                return chunk
+            some = some or []
             whole = [place for place, step in enumerate(some) if step.whole]
             found = some[whole[-1] if whole else 0 :] + found
             if whole:
@@ -173,25 +241,53 @@ class Record:
             raise RecordError(f"{self.path}: it has no checkpoints, so nothing can go on from it")
         return found
 
-    def _steps_in(self, chunk: int, number: int) -> Iterator[Step]:
-        for _, message in self._chunks.messages_in(chunk, (c.CHECKPOINT,)):
-            with self._explained("a checkpoint"):
-                if frame_number(message.data) <= number:
-                    yield decode_checkpoint(message.data, self._reader)
+    def _steps_in(self, chunk: int, number: int) -> list[Step] | None:
+        some = self._chunks.messages_in(chunk, (c.CHECKPOINT,))
+        if some is None:
+            return None
+        with self._explained("a checkpoint"):
+            return [
+                decode_checkpoint(message.data, self._reader)
+                for _, message in some
+                if frame_number(message.data) <= number
+            ]
 
     def messages(self, number: int) -> Iterator[tuple[str, Message]]:
-        """Topic and message of all that happened before a frame, as it is in the file."""
-        for topic, message in self._chunks.messages(self._chunks.topics.values()):
-            late = {c.CHECKPOINT: number, c.SENSED: number - 1}.get(topic)
-            if late is None or message.sequence <= late:
-                yield topic, message
+        """Topic and message of all that happened before a frame and is intact.
 
-    def last_events(self, types: Collection[str]) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
-        """Of each of these event types the last frame that had some, and all of its events."""
+        They are as in the file, but for the first frames after lost ones: what such a frame
+        changes is said anew, in the string that the last frame before has left.
+        """
+        late = {c.CHECKPOINT: number, c.SENSED: number - 1}
+        last = 0
+        for topic, message, base in self._sound(0, 0).messages(set(self._chunks.topics.values())):
+            if message.sequence > late.get(topic, message.sequence):
+                continue
+            if topic == c.FRAME:
+                if message.sequence >= number:
+                    return
+                if base is not None:
+                    message = self._bridged(message, self.string(last), base)
+                last = message.sequence + 1
+            yield topic, message
+
+    def _bridged(self, message: Message, old: Scene, base: Scene) -> Message:
+        frame = self._frame(message)
+        with self._explained(f"frame {frame.number}"):
+            edit = edit_between(old, edited(base, frame.edit, self._reader))
+        data = encode_frame(frame.number, frame.events, edit, frame.digest)
+        return replace(message, data=data)
+
+    def last_events(
+        self, types: Collection[str], before: int
+    ) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
+        """Of each of these event types the last frame before one that had some, and all events."""
         found: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
         for chunk in range(len(self._chunks.places) - 1, -1, -1):
             here: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
             for frame in self._frames_in(chunk):
+                if frame.number >= before:
+                    break
                 had = {event.type for event in frame.events}
                 here.update((one, (frame.number, frame.events)) for one in had.intersection(types))
             found = here | found
@@ -221,18 +317,20 @@ class Record:
     def _json(self, topic: str) -> Iterator[tuple[float, dict[str, Any]]]:
         for _, message in self._chunks.messages((topic,)):
             with self._explained(f"a message of {topic}"):
-                plain = json.loads(message.data)
-            yield message.log_time / c.NANO, plain
+                plain: Any = json.loads(message.data)
+            if isinstance(plain, dict):
+                yield message.log_time / c.NANO, cast("dict[str, Any]", plain)
 
     def _strings(
-        self, scene: Scene, start: int, chunk: int, check: bool
+        self, sound: Sound, scene: Scene, start: int, check: bool = False
     ) -> Iterator[tuple[Frame, Scene]]:
-        """From the string with which frame `start` begins, which lies in or before a chunk."""
-        for frame in self._frames(chunk):
+        """From the string with which frame `start` begins, where `sound` begins or behind that."""
+        for _, message, base in sound.messages((c.FRAME,)):
+            frame = self._frame(message)
             if frame.number < start:
                 continue
             with self._explained(f"frame {frame.number}"):
-                scene = edited(scene, frame.edit, self._reader)
+                scene = edited(scene if base is None else base, frame.edit, self._reader)
             if check and scene.digest != frame.digest:
                 raise RecordError(
                     f"{self.path}: frame {frame.number} has left a string of the digest"
@@ -240,10 +338,13 @@ class Record:
                 )
             yield frame, scene
 
-    def _key_before(self, number: int) -> tuple[int, Scene, int]:
-        """The last whole string at or before a frame: its number, itself, and its chunk."""
+    def _key_before(self, number: int, before: int | None = None) -> tuple[int, Scene, int]:
+        """The last whole string at or before a frame: its number, itself, and its chunk.
+
+        With `before`, in the chunks before that one.
+        """
         time = c.time_of(number, self.description.world.dt)
-        for chunk in range(len(self._chunks.places) - 1, -1, -1):
+        for chunk in range((self._count if before is None else before) - 1, -1, -1):
             place = self._chunks.places[chunk]
             found = self._last_key(chunk, number) if place.first <= time else None
             if found is not None:
@@ -252,14 +353,11 @@ class Record:
 
     def _last_key(self, chunk: int, number: int) -> tuple[int, Scene] | None:
         found: bytes | None = None
-        for _, message in self._chunks.messages_in(chunk, (c.STRING,)):
+        for _, message in self._chunks.messages_in(chunk, (c.STRING,)) or ():
             with self._explained("a string"):
                 if frame_number(message.data) <= number:
                     found = message.data
-        if found is None:
-            return None
-        with self._explained("a string"):
-            return decode_string(found, self._reader)
+        return None if found is None else self._whole_string(found)
 
     @contextmanager
     def _explained(self, what: str) -> Generator[None]:
@@ -267,5 +365,5 @@ class Record:
             yield
         except RecordError:
             raise
-        except (MinervaError, ValueError) as error:
+        except (MinervaError, ValueError, RecursionError) as error:
             raise RecordError(f"{self.path}: {what} cannot be read: {error}") from None

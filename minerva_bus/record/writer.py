@@ -93,13 +93,13 @@ class RecordWriter:
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
         )
-        for topic in (c.WORLD, c.STRING, c.FRAME, c.CHECKPOINT, c.SENSED):
-            self._channels[topic] = self._writer.register_channel(topic, "msgpack", 0)
-        shown = dict(c.SCHEMA_OF)
+        for topic in c.OWN:
+            if topic in c.SCHEMA_OF:
+                self._show_in(topic, c.SCHEMA_OF[topic])
+            else:
+                self._channels[topic] = self._writer.register_channel(topic, "msgpack", 0)
         for kind in self._surveyor.placed:
-            shown[c.POSES + kind] = "foxglove.PosesInFrame"
-        for topic, schema in shown.items():
-            self._show_in(topic, schema)
+            self._show_in(c.POSES + kind, "foxglove.PosesInFrame")
 
     def _show_in(self, topic: str, schema: str) -> None:
         """Have a channel for what others show."""
@@ -110,9 +110,15 @@ class RecordWriter:
         made = self._writer.register_channel(topic, "json", self._schemas[schema])
         self._channels[topic] = made
 
+    def _describe(self) -> None:
+        """Say of which world it is, in two chunks: nothing in a record can be read without it."""
+        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
+        self._writer.flush()
+        self._put(c.WORLD, encode_description(self._told, string=False), 0, 0.0)
+
     def _put_beginning(self) -> None:
         world = self._told.world
-        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
+        self._describe()
         self._put_string(0, 0.0)
         for grid in encode_maps(world.scene, world.vocabulary):
             self._put(c.MAP, grid, 0, 0.0)
@@ -120,10 +126,10 @@ class RecordWriter:
 
     def _copy(self, past: Record) -> None:
         """Write all that a record has up to where its world goes on, and the string there."""
-        checkpoint, self._scene = past.end()
+        number, self._scene = past.intact_end()
         published = self._told.began
-        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
-        for topic, message in past.messages(checkpoint.frame):
+        self._describe()
+        for topic, message in past.messages(number):
             if topic == c.WORLD or topic not in self._channels:
                 continue
             self._writer.add_message(
@@ -139,7 +145,7 @@ class RecordWriter:
             if isinstance(told, Readings):
                 seconds = (published - self._told.began) / c.NANO
                 self._show_readings(told, message.sequence, seconds)
-        self._put_string(checkpoint.frame, (published - self._told.began) / c.NANO)
+        self._put_string(number, (published - self._told.began) / c.NANO)
 
     def frame(
         self,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any, Final
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.overrides import toml_value
 from minerva_bus.launch.resuming import option_text
+from minerva_bus.outputs import replacing
 from minerva_bus.study.grid import Combination
 
 ENDINGS: Final = (".csv", ".parquet")
@@ -108,13 +108,9 @@ def check_table(path: Path) -> None:
 def write(table: Table, path: Path) -> None:
     """Write a table, all of it or nothing. Raises MisuseError."""
     data = _csv(table) if path.suffix == ".csv" else _parquet(table)
-    beside = path.with_name(f"{path.name}.part")
     try:
-        with beside.open("wb") as file:
+        with replacing(path, durable=True) as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
     except OSError as error:
         raise MisuseError(f"{path}: {error.strerror}") from None
 

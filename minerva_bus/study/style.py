@@ -34,9 +34,8 @@ def check_picture(path: Path) -> None:
 def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
     """Let something be painted on a figure of a size in inches, and save it.
 
-    Raises MisuseError where it cannot be.
+    Raises MisuseError where it cannot be; `check_picture` says so before a long study.
     """
-    check_picture(path)
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

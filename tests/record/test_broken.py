@@ -74,14 +74,6 @@ def test_a_torn_last_chunk_is_a_cut(tmp_path):
     assert numbers == list(range(48))
 
 
-def test_damage_in_the_midst_is_said(tmp_path):
-    data = bytearray(bytes_of("meadow"))
-    chunk = [place for place in boundaries(data)[:-1] if data[place] == 6][3]
-    data[chunk + 200] ^= 0xFF
-    with pytest.raises(RecordError, match=f"the chunk at byte {chunk} is damaged"):
-        frames_in(bytes(data), tmp_path)
-
-
 def test_another_mcap_file(tmp_path):
     from mcap.writer import Writer
 

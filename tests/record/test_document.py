@@ -7,8 +7,10 @@ import pytest
 
 from minerva_bus.protocol.plain import unpack
 from minerva_bus.record import channels as c
-from minerva_bus.record.chunks import Chunks
+from minerva_bus.record.chunks import FEWEST_MESSAGES, Chunks
+from minerva_bus.record.description import LIMITS
 from minerva_bus.record.recorder import PATIENCE, WAITING
+from minerva_bus.record.scanning import CHUNK_FLOOR, FLOOR, RATIO
 from minerva_bus.record.tracks import AGENTS
 from minerva_bus.record.writer import KEY_AFTER, SHOWN, SHOWN_EVERY
 from tests.record.recorded_runs import bytes_of, happened, strings_of
@@ -34,10 +36,11 @@ def test_the_messages_are_as_written(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("meadow"))
     chunks = Chunks(path)
-    [(_, world)] = chunks.messages((c.WORLD,))
+    (_, world), (_, again) = chunks.messages((c.WORLD,))
     name, version, plain = unpack(world.data)
     listed = re.search(r'\["world", 1, \{(.*?)\}\]', DOCUMENT).group(1)
     assert (name, version) == ("world", 1)
+    assert unpack(again.data) == [name, version, plain | {"string": None}]
     assert list(plain) == listed.split(", ")
     for topic, count in ((c.FRAME, 5), (c.STRING, 3), (c.CHECKPOINT, 8)):
         _, first = next(chunks.messages((topic,)))
@@ -52,6 +55,10 @@ def test_the_figures_are_those_of_the_code():
         f"every {SHOWN_EVERY} s",
         f"about {SHOWN}.",
         f"about {AGENTS} in all",
+        f"at most {CHUNK_FLOOR >> 20} MiB, all chunks of a file to {FLOOR >> 20} MiB",
+        f"{RATIO:,} bytes more for each packed byte",
+        f"at most {FEWEST_MESSAGES} messages",
+        f"{LIMITS.items // 1_000_000} million items",
     ):
         assert said in DOCUMENT
     assert PATIENCE == 1.0

@@ -1,4 +1,4 @@
-"""`minerva info`, `replay`, `seek`, `diff`, `plot`, `conversation` and `map`: what was recorded."""
+"""What was recorded: `minerva info`, `recover`, `replay`, `seek`, `diff`, `plot`, `map`, ..."""
 
 from __future__ import annotations
 
@@ -49,6 +49,22 @@ def info(
         show_moment(file, frame, string, json)
     else:
         show_info(file, check, json)
+
+
+@app.command()
+def recover(
+    file: Record,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The new record; default: NAME.recovered.mcap."),
+    ] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Write all that is intact in a damaged or cut record into a new one, and say what is lost."""
+    from minerva_bus.cli.recording import recover_record
+
+    recover_record(file, output, json)
 
 
 @app.command(context_settings=UNKNOWN_TOO)

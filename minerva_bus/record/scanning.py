@@ -1,0 +1,268 @@
+"""Where the chunks of an MCAP file lie, also of one that was cut off or damaged anywhere.
+
+A reader of MCAP files begins at their end, where the index is. A record whose world has crashed
+has no end, so this one goes along the file from its beginning, from record to record, and reads no
+chunk. Where something is no record that can stand there, it goes on at the next whole chunk.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import IO, Final
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+RECORD: Final = struct.Struct("<BQ")
+"""What each record of an MCAP file begins with: its opcode, and the length of what follows."""
+
+HEADER, FOOTER, CHANNEL, CHUNK, MESSAGE_INDEX = 0x01, 0x02, 0x04, 0x06, 0x07
+_CHUNK_INDEX, _ATTACHMENT, _METADATA, _DATA_END = 0x08, 0x09, 0x0C, 0x0F
+_SUMMARY: Final = b"\x02\x03\x04\x08\x0a\x0b\x0d\x0e"
+"""Opcodes that may follow the end of the data."""
+
+_CHUNK_BEGIN: Final = struct.Struct("<QQQII")
+_FOOTER: Final = struct.Struct("<BQQQI")
+_LENGTH: Final = struct.Struct("<Q")
+_LEAST: Final = _CHUNK_BEGIN.size + 4 + _LENGTH.size
+_SHOWN: Final = 64
+"""Bytes of a record that tell whether it can be one."""
+
+_BLOCKS: Final = (1 << 12, 1 << 20)
+"""Bytes that are searched at once: few at first, since the next chunk is often near."""
+
+_WHOLE: Final = re.compile(
+    rb"(?=\x06.{7}\x00.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)|\x0f\x04\x00{7})", re.DOTALL
+)
+"""How a chunk, or the end of the data, may begin (MCAP specification, Chunk and Data End)."""
+
+FLOOR: Final = 256 << 20
+CHUNK_FLOOR: Final = 80 << 20
+RATIO: Final = 1000
+"""A chunk unpacks to at most CHUNK_FLOOR bytes, all chunks to FLOOR, and to RATIO more for each
+packed byte: frames differ, so records do not compress that well; what is made to exhaust does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a chunk lies: its record begins at byte `begin`, its `size` packed bytes at `data`.
+
+    `first` is the time of its first message in nanoseconds, `unpacked` its size before
+    compression.
+    """
+
+    begin: int
+    first: int
+    unpacked: int
+    crc: int
+    packing: str
+    data: int
+    size: int
+
+    @property
+    def end(self) -> int:
+        """The byte behind it."""
+        return self.data + self.size
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """Bytes of a file, from `begin` up to but without `end`, that cannot be read, and why."""
+
+    begin: int
+    end: int
+    why: str
+
+
+@dataclass(slots=True)
+class Scan:
+    """What a file has: its chunks in order, and what is damaged between them.
+
+    `complete`: the end of the data is there. `cut` bytes at the end of one that is not belong to
+    no whole record. `header` is the body of its first record.
+    """
+
+    places: list[Place] = field(default_factory=list[Place])
+    damage: list[Damage] = field(default_factory=list[Damage])
+    complete: bool = False
+    cut: int = 0
+    header: bytes = b""
+
+
+def scan(file: IO[bytes], size: int) -> Scan:
+    """Go along a file of this many bytes. What it begins with need not be MCAP's magic."""
+    found = Scan()
+    left = FLOOR + RATIO * size
+    at = 0
+    if _read(file, 0, len(MAGIC)) == MAGIC:
+        at = len(MAGIC)
+    while at < size and not found.complete:
+        head = _Head.read(file, at, size)
+        if head is None:
+            at = _gone_on(file, at, size, found)
+            continue
+        place = head.place()
+        if place is not None and place.unpacked > min(left, CHUNK_FLOOR + RATIO * place.size):
+            found.damage.append(Damage(at, head.end, "it unpacks to more than a file may hold"))
+        elif place is not None:
+            left -= place.unpacked
+            found.places.append(place)
+        elif head.opcode == HEADER:
+            found.header = head.body
+        found.complete = head.opcode == _DATA_END
+        at = head.end
+    return found
+
+
+def _gone_on(file: IO[bytes], at: int, size: int, found: Scan) -> int:
+    """Where the next whole record is behind one that is none; the file's end, where none is."""
+    for begin in _candidates(file, at + 1, size):
+        if _Head.read(file, begin, size) is not None:
+            found.damage.append(Damage(at, begin, "no record of an MCAP file"))
+            return begin
+    found.cut = size - at
+    return size
+
+
+def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
+    """Where something is, from a byte on, that may begin a chunk or end the data."""
+    block, largest = _BLOCKS
+    while at < size:
+        for match in _WHOLE.finditer(_read(file, at, block + _SHOWN)):
+            if match.start() < block:
+                yield at + match.start()
+        at += block
+        block = min(2 * block, largest)
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    """A record that is there as a whole: where, which, and the first bytes of its body."""
+
+    at: int
+    opcode: int
+    length: int
+    body: bytes
+
+    @property
+    def end(self) -> int:
+        """The byte behind it."""
+        return self.at + RECORD.size + self.length
+
+    @classmethod
+    def read(cls, file: IO[bytes], at: int, size: int) -> _Head | None:
+        """The record at a byte; None where none that may stand in the data is whole there."""
+        begin = _read(file, at, RECORD.size + _SHOWN)
+        if len(begin) < RECORD.size:
+            return None
+        opcode, length = RECORD.unpack_from(begin)
+        head = cls(at, opcode, length, begin[RECORD.size :])
+        if head.end > size or not head.fits():
+            return None
+        if head.opcode == _DATA_END and _read(file, head.end, 1) not in _SUMMARY:
+            return None
+        return head
+
+    def fits(self) -> bool:
+        """Whether its body can be that of its opcode: lengths in it must be its own."""
+        if self.opcode == CHUNK:
+            return self.place() is not None
+        if self.opcode == MESSAGE_INDEX:
+            inner = int.from_bytes(self.body[2:6], "little")
+            return self.length == inner + 6 and inner % 16 == 0
+        if self.opcode == _DATA_END:
+            return self.length == 4
+        if self.opcode == _METADATA:
+            named = int.from_bytes(self.body[:4], "little")
+            inner = int.from_bytes(self.body[4 + named : 8 + named], "little")
+            return named > _SHOWN - 8 or self.length == named + inner + 8
+        return self.opcode == _ATTACHMENT or (self.opcode == HEADER and self.at <= len(MAGIC))
+
+    def place(self) -> Place | None:
+        """Where the chunk lies that it is; None where it is none."""
+        if self.opcode != CHUNK or len(self.body) < _LEAST:
+            return None
+        first, _, unpacked, crc, named = _CHUNK_BEGIN.unpack_from(self.body)
+        packing = self.body[_CHUNK_BEGIN.size : _CHUNK_BEGIN.size + min(named, 4)]
+        begin = _CHUNK_BEGIN.size + named + _LENGTH.size
+        if named != len(packing) or packing not in (b"", b"lz4", b"zstd"):
+            return None
+        (size,) = _LENGTH.unpack_from(self.body, begin - _LENGTH.size)
+        if begin + size != self.length:
+            return None
+        data = self.at + RECORD.size + begin
+        return Place(self.at, first, unpacked, crc, packing.decode(), data, size)
+
+
+def _read(file: IO[bytes], at: int, count: int) -> bytes:
+    file.seek(at)
+    return file.read(count)
+
+
+# --- the summary ---
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What the end of a finished file says: topics by channel, and each chunk's channels.
+
+    `sound`: it is as it was written.
+    """
+
+    sound: bool
+    topics: Mapping[int, str] = field(default_factory=dict[int, str])
+    channels: Mapping[int, frozenset[int]] = field(default_factory=dict[int, frozenset[int]])
+
+
+def read_summary(file: IO[bytes], size: int) -> Summary:
+    """The summary of a finished file; it has a checksum of its own, so what it says can be used."""
+    end = size - len(MAGIC) - _FOOTER.size
+    footer = _read(file, max(0, end), _FOOTER.size + len(MAGIC))
+    if end < 0 or footer[_FOOTER.size :] != MAGIC:
+        return Summary(False)
+    opcode, _, begin, _, crc = _FOOTER.unpack_from(footer)
+    if opcode != FOOTER or not 0 < begin <= end:
+        return Summary(False)
+    data = _read(file, begin, end - begin)
+    if zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(data)) != crc:
+        return Summary(False)
+    return _summarized(data)
+
+
+def _summarized(data: bytes) -> Summary:
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Channel, ChunkIndex
+
+    topics: dict[int, str] = {}
+    channels: dict[int, frozenset[int]] = {}
+    try:
+        for opcode, begin, end in split(data):
+            stream = ReadDataStream(BytesIO(data[begin:end]))
+            if opcode == CHANNEL:
+                channel = Channel.read(stream)
+                topics[channel.id] = channel.topic
+            elif opcode == _CHUNK_INDEX:
+                index = ChunkIndex.read(stream)
+                channels[index.chunk_start_offset] = frozenset(index.message_index_offsets)
+    except Exception:  # whatever mcap raises for what somebody has made
+        return Summary(False)
+    return Summary(True, topics, channels)
+
+
+def split(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Of each record that these bytes have, its opcode and where its body is. Raises ValueError."""
+    at = 0
+    while at < len(data):
+        begin = at + RECORD.size
+        if begin > len(data):
+            raise ValueError("it ends in the midst of a record")
+        opcode, length = RECORD.unpack_from(data, at)
+        at = begin + length
+        if at > len(data):
+            raise ValueError("it ends in the midst of a record")
+        if not 0 < opcode < _DATA_END:
+            raise ValueError(f"it has a record of opcode {opcode}, which may not be there")
+        yield opcode, begin, at
