@@ -1,0 +1,158 @@
+"""Golden values of the shipped worlds: the digest of their last string, and of all their messages.
+
+    python -m tools.golden            # compare with tests/golden/worlds.toml; 1 where they differ
+    python -m tools.golden --record   # write it
+
+A change that is not meant to change what worlds do, or what travels, leaves them as they are. One
+that is records new values and says why in CHANGELOG.md; where the wire changes, also in PROTOCOL.md
+with a new version.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+from minerva_bus import EventType
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import find_world
+from minerva_bus.protocol.codec import encode
+
+ROOT = Path(__file__).resolve().parents[1]
+GOLDEN = ROOT / "tests" / "golden" / "worlds.toml"
+WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
+    "crowd": ("examples/crowd/crowd.toml", {"frames": 12}),
+    "flock": ("examples/flock/flock.toml", {"frames": 12, "options": {"birds": "80"}}),
+    "meadow": ("examples/meadow/meadow.toml", {"frames": 60}),
+    "plants": ("examples/plants/plants.toml", {"frames": 40}),
+    "robot": ("robot", {"frames": 25}),
+    "robots": ("examples/robots/robots.toml", {"frames": 12}),
+    "traffic": ("examples/traffic/traffic.toml", {"frames": 40}),
+    "warehouse": ("examples/warehouse/warehouse.toml", {"frames": 40}),
+}
+RAIN, WISH = EventType("eRain", amount=float), EventType("eWish", name=str)
+SAMPLES: tuple[m.Message, ...] = (
+    m.Emitted("rain", (RAIN(2.5, receivers=("a", "b")),)),
+    m.Failed("hosts", 7, "ValueError: -1", "Traceback"),
+    m.Resync("svg", "eShow"),
+    m.Leaving("svg"),
+    m.Doing("hosts", {"agents": 12, "load": 0.5, "late": False, "note": "well"}),
+    m.Refused("another world"),
+    m.Orders(8, (WISH("Ida"),)),
+    m.Repeat("scan"),
+)
+"""Messages that these runs do not have."""
+HEAD = """\
+# Golden values of the shipped worlds in one process, written by `python -m tools.golden --record`:
+# the digest of the string after so many frames, and by type a digest of all messages of the run.
+# [samples] has single messages as they travel.
+"""
+
+
+class Wire:
+    """Digests of the messages of a run, by the type of the message."""
+
+    def __init__(self) -> None:
+        self._hashes: dict[str, Any] = {}
+
+    def add(self, message: Any) -> None:
+        if isinstance(message, m.Hello):  # The process and the machine are not the run's.
+            message = replace(message, pid=0, host="")
+        name = type(message).__name__
+        data = encode(message)
+        known = self._hashes.setdefault(name, blake2b(digest_size=16))
+        known.update(len(data).to_bytes(8, "little") + data)
+
+    def digests(self) -> dict[str, str]:
+        return {name: self._hashes[name].hexdigest() for name in sorted(self._hashes)}
+
+
+class Tapped:
+    """A member whose messages, in both directions, are also given to a Wire."""
+
+    def __init__(self, member: Participant, wire: Wire) -> None:
+        self._member, self._wire = member, wire
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._member, name)
+
+    def receive(self, message: m.ToMember | m.Readings) -> list[Any]:
+        self._wire.add(message)
+        answers = self._member.receive(message)
+        for answer in answers:
+            self._wire.add(answer)
+        return answers
+
+
+def golden_values(name: str) -> dict[str, str]:
+    """Run a world; its string's digest, as `string`, and those of its messages by type."""
+    path, overrides = WORLDS[name]
+    file = read_world_file(
+        ROOT / path if path.endswith(".toml") else find_world(path), Overrides(**overrides)
+    )
+    algorithm, wire, digests = FrameAlgorithm(file.world), Wire(), [""]
+
+    def watch(instruction: s.Instruction) -> None:
+        if isinstance(instruction, s.FrameDone):
+            wire.add(instruction.record)
+            digests.append(instruction.record.digest.hex())
+
+    members: Any = [Tapped(process.participant(), wire) for process in file.processes]
+    runner = InProcess(algorithm, members, watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+    return {"string": digests[-1], **wire.digests()}
+
+
+def sample_values() -> dict[str, str]:
+    """The bytes of the samples by the type of the message, in hexadecimal."""
+    return {type(message).__name__: encode(message).hex() for message in SAMPLES}
+
+
+def recorded_values() -> dict[str, dict[str, str]]:
+    """What is recorded, by world."""
+    return tomllib.loads(GOLDEN.read_text(encoding="utf-8"))
+
+
+def _text(values: Mapping[str, Mapping[str, str]]) -> str:
+    tables = [
+        "\n".join([f"[{name}]", *[f'{key} = "{value}"' for key, value in table.items()]])
+        for name, table in values.items()
+    ]
+    return HEAD + "\n" + "\n\n".join(tables) + "\n"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="golden values of the shipped worlds")
+    parser.add_argument("--record", action="store_true", help="write tests/golden/worlds.toml")
+    arguments = parser.parse_args()
+    values = {name: golden_values(name) for name in WORLDS} | {"samples": sample_values()}
+    if arguments.record:
+        GOLDEN.write_text(_text(values), encoding="utf-8")
+        return 0
+    known = recorded_values()
+    differing = [
+        f"{name}: {key}"
+        for name, table in values.items()
+        for key in sorted(table.keys() | known.get(name, {}).keys())
+        if table.get(key) != known.get(name, {}).get(key)
+    ]
+    print("\n".join(differing) or "all values are as recorded")
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
