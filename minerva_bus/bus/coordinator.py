@@ -455,7 +455,8 @@ class BusCoordinator:
         if unsaid:
             self.tell(s.Silent())
             frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
-            for name, text in self._waits.told(unsaid, now):
+            guests = [one for one in unsaid if not self.algorithm.roster.get(one).expected]
+            for name, text in self._waits.told(unsaid, guests, now):
                 self._say(name or COORDINATOR, f"{frame} for {text}")
         if self.waited >= BACK_WITHIN and self._guests:
             self._let_go(waiting)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -14,6 +14,13 @@ THEN: Final = {
 }
 """What is done with a member that has been waited for too long, and how that is said."""
 
+
+FAILED: Final = {
+    "restart": THEN["restart"],
+    "stop": "it is killed, and the world stops,",
+    "ignore": "it is killed, and the world goes on without it,",
+}
+"""What becomes of a process that does not answer, by what its `on_failure` is."""
 
 START: Final = 10.0
 """Seconds that a member has at least to start and join."""
@@ -30,9 +37,9 @@ class Patience:
     hard: float = 30.0
     then: str = "restart"
 
-    def outlook(self, waited: float) -> str:
+    def outlook(self, waited: float, on_failure: str = "restart") -> str:
         """What happens when, as it is said; nothing where it is waited for without end."""
-        done = THEN[self.then]
+        done = FAILED[on_failure] if self.then == "restart" else THEN[self.then]
         return f"; {done} in {max(0.0, self.hard - waited):.0f} s" if done else ""
 
 
@@ -40,12 +47,13 @@ class Patience:
 class Deadlines:
     """The patience with each member: its own, or that with all.
 
-    `elsewhere` are those whom nobody here can start anew.
+    `elsewhere` are those whom nobody here can start anew, `on_failure` what becomes of others.
     """
 
     all: Patience = field(default_factory=Patience)
     own: Mapping[str, Patience] = field(default_factory=dict[str, Patience])
     elsewhere: frozenset[str] = frozenset()
+    on_failure: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def of(self, member: str, in_frame: bool) -> Patience:
         """The patience with a member; whoever has yet to come has time to start."""
@@ -82,12 +90,15 @@ class Waits:
         """The patience with a member in this step."""
         return self._deadlines.of(member, self._in_frame)
 
-    def outlook(self, member: str, waited: float) -> str:
+    def outlook(self, member: str, waited: float, guest: bool) -> str:
         """What becomes of a member that has been waited for so long, and when, as it is said."""
         patience = self.patience(member)
         if patience.then == "restart" and member in self._deadlines.elsewhere:
             return "; it runs elsewhere, and may come back from there"
-        return patience.outlook(waited)
+        if patience.then == "restart" and guest:
+            left = max(0.0, patience.hard - waited)
+            return f"; it is put out of the world in {left:.0f} s: attach it anew where it runs"
+        return patience.outlook(waited, self._deadlines.on_failure.get(member, "restart"))
 
     def since(self, member: str, now: float) -> float:
         """For how many seconds this one is waited for."""
@@ -103,16 +114,22 @@ class Waits:
                 found.append(name)
         return found
 
-    def told(self, unsaid: Sequence[str], now: float) -> Iterator[tuple[str, str]]:
-        """Whom to say it of, and how long they have been waited for; nobody, of them together."""
+    def told(
+        self, unsaid: Sequence[str], guests: Collection[str], now: float
+    ) -> Iterator[tuple[str, str]]:
+        """Whom to say it of, and how long they have been waited for; nobody, of them together.
+
+        `guests` are no processes of the world file, so that nobody starts them anew.
+        """
         waited = {name: self.since(name, now) for name in unsaid}
         if len(unsaid) <= FEW:
             for name in unsaid:
-                yield name, f"it for {waited[name]:.1f} s{self.outlook(name, waited[name])}"
+                outlook = self.outlook(name, waited[name], name in guests)
+                yield name, f"it for {waited[name]:.1f} s{outlook}"
             return
         names = f"{', '.join(unsaid[:FEW])} and {len(unsaid) - FEW} more"
         longest = max(unsaid, key=lambda name: waited[name])
-        outlook = self.outlook(longest, waited[longest])
+        outlook = self.outlook(longest, waited[longest], longest in guests)
         yield "", f"{names} for {waited[longest]:.1f} s{outlook}"
 
     def overdue(self, now: float) -> list[tuple[str, str]]:

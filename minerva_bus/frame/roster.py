@@ -226,7 +226,10 @@ def _kinds(hello: Hello) -> frozenset[str]:
 def objection(hello: Hello, vocabulary: Vocabulary) -> str:
     """Why a member cannot join a world of this vocabulary, or the empty text."""
     if hello.version != PROTOCOL_VERSION:
-        return f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}"
+        return (
+            f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}: install the same"
+            " version of Minerva Bus on both sides"
+        )
     for event_type in (*hello.generates, *hello.draws, *hello.orders):
         if event_type not in vocabulary.events:
             known = nearest(event_type, list(vocabulary.events))
@@ -250,11 +253,9 @@ def _objection_to(kind: AgentKind, vocabulary: Vocabulary) -> str:
     mine = vocabulary.kinds.get(kind.name)
     if mine is None:
         return f"the world's vocabulary has no agents {kind.name}"
-    if _shape(mine) != _shape(kind):
-        return (
-            f"its {kind.name} has the state ({', '.join(kind.fields.names)}), the world's"
-            f" ({', '.join(mine.fields.names)}): both must come from the same code"
-        )
+    difference = _differing(kind, mine)
+    if difference:
+        return f"{difference}: both must come from the same code"
     if mine.chances != kind.chances:
         return f"its {kind.name} answers events with other probabilities than the world's"
     if mine.rest != kind.rest:
@@ -262,5 +263,22 @@ def _objection_to(kind: AgentKind, vocabulary: Vocabulary) -> str:
     return ""
 
 
-def _shape(kind: AgentKind) -> list[tuple[str, Type]]:
-    return [(field.name, field.type) for field in kind.fields.all]
+def _differing(its: AgentKind, worlds: AgentKind) -> str:
+    """In what the state of two kinds of one name differs, or the empty text."""
+    names, others = its.fields.names, worlds.fields.names
+    if names != others:
+        return (
+            f"its {its.name} has the state ({', '.join(names)}), the world's ({', '.join(others)})"
+        )
+    for own, other in zip(its.fields.all, worlds.fields.all, strict=True):
+        if own.type != other.type:
+            return (
+                f"{own.name} of its {its.name} is {_described(own.type, other.type)}, of the"
+                f" world's {_described(other.type, own.type)}"
+            )
+    return ""
+
+
+def _described(of: Type, other: Type) -> str:
+    """A type in words; where these are the same for another one, with all that it is."""
+    return str(of) if str(of) != str(other) else repr(of)

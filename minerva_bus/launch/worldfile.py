@@ -92,4 +92,5 @@ class WorldFile:
         """How long a frame waits for each member."""
         own = {one.name: one.patience for one in self.processes if one.patience is not None}
         elsewhere = frozenset(one.name for one in self.processes if one.elsewhere)
-        return Deadlines(self.bus.patience, own, elsewhere)
+        on_failure = {one.name: one.on_failure for one in self.processes}
+        return Deadlines(self.bus.patience, own, elsewhere, on_failure)

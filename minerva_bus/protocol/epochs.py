@@ -13,12 +13,22 @@ from typing import Final
 from minerva_bus.errors import ProtocolError
 from minerva_bus.protocol.plain import pack
 
+_ARRAY: Final = (0x90, 0x9F)
+"""The first bytes of a short list in msgpack, as each message is one."""
+
 _WIDTHS: Final = {0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}
 
 
 def stamp(epoch: int) -> bytes:
     """An epoch, from 0, as it stands before a message: a whole number in msgpack."""
     return pack(epoch)
+
+
+def _unstamped(data: bytes) -> str:
+    expected = "a message begins with its coordinator's epoch, a whole number in msgpack"
+    if data and _ARRAY[0] <= data[0] <= _ARRAY[1]:
+        return f"{expected}; this one begins with the message itself, as before protocol 4"
+    return f"{expected}, not with {data[:1].hex() or 'nothing'}"
 
 
 def stamped(data: bytes) -> tuple[int, bytes]:
@@ -28,9 +38,6 @@ def stamped(data: bytes) -> tuple[int, bytes]:
         return first, data[1:]
     width = _WIDTHS.get(first)
     if width is None or len(data) <= struct.calcsize(width):
-        raise ProtocolError(
-            "a message begins with its coordinator's epoch (from protocol 4 on; is the member of"
-            " another version of Minerva Bus?)"
-        )
+        raise ProtocolError(_unstamped(data))
     end = 1 + struct.calcsize(width)
     return struct.unpack(width, data[1:end])[0], data[end:]

@@ -1,6 +1,7 @@
 """The frame algorithm's parts by themselves: the table of states, places, pace and strings in parts."""
 
 import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
+from minerva_bus.bus.waiting import Deadlines, Patience, Waits
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import membership
 from minerva_bus.frame.composition import Composition
@@ -18,8 +20,10 @@ from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.placement import place
 from minerva_bus.frame.roster import MOST_DEPARTED, PROTOCOL_VERSION, Roster, objection
 from minerva_bus.frame.showing import Showing
+from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.slots import fill
+from minerva_bus.grammar.types import Type
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, ids
 
@@ -111,6 +115,39 @@ def test_who_may_join(hello, reason):
     found = objection(hello, FAMILY_VOCABULARY)
     assert reason in found
     assert bool(found) is bool(reason)
+
+
+def test_an_objection_says_which_type_differs_and_how():
+    kind = KINDS[0]
+    name = kind.fields.names[0]
+    first = replace(kind.fields.all[0], type=Type("text", words=("other",)), default=None)
+    other = replace(kind, fields=Fields((first, *kind.fields.all[1:])))
+    said = objection(Hello("m", PROTOCOL_VERSION, kinds=(other,)), FAMILY_VOCABULARY)
+    assert said.startswith(f"{name} of its {kind.name} is text other, of the world's ")
+    assert str(kind.fields.all[0].type) in said
+    fewer = replace(kind, fields=Fields(kind.fields.all[1:]))
+    said = objection(Hello("m", PROTOCOL_VERSION, kinds=(fewer,)), FAMILY_VOCABULARY)
+    assert f"its {kind.name} has the state (" in said
+
+
+@pytest.mark.parametrize(
+    ("guest", "then", "on_failure", "said"),
+    [
+        (False, "restart", "restart", "it is started anew in 29 s"),
+        (False, "restart", "stop", "it is killed, and the world stops, in 29 s"),
+        (False, "restart", "ignore", "it is killed, and the world goes on without it, in 29 s"),
+        (True, "restart", "", "it is put out of the world in 29 s: attach it anew where it runs"),
+        (True, "skip", "", "the frame goes on without it in 29 s"),
+        (True, "stop", "", "the world stops in 29 s"),
+    ],
+)
+def test_what_is_said_of_who_does_not_answer_is_what_happens(guest, then, on_failure, said):
+    own = {} if guest else {"m": on_failure}
+    waits = Waits(Deadlines(Patience(1.0, 30.0, then), on_failure=own))
+    waits.look("step", True, ["m"], 0.0)
+    waits.look("step", True, ["m"], 1.0)
+    [(who, text)] = waits.told(waits.unsaid(1.0), ["m"] if guest else [], 1.0)
+    assert (who, text) == ("m", f"it for 1.0 s; {said}")
 
 
 # --- places ----------------------------------------------------------------------------------

@@ -25,6 +25,14 @@ def test_whatever_begins_otherwise_is_refused(data):
         stamped(data)
 
 
+def test_only_a_message_without_an_epoch_is_one_of_an_earlier_protocol():
+    with pytest.raises(ProtocolError, match="as before protocol 4"):
+        stamped(b"\x92\x01\x02")
+    for data, named in ((b"\xff\x92", "ff"), (b"\xc1", "c1"), (b"", "nothing")):
+        with pytest.raises(ProtocolError, match=f"not with {named}$"):
+            stamped(data)
+
+
 @given(st.binary(max_size=20))
 def test_any_bytes_are_read_or_refused(data):
     try:
