@@ -18,9 +18,11 @@ from minerva_bus.bus.gate import STRANGERS, may_be_awaited
 from minerva_bus.bus.greetings import Greetings
 from minerva_bus.bus.guard import Guard, Place, Security
 from minerva_bus.bus.inbox import HubInbox, Question, Tick, question
+from minerva_bus.bus.large import LARGE, MOST_BEHIND, LargeMessages, Letter, Opened
 from minerva_bus.bus.links import Linked
 from minerva_bus.bus.outbox import Outbox
 from minerva_bus.bus.presence import Successor, presence, successor
+from minerva_bus.bus.questions import Questions
 from minerva_bus.bus.session import LOOPBACK
 from minerva_bus.bus.shortcut import nothing_to
 from minerva_bus.bus.system import REAL, System, run_through
@@ -40,11 +42,15 @@ from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.protocol.codec import Decoder, encode
 from minerva_bus.protocol.epochs import stamped
 from minerva_bus.protocol.keys import COORDINATOR, Keys, who_asks
-from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.limits import DEFAULT, Limits, check
 from minerva_bus.protocol.plain import mapped, on_screen, pack, unpack
+from minerva_bus.protocol.weighing import name_in
 
 STATUS_EVERY = 0.1
 NAP = 0.01
+BLINK = 0.001
+AT_ONCE = 500
+"""Messages that are taken before a frame that is due begins."""
 WATCHED_FOR = 5.0
 ANSWERED_WITHIN = 2.0
 SMOOTHING = 0.3
@@ -97,6 +103,10 @@ class BusCoordinator:
         self.limits = limits
         self._waits = Waits(deadlines or Deadlines())
         self._decoder: Decoder = Decoder(world.vocabulary, limits)
+        beside = Decoder(world.vocabulary, limits)
+        self._large = LargeMessages(beside, system, self.inbox.put)
+        self._questions = Questions(limits.questions, self._answer, world.name, system)
+        self.algorithm.most_taken = limits.single_events
         self._asked: int = -1
         self._nothing = b""
         self._begin_at: float | None = None
@@ -179,21 +189,25 @@ class BusCoordinator:
             *self._outbox.open(session),
             *self._watch.opened(session),
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
-            session.declare_queryable(f"{keys.control}/**", handler(question)),
-            session.declare_queryable(f"{keys.base}/ask/*", handler(question)),
+            session.declare_queryable(f"{keys.control}/**", handler(self._asked_by)),
+            session.declare_queryable(f"{keys.base}/ask/*", handler(self._asked_by)),
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(self.epoch)),
             liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
             liveliness.declare_subscriber(keys.alive("*"), handler(presence), history=True),
         ]
 
+    def _asked_by(self, query: zenoh.Query) -> Question | None:
+        return self._questions.hear(question(query))
+
     # --- one turn of the loop ---
 
     def _step(self) -> None:
+        self._questions.answer_due()
         due = self._begin_at
         if due is None:
             self._use_time()
-            self._take(self.inbox.wait())
+            self._take(self._next())
             return
         if self.algorithm.at_rest and self._system.monotonic() < (until := self._rest_until()):
             self._rest(until)
@@ -216,7 +230,16 @@ class BusCoordinator:
             self._take_all_until(until)
         else:
             self._use_time()
-            self._take(self.inbox.wait())
+            self._take(self._next())
+
+    def _next(self) -> Any:
+        """What comes next; while questions wait, nothing where it is time for one of them."""
+        while self._questions:
+            item = self.inbox.ready()
+            if item is not None or (wait := self._questions.wait) <= 0:
+                return item
+            self._system.sleep(min(wait, BLINK))
+        return self.inbox.wait()
 
     def _begin(self) -> s.Begin:
         rates = self.algorithm.roster.attending.rates
@@ -225,13 +248,19 @@ class BusCoordinator:
         return s.Begin(self._glances.due(self._system.monotonic(), rates))
 
     def _take_all_until(self, due: float) -> None:
-        """Take what there is; what is still to come may take a nap's time to be heard."""
-        while (item := self.inbox.ready()) is not None:
+        """Take what there is, but not for ever: of a flood there is always more.
+
+        What is still to come may take a nap's time to be heard, a blink's while somebody asks.
+        """
+        for _ in range(AT_ONCE):
+            item = self.inbox.ready()
+            if item is None:
+                break
             self._take(item)
         wait = due - self._system.monotonic()
         if wait > 0:
             self._use_time()
-            self._system.sleep(min(wait, NAP))
+            self._system.sleep(min(wait, BLINK if self._questions else NAP))
 
     def _use_time(self) -> None:
         """Others are waited for now: what nobody waits for may be done."""
@@ -246,22 +275,29 @@ class BusCoordinator:
             self._look_at_the_clock()
         elif isinstance(item, Printed):
             self._log(item.member, item.line, item.level)
-        elif isinstance(item, Asked):
-            item.later.set_result(self._answered(item.question))
+        elif isinstance(item, Question | Asked):
+            self._take_question(item)
         elif isinstance(item, Successor):
             self._meet(item.epoch)
         elif isinstance(item, Linked | TurnedAway | Denials):
             self.guard.notice(item)
-        elif isinstance(item, s.Appeared) and self.guard.keeps_out(item.member):
+        elif isinstance(item, s.Appeared) and self._keeps_out(item.member):
             pass
-        elif isinstance(item, Question):
-            self._answer(item)
+        elif isinstance(item, Opened):
+            self._take_opened(item)
         elif item is not None:
             self.tell(item)
+
+    def _take_question(self, item: Question | Asked) -> None:
+        if isinstance(item, Question):
+            self._questions.add(item)
+        else:
+            item.later.set_result(self._answered(item.question))
 
     def _answer(self, question: Question) -> None:
         who, orders, key = who_asks(question.key, self.keys.world)
         try:
+            check("a question", len(question.data), self.limits.small_bytes, "bytes")
             asked = mapped(unpack(question.data), "a question")
             objection = self.guard.objection_to_question(who, orders, asked.get("ask"))
             found = {"error": objection} if objection else self._answered(asked)
@@ -289,25 +325,70 @@ class BusCoordinator:
             return
         if self.guard.keeps_out(member):
             return
-        if not self.guard.gate.has_room(self._name_of(member), len(data)):
-            awaited = may_be_awaited(data, len(self._stamp)) and self.algorithm.awaits(member)
-            if not awaited:
-                self._pass_over(member)
-                return
-        if data:
+        room = self.guard.gate.has_room(self._name_of(member), len(data))
+        answer = may_be_awaited(data, len(self._stamp))
+        if not data or (answer and self.algorithm.awaits(member)):
             self._heard_in_full(member, data)
+        elif not (room and self._has_work(member, data)):
+            self._pass_over(member)
+        elif answer and len(data) > LARGE:
+            self._pass_late(member)
+        else:
+            began = self._system.monotonic()
+            self._heard_in_full(member, data)
+            self.guard.gate.spent(self._name_of(member), self._system.monotonic() - began)
+
+    def _has_work(self, member: str, data: bytes) -> bool:
+        """Whether what a message that no frame waits for has in it is within the limits."""
+        gate, body = self.guard.gate, data[len(self._stamp) :]
+        if name_in(body) == "hello" and not gate.has_hello(self._name_of(member)):
+            return False
+        return gate.has_values(self._name_of(member), body)
 
     def _heard_in_full(self, member: str, data: bytes) -> None:
+        """Hear a message: a small one now, a large one when it is decoded."""
+        roster = self.algorithm.roster
         try:
             if not data.startswith(self._stamp):
-                stamped(data)
-                self._pass_late(member)
+                if data:
+                    stamped(data)
+                    self._pass_late(member)
                 return
             body = data[len(self._stamp) :]
+            if not roster.knows(member):
+                self.tell(m.Leaving(member))  # It is a stranger's, whatever it says.
+                return
+            if len(body) > LARGE or self._large.behind(member):
+                if self._large.behind(member) < MOST_BEHIND:
+                    self._large.add(Letter(member, roster.get(member).joins, body))
+                else:
+                    self._pass_over(member)
+                return
             message = self._decoder.from_member(member, body)
         except (ProtocolError, SceneError) as error:
             self.tell(s.Violation(member, str(error)))
             return
+        self._understood(member, body, message)
+
+    def _take_opened(self, opened: Opened) -> None:
+        """Hear a large message, unless who said it has come anew since."""
+        letter = opened.letter
+        self._large.taken(opened)
+        self._decoded_in(opened.seconds)
+        roster = self.algorithm.roster
+        if not roster.knows(letter.member) or roster.get(letter.member).joins != letter.life:
+            return
+        if opened.message is None:
+            self.tell(s.Violation(letter.member, opened.problem))
+        else:
+            self._understood(letter.member, letter.body, opened.message)
+        if not isinstance(opened.message, m.TickReply | m.EvolveReply):
+            self.guard.gate.spent(letter.member, opened.seconds)
+
+    def _decoded_in(self, seconds: float) -> None:
+        """To decode a large message has taken so long."""
+
+    def _understood(self, member: str, body: bytes, message: m.FromMember) -> None:
         if isinstance(message, m.EvolveReply):
             took = self._system.monotonic() - self._evolving_since
             message = replace(message, took=took, heard=body)
@@ -318,6 +399,16 @@ class BusCoordinator:
             self._greetings.answered(member)
             reason = self.guard.gate.objection(message)
         self.tell(s.Violation(member, reason) if reason else message)
+
+    def _keeps_out(self, member: str) -> bool:
+        """Whether one that has appeared is not greeted: shut out, or one too many."""
+        if self.guard.keeps_out(member):
+            return True
+        roster, most = self.algorithm.roster, self.limits.members
+        if roster.knows(member) or roster.count < most:
+            return False
+        self.guard.too_many(f"{most} members are there already; more are not greeted")
+        return True
 
     def _name_of(self, member: str) -> str:
         """Its name, if it is known: of strangers there may be any number."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.bus.credentials import AGENT, GENERATOR, OPERATOR, VIEW, Rights, rights_of
 from minerva_bus.frame.messages import Hello
 from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.weighing import values_in
 
 READING: Final = frozenset({"status", "totals", "scene", "fragment", "vocabulary", "logs"})
 """Questions that change nothing."""
@@ -25,18 +25,41 @@ STRANGERS: Final = "strangers"
 MOST_NAMES: Final = 1000
 """Names that are counted one by one; there may be any number of them where nobody is known."""
 
+_MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
+_SECONDS, _HELLOS, _ALL = "seconds", "hellos", "hellos of all"
+
 _ANSWERS: Final = (b"\xa6ticked", b"\xa7evolved", b"\xa6report")
 """How messages begin that a frame may wait for, behind the mark of a list."""
 
 
-@dataclass(slots=True)
 class _Allowance:
     """How much somebody may still say now; it fills up with time, to a second's worth."""
 
-    messages: float
-    bytes: float
-    at: float
-    told: bool = False
+    def __init__(self, full: Mapping[str, float], now: float) -> None:
+        self._full = full
+        self._left = dict(full)
+        self._at = now
+        self.told = False
+
+    def fill(self, now: float) -> None:
+        """Let time have passed."""
+        passed, self._at = now - self._at, now
+        for what, full in self._full.items():
+            self._left[what] = min(self._left[what] + passed * full, full)
+
+    def left(self, what: str) -> float:
+        """How much of something is left."""
+        return self._left[what]
+
+    def take(self, what: str, amount: float) -> bool:
+        """Take some of it; False where so much is not left, and then nothing is."""
+        left = self._left[what] - amount
+        self._left[what] = max(left, 0.0)
+        return left >= 0
+
+    def owe(self, what: str, amount: float) -> None:
+        """Take some of it, also what is not there yet."""
+        self._left[what] -= amount
 
 
 class Gate:
@@ -56,6 +79,14 @@ class Gate:
         self._rights = rights
         self._clock = clock
         self._allowances: dict[str, _Allowance] = {}
+        self._full: Mapping[str, float] = {
+            _MESSAGES: limits.messages,
+            _BYTES: limits.bytes,
+            _VALUES: limits.values,
+            _SECONDS: limits.seconds,
+            _HELLOS: limits.hellos,
+            _ALL: limits.all_hellos,
+        }
 
     def count(self, who: str, times: int = 1) -> None:
         """Something of somebody has been refused."""
@@ -66,19 +97,34 @@ class Gate:
 
     def has_room(self, who: str, size: int) -> bool:
         """Whether a message of so many bytes is within what a member may say in a second."""
-        limits, now = self._limits, self._clock()
+        mine = self._filled(who)
+        room = mine.take(_MESSAGES, 1)
+        return mine.take(_BYTES, size) and room and mine.left(_SECONDS) > 0
+
+    def has_values(self, who: str, data: bytes) -> bool:
+        """Whether the values of a message are within what a member may say in a second.
+
+        A message that has more than any may have is let through, to be refused for that.
+        """
+        mine = self._filled(who)
+        count = values_in(data, int(mine.left(_VALUES)))
+        return count > self._limits.values or mine.take(_VALUES, count)
+
+    def has_hello(self, who: str) -> bool:
+        """Whether one more hello is within what a member, and all of them, may say in a second."""
+        return self._filled(who).take(_HELLOS, 1) and self._filled(_ALL).take(_ALL, 1)
+
+    def spent(self, who: str, seconds: float) -> None:
+        """To hear what a member has said took so long."""
+        self._filled(who).owe(_SECONDS, seconds)
+
+    def _filled(self, who: str) -> _Allowance:
+        """What somebody may say now."""
         mine = self._allowances.get(who)
         if mine is None:
-            mine = _Allowance(limits.messages, limits.bytes, now)
-            self._allowances[who] = mine
-        passed = now - mine.at
-        mine.at = now
-        mine.messages = min(mine.messages + passed * limits.messages, limits.messages) - 1
-        mine.bytes = min(mine.bytes + passed * limits.bytes, limits.bytes) - size
-        if mine.messages >= 0 and mine.bytes >= 0:
-            return True
-        mine.messages, mine.bytes = max(mine.messages, 0.0), max(mine.bytes, 0.0)
-        return False
+            mine = self._allowances[who] = _Allowance(self._full, self._clock())
+        mine.fill(self._clock())
+        return mine
 
     def too_much(self, who: str) -> str:
         """What to say of one who says too much, the first time; the empty text after that."""
@@ -89,8 +135,9 @@ class Gate:
         mine.told = True
         limits = self._limits
         return (
-            f"says more than {limits.messages} messages or {limits.bytes >> 20} MiB a second: the"
-            " rest is not heard ([limits])"
+            f"says more than {limits.messages} messages, {limits.hellos} hellos,"
+            f" {limits.bytes >> 20} MiB or {limits.values} values a second, or what takes"
+            f" {limits.seconds:g} s: the rest is not heard (columns are few values; [limits])"
         )
 
     # --- who ---

@@ -191,6 +191,11 @@ class Guard:
             return True
         return False
 
+    def too_many(self, text: str) -> None:
+        """Somebody is one too many, which is counted, and said once."""
+        self.gate.count(STRANGERS)
+        self._say_once(STRANGERS, text)
+
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
         """Why a question is not answered, which is counted and said, or the empty text."""
         if who and not is_name(who):

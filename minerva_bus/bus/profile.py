@@ -201,6 +201,10 @@ class MeasuringCoordinator(BusCoordinator):
         self.tally.add("bytes out", len(data))
         return data
 
+    def _decoded_in(self, seconds: float) -> None:
+        if self._measuring:
+            self.tally.add("decode", MICRO * seconds)
+
     def _heard(self, member: str, data: bytes) -> None:
         if self._measuring:
             self.tally.add("bytes in", len(data))

@@ -24,6 +24,7 @@ from minerva_bus.bus.diagnosis import check_reachable, why_unreachable
 from minerva_bus.bus.endpoints import check_endpoint, check_port_free
 from minerva_bus.bus.sockets import let_dead_links_go
 from minerva_bus.errors import BusError
+from minerva_bus.protocol.limits import DEFAULT
 
 LOOPBACK = "tcp/127.0.0.1:0"
 REACHED_WITHIN = 5.0
@@ -99,6 +100,7 @@ def open_hub(
     options: dict[str, Any] = {
         "listen/endpoints": endpoints,
         "listen/exit_on_failure": True,
+        "transport/unicast/max_sessions": DEFAULT.links,
     }
     own = None if secured is None else secured.own
     if secured is not None:

@@ -97,8 +97,13 @@ class FrameAlgorithm(Attendance):
 
     def awaits(self, member: str) -> bool:
         """Whether a frame waits for an answer of a member, this one or the next."""
-        ahead = member in self._asked_ahead and member not in self._early
-        return ahead or member in self.waiting_for()
+        if member in self._asked_ahead and member not in self._early:
+            return True
+        if self.phase in (Phase.TICK, Phase.STOPPING):
+            return member in self._pending
+        if self.phase in (Phase.WAITING, Phase.READY) or self._stranded:
+            return member in self.waiting_for()
+        return any(name == member for name, _ in self._parts)
 
     def awaits_tick(self, member: str) -> bool:
         """Whether steps 1 to 4 of this frame wait for a member, whose answer counts once."""

@@ -26,7 +26,7 @@ class Attendance(Steps):
 
     def _on_hello(self, hello: m.Hello) -> None:
         member = self.roster.get(hello.member)
-        if member.state is not State.JOINING:
+        if member.state is not State.JOINING or member.greeted:
             return
         reason = objection(hello, self.world.vocabulary)
         if reason:

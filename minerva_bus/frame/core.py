@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -34,6 +34,10 @@ class Phase(Enum):
     CLOSING = "last view"
     STOPPING = "reports"
     ENDED = "over"
+
+
+SINGLE_EVENTS: Final = 5_000
+"""Events, not in columns, of one free-running generator that a frame takes; others wait."""
 
 
 class Core:
@@ -80,6 +84,7 @@ class Core:
         self._reason = ""
         self.failed = False
         self.strangers: int = 0
+        self.most_taken: int = SINGLE_EVENTS
         self._stirred = past.frame
         """The frame that begins with what was changed last."""
         self._begin_frame_state()

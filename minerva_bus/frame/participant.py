@@ -20,7 +20,7 @@ from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.intake import Intake
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.frame.showing import patch_all
-from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.batch import AnyEvent, in_columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
@@ -275,7 +275,7 @@ class Participant:
             orders=self._ordered(frame),
         )
         with blamed(service.generate):
-            events = self._checked(made_events(service.generate(tick)))
+            events = in_columns(self._checked(made_events(service.generate(tick))))
             if service.publishes or tick.published:
                 self._publish(service, tick)
         self._out.append(m.TickReply(self.name, frame, events, saved_by(service)))

@@ -53,6 +53,11 @@ class Roster:
     def __iter__(self) -> Iterator[Member]:
         return iter([self._members[name] for name in sorted(self._members)])
 
+    @property
+    def count(self) -> int:
+        """How many have come, or are expected."""
+        return len(self._members) - len(self._departed)
+
     def knows(self, name: str) -> bool:
         """Whether this one is expected or has ever appeared."""
         return name in self._members

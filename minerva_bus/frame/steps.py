@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
+from itertools import accumulate
 from typing import Final
 
 from minerva_bus.errors import VocabularyError
@@ -35,11 +37,25 @@ class Steps(Endings):
 
     def _collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
+        later = self._hold_back()
         self._gather(self._due_views(closing=False))
+        for source, events in later.items():
+            self._inbox[source] = [*events, *self._inbox.get(source, ())]
         self.phase = Phase.EVOLVE
         if not self.world.frames or self.frame + 1 < self.world.frames:
             self._ask_ahead(self.frame + 1)
         self._dispatch()
+
+    def _hold_back(self) -> dict[str, list[AnyEvent]]:
+        """Take out of what waits, by source, the events that are too many for one frame."""
+        later: dict[str, list[AnyEvent]] = {}
+        for source, events in self._inbox.items():
+            single = accumulate(isinstance(event, Event) for event in events)
+            if len(events) > self.most_taken and source != PEOPLE:
+                taken = bisect_right(list(single), self.most_taken)
+                later[source] = events[taken:]
+                self._inbox[source] = events[:taken]
+        return {source: events for source, events in later.items() if events}
 
     def _gather(self, due: tuple[str, ...]) -> None:
         """The frame's events; `due` are the types of which a device wants a view by itself."""

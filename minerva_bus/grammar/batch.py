@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from itertools import groupby
+from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from minerva_bus.grammar.column import Column, Rows, bits
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
+
+MANY: Final = 1_000
+"""Events from which on a generator's are put in columns: to decode one by itself takes long."""
 
 _MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
 
@@ -181,6 +185,26 @@ def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
             yield from event
         else:
             yield event
+
+
+def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
+    """Very many events, those of each type in columns where they can be; a few as they are.
+
+    They are the same events in the same order within each type, which is what counts of it.
+    """
+    if len(events) <= MANY:
+        return events
+    found: list[AnyEvent] = []
+    for _, alike in groupby(sorted(events, key=_by_type), _by_type):
+        for many, group in groupby(alike, lambda event: isinstance(event, Events)):
+            run = list(group)
+            columns = None if many else Events.of(cast("list[Event]", run))
+            found += run if columns is None else [columns]
+    return tuple(found)
+
+
+def _by_type(event: AnyEvent) -> str:
+    return event.type
 
 
 def _texts(column: Column) -> bool:

@@ -76,6 +76,10 @@ def _limits(table: Table) -> Limits:
         message_bytes=table.whole("message_bytes", plain.message_bytes, 1024),
         messages=table.whole("messages", plain.messages, 1),
         bytes=table.whole("bytes", plain.bytes, 1024),
+        values=table.whole("values", plain.values, 100),
+        answer_values=table.whole("answer_values", plain.answer_values, 1000),
+        single_events=table.whole("single_events", plain.single_events, 1),
+        events=table.whole("events", plain.events, 1),
     )
     table.done()
     return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 import msgpack
 
@@ -17,6 +17,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Patch
 from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.protocol.alphabet import (
     plain_kind,
@@ -25,14 +26,16 @@ from minerva_bus.protocol.alphabet import (
     read_vocabulary,
 )
 from minerva_bus.protocol.columns import is_patch, plain_patch
-from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.limits import DEFAULT, Limits, check
 from minerva_bus.protocol.plain import figure, listed, mapped, number, text, truth, unpack, whole
 from minerva_bus.protocol.readings import plain_reading, read_reading
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene
+from minerva_bus.protocol.weighing import check_weight
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _EMPTY = Vocabulary()
+_ADVICE = "send those of one type in columns"
 _NONE: Mapping[str, Patch] = {}
 
 
@@ -171,7 +174,8 @@ class Decoder:
 
     @_refusing
     def from_member(self, member: str, data: bytes) -> m.FromMember:
-        """A message that a member sent to the coordinator."""
+        """A message that a member sent to the coordinator; its work is bounded."""
+        check_weight(data, self._limits)
         return self._message(_FROM_MEMBER, member, data)
 
     @_refusing
@@ -211,6 +215,7 @@ class Decoder:
             raise ProtocolError(
                 f"no message {name[:40]!r} is sent here; expected {', '.join(table)}"
             )
+        self._reader.columns.rows = self._limits.rows
         if len(items) - 1 != count:
             raise ProtocolError(f"{name} has {count} items, not {len(items) - 1}")
         return read(self._reader, member, items)
@@ -239,11 +244,42 @@ def _saved(plain: Any) -> Mapping[str, Any] | None:
     return None if plain is None else mapped(plain, "what a member saved")
 
 
-def _figures(plain: Any) -> m.Figures:
-    return {
-        name: figure(one, f"the figure {name[:40]}")
-        for name, one in mapped(plain, "figures").items()
-    }
+def _figures(reader: Reader, name: str, plain: Any) -> m.Figures:
+    figures = mapped(plain, "figures")
+    check(name, len(figures), reader.limits.figures, "figures")
+    return {one: figure(value, f"the figure {one[:40]}") for one, value in figures.items()}
+
+
+def _made(reader: Reader, name: str, plain: Any) -> tuple[AnyEvent, ...]:
+    """The events of a generator: few that are not in columns."""
+    limits, items = reader.limits, listed(plain, "events")
+    single = [cast("list[Any]", one) for one in items if isinstance(one, list)]
+    single = [one for one in single if len(one) != 6]
+    check(name, len(single), limits.single_events, "single events", _ADVICE)
+    told = [one for one in single if len(one) == 5]
+    receivers = sum(len(cast("list[Any]", one[4])) for one in told if isinstance(one[4], list))
+    check(name, receivers, limits.receivers, "receivers of single events", _ADVICE)
+    conditions = {one[2] for one in told if isinstance(one[2], str)}
+    check(name, sum(map(len, conditions)), limits.conditions, "characters of conditions")
+    return reader.events(items)
+
+
+def _kinds(reader: Reader, plain: Any) -> tuple[AgentKind, ...]:
+    items = listed(plain, "kinds")
+    check("a hello", len(items), reader.limits.kinds, "kinds")
+    fields = sum(len(cast("list[Any]", one[1])) for one in items if _has_fields(one))
+    check("a hello", fields, reader.limits.fields, "attributes of kinds")
+    return tuple([read_kind(one) for one in items])
+
+
+def _has_fields(kind: Any) -> bool:
+    return isinstance(kind, list) and len(cast("list[Any]", kind)) > 1 and isinstance(kind[1], list)
+
+
+def _names(reader: Reader, hello: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    items = listed(hello[key], key)
+    check("a hello", len(items), reader.limits.names, f"names in {key}")
+    return _texts(items, key)
 
 
 def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
@@ -253,17 +289,17 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
             member,
             whole(h["version"], "the version"),
             text(h["service"], "the service"),
-            tuple(read_kind(one) for one in listed(h["kinds"], "kinds")),
-            _texts(h["generates"], "generates"),
+            _kinds(reader, h["kinds"]),
+            _names(reader, h, "generates"),
             truth(h["lockstep"], "lockstep"),
             truth(h.get("ahead", False), "ahead"),
-            _texts(h["orders"], "orders"),
-            _texts(h["draws"], "draws"),
+            _names(reader, h, "orders"),
+            _names(reader, h, "draws"),
             truth(h["coupled"], "coupled"),
             whole(h["every"], "every"),
             _rate(h.get("rate", 0.0)),
-            _texts(h["topics"], "topics"),
-            _texts(h["publishes"], "publishes"),
+            _names(reader, h, "topics"),
+            _names(reader, h, "publishes"),
             whole(h["pid"], "the pid"),
             text(h["host"], "the host"),
             truth(h.get("people", False), "people"),
@@ -340,10 +376,12 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
     "hello": (1, _read_hello),
     "ticked": (
         3,
-        lambda r, who, i: m.TickReply(who, whole(i[1], "the frame"), r.events(i[2]), _saved(i[3])),
+        lambda r, who, i: m.TickReply(
+            who, whole(i[1], "the frame"), _made(r, "ticked", i[2]), _saved(i[3])
+        ),
     ),
     "evolved": (5, _read_evolved),
-    "emitted": (1, lambda r, who, i: m.Emitted(who, r.events(i[1]))),
+    "emitted": (1, lambda r, who, i: m.Emitted(who, _made(r, "emitted", i[1]))),
     "failed": (
         3,
         lambda r, who, i: m.Failed(
@@ -355,8 +393,8 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
     ),
     "resync": (1, lambda r, who, i: m.Resync(who, text(i[1], "the event type"))),
     "leaving": (0, lambda r, who, i: m.Leaving(who)),
-    "doing": (1, lambda r, who, i: m.Doing(who, _figures(i[1]))),
-    "report": (1, lambda r, who, i: m.Report(who, _figures(i[1]))),
+    "doing": (1, lambda r, who, i: m.Doing(who, _figures(r, "doing", i[1]))),
+    "report": (1, lambda r, who, i: m.Report(who, _figures(r, "report", i[1]))),
 }
 
 _TO_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.ToMember]]] = {

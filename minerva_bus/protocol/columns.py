@@ -97,6 +97,8 @@ class ColumnsReader:
     def __init__(self, vocabulary: Vocabulary, limits: Limits) -> None:
         self._vocabulary = vocabulary
         self._limits = limits
+        self.rows: int | None = None
+        """Rows of columns that a message may still have: who reads messages sets it."""
 
     def column(self, plain: Any, count: int) -> Column:
         """A column of so many values."""
@@ -130,7 +132,15 @@ class ColumnsReader:
         count = whole(plain, "the count of columns", 1)
         if count > self._limits.nodes:
             raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")
+        self._take(count)
         return count
+
+    def _take(self, rows: int) -> None:
+        if self.rows is None:
+            return
+        self.rows -= rows
+        if self.rows < 0:
+            raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
 
     def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
         items = listed(plain, "a level of columns")
@@ -179,6 +189,7 @@ class ColumnsReader:
         count = whole(items[1], "the count of events", 1)
         if count > self._limits.events:
             raise ProtocolError(f"{count} events at once, over {self._limits.events}")
+        self._take(count)
         columns = self._typed(name, declared.fields, items[2], count)
         condition = text(items[3], "a condition")
         self._vocabulary.check_condition(name, condition, "event")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import math
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import msgpack
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.protocol.weighing import values_in
+
+COLLECTED: Final = 1 << 16
+"""Bytes from which on a message is built without a look for garbage, which it has none of."""
 
 
 def pack(plain: Any) -> bytes:
@@ -20,28 +25,18 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     """What msgpack bytes hold: nil, booleans, numbers, texts, bytes, lists, maps, extensions."""
     if len(data) > limits.message_bytes:
         raise ProtocolError(f"{len(data)} bytes at once, over {limits.message_bytes}")
-    counted: dict[str, Any] = {}
-    if len(data) > limits.items:  # Else there cannot be so many.
-        count = _Count(limits.items)
-        most = {"max_array_len": limits.items, "max_map_len": limits.items}
-        counted = {"list_hook": count, "object_hook": count, **most}
+    if len(data) > limits.items and values_in(data, limits.items) > limits.items:
+        raise ProtocolError("this is no msgpack: too many items")
+    collected = len(data) > COLLECTED and gc.isenabled()
+    if collected:
+        gc.disable()
     try:
-        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True, **counted)
+        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
     except Exception as error:
         raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
-
-
-class _Count:
-    """Counts the items of lists and maps while they are read, so that few bytes stay little."""
-
-    def __init__(self, most: int) -> None:
-        self._left = most
-
-    def __call__(self, plain: Any) -> Any:
-        self._left -= len(plain) + 1
-        if self._left < 0:
-            raise ValueError("too many items")
-        return plain
+    finally:
+        if collected:
+            gc.enable()
 
 
 def on_screen(text: str) -> str:

@@ -308,9 +308,16 @@ class Reader:
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""
         items = listed(plain, "events")
-        if len(items) > self.limits.events:
-            raise ProtocolError(f"{len(items)} events at once, over {self.limits.events}")
+        count = sum(map(_count, items))
+        if count > self.limits.events:
+            raise ProtocolError(f"{count} events at once, over {self.limits.events}")
         return tuple([self.event(item) for item in items])
+
+
+def _count(plain: Any) -> int:
+    """How many events it says that it is."""
+    items = cast("list[Any]", plain) if isinstance(plain, list) else []
+    return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
 
 
 def _close(head: tuple[Any, ...], scope: Scene) -> Node:

@@ -13,7 +13,7 @@ from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
-from minerva_bus.protocol.limits import Limits
+from minerva_bus.protocol.limits import ON_DISK
 from minerva_bus.protocol.plain import listed, mapped, number, pack, text, unpack, whole
 from minerva_bus.protocol.values import Reader, plain_scene
 from minerva_bus.record.errors import RecordError
@@ -24,10 +24,7 @@ from minerva_bus.world.order import Order
 FORMAT: Final = 1
 """The version of the record's own messages; a reader reads this one and no other."""
 
-LIMITS: Final = Limits(
-    message_bytes=1 << 31, nodes=50_000_000, events=100_000_000, items=16_000_000
-)
-"""A message of a record may hold a whole string, and somebody else may have made the record."""
+LIMITS: Final = ON_DISK
 
 _LEAST: Final = -(1 << 63)
 

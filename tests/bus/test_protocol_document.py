@@ -6,6 +6,7 @@ import re
 import struct
 import subprocess
 import sys
+from dataclasses import asdict
 from hashlib import blake2b
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.patch import patched
 from minerva_bus.grammar.printer import value_text
+from minerva_bus.launch.reading import read_world_file
 from minerva_bus.protocol import codec
 from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.protocol.columns import plain_patch
@@ -52,6 +54,7 @@ def examples(kind: str) -> list[tuple[str, bytes]]:
 
 VOCABULARY = read_vocabulary(json.loads(blocks("json", "vocabulary")[0]))
 READER = Reader(VOCABULARY)
+LIMITS = asdict(DEFAULT)
 
 
 # --- the tables ---
@@ -87,14 +90,29 @@ def test_the_keys_of_a_hello() -> None:
 
 
 def test_the_limits() -> None:
-    told = dict(re.findall(r"^\| ([a-z' ]+?)\s+\| ([\d ]+(?: MiB)?)", DOCUMENT, re.M))
-    numbers = {
-        name: int(value.removesuffix(" MiB").replace(" ", "")) for name, value in told.items()
-    }
-    assert numbers["bytes of a message"] * 1024 * 1024 == DEFAULT.message_bytes
-    assert numbers["symbols of a string"] == DEFAULT.nodes
-    assert numbers["depth of scopes in a string"] == DEFAULT.depth
-    assert numbers["events in one message's list"] == DEFAULT.events
+    told = re.findall(r"^\| (?:\*\*)?`(\w+)`(?:\*\*)?\s*\| ([\d .]+?)\s*\|", DOCUMENT, re.M)
+    numbers = {name: float(most.replace(" ", "")) for name, most in told if name in LIMITS}
+    assert numbers == LIMITS
+
+
+def test_the_limits_that_a_world_file_sets(tmp_path: Path) -> None:
+    bold = re.findall(r"^\| \*\*`(\w+)`\*\*", DOCUMENT, re.M)
+    security = (Path(__file__).parents[2] / "docs" / "security.md").read_text(encoding="utf-8")
+    table = security.split("\n## Limits\n", 1)[1].split("\n## ", 1)[0]
+    assert sorted(bold) == sorted(re.findall(r"^\| `(\w+)` \|", table, re.M))
+    (tmp_path / "counting.py").write_text(COUNTING)
+    file = tmp_path / "counting.toml"
+    limits = "\n".join(f"{name} = 12345" for name in bold)
+    file.write_text(f'{WORLD}[process.a]\ncommand = ["true"]\n[limits]\n{limits}\n')
+    sys.path.insert(0, str(tmp_path))
+    try:
+        read = asdict(read_world_file(file).bus.border.limits)
+    finally:
+        sys.path.remove(str(tmp_path))
+        sys.modules.pop("counting", None)
+    assert {name: value for name, value in read.items() if value != LIMITS[name]} == dict.fromkeys(
+        bold, 12345
+    )
 
 
 # --- the examples in hexadecimal ---
