@@ -25,6 +25,7 @@ STRANGERS: Final = "strangers"
 MOST_NAMES: Final = 1000
 """Names that are counted one by one; there may be any number of them where nobody is known."""
 
+_MOMENT: Final = 0.001
 _MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
 _SECONDS, _HELLOS, _ALL = "seconds", "hellos", "hellos of all"
 
@@ -43,7 +44,10 @@ class _Allowance:
 
     def fill(self, now: float) -> None:
         """Let time have passed."""
-        passed, self._at = now - self._at, now
+        passed = now - self._at
+        if passed < _MOMENT:
+            return  # In a flood it would cost more than all else.
+        self._at = now
         for what, full in self._full.items():
             self._left[what] = min(self._left[what] + passed * full, full)
 
@@ -98,17 +102,19 @@ class Gate:
     def has_room(self, who: str, size: int) -> bool:
         """Whether a message of so many bytes is within what a member may say in a second."""
         mine = self._filled(who)
-        room = mine.take(_MESSAGES, 1)
-        return mine.take(_BYTES, size) and room and mine.left(_SECONDS) > 0
+        if not mine.take(_MESSAGES, 1):
+            return False
+        return mine.take(_BYTES, size) and mine.left(_SECONDS) > 0
 
     def has_values(self, who: str, data: bytes) -> bool:
         """Whether the values of a message are within what a member may say in a second.
 
         A message that has more than any may have is let through, to be refused for that.
         """
-        mine = self._filled(who)
-        count = values_in(data, int(mine.left(_VALUES)))
-        return count > self._limits.values or mine.take(_VALUES, count)
+        mine, most = self._filled(who), self._limits.values
+        left = int(mine.left(_VALUES))
+        count = values_in(data, left if 2 * left < most else most)
+        return mine.take(_VALUES, count) or count > most
 
     def has_hello(self, who: str) -> bool:
         """Whether one more hello is within what a member, and all of them, may say in a second."""

@@ -36,7 +36,7 @@ class Phase(Enum):
     ENDED = "over"
 
 
-SINGLE_EVENTS: Final = 5_000
+SINGLE_EVENTS: Final = 2_000
 """Events, not in columns, of one free-running generator that a frame takes; others wait."""
 
 

@@ -16,6 +16,9 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 
+MANY = 16
+"""Receivers of an event that are looked for together."""
+
 WORTH = 64
 """So many agents at least are worth a host of their own."""
 
@@ -205,6 +208,8 @@ class Distribution:
     def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str]:
         if isinstance(receivers, Ids):
             return self._composition.homes(receivers)
+        if len(receivers) > MANY:
+            return self._composition.homes(Ids.of(receivers))
         homes = (self._composition.home(one) for one in receivers)
         return (one for one in homes if one is not None)
 

@@ -253,8 +253,7 @@ def _figures(reader: Reader, name: str, plain: Any) -> m.Figures:
 def _made(reader: Reader, name: str, plain: Any) -> tuple[AnyEvent, ...]:
     """The events of a generator: few that are not in columns."""
     limits, items = reader.limits, listed(plain, "events")
-    single = [cast("list[Any]", one) for one in items if isinstance(one, list)]
-    single = [one for one in single if len(one) != 6]
+    single = _single(items)
     check(name, len(single), limits.single_events, "single events", _ADVICE)
     told = [one for one in single if len(one) == 5]
     receivers = sum(len(cast("list[Any]", one[4])) for one in told if isinstance(one[4], list))
@@ -262,6 +261,12 @@ def _made(reader: Reader, name: str, plain: Any) -> tuple[AnyEvent, ...]:
     conditions = {one[2] for one in told if isinstance(one[2], str)}
     check(name, sum(map(len, conditions)), limits.conditions, "characters of conditions")
     return reader.events(items)
+
+
+def _single(items: list[Any]) -> list[list[Any]]:
+    """Those events that are not in columns."""
+    lists = [cast("list[Any]", one) for one in items if isinstance(one, list)]
+    return [one for one in lists if len(one) != 6]
 
 
 def _kinds(reader: Reader, plain: Any) -> tuple[AgentKind, ...]:
@@ -320,6 +325,8 @@ def _rate(plain: Any) -> float:
 def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveReply:
     emitted = mapped(items[4], "emitted")
     views = mapped(items[5], "views")
+    single = sum(len(_single(listed(events, "events"))) for events in emitted.values())
+    check("evolved", single, reader.limits.host_events, "single events", _ADVICE)
     return m.EvolveReply(
         member,
         whole(items[1], "the frame"),

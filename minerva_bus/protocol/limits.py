@@ -21,6 +21,7 @@ class Limits:
     many values a column has, it is one or a few.
 
     message_bytes   of a message
+    emitted_bytes   of an `emitted`
     small_bytes     of a message that is no `ticked`, `evolved` or `emitted`, and of a question
     values          of a message that is no `ticked` or `evolved`, and of a member in a second, but
                     for answers that a frame waits for
@@ -31,6 +32,7 @@ class Limits:
     events          of a message, those in columns as well
     single_events   of a `ticked` or `emitted` that are not in columns, and of those of a
                     free-running generator that a frame takes
+    host_events     of an `evolved` that are not in columns
     receivers       of all single events of a `ticked` or `emitted`
     conditions      characters of all different conditions of a `ticked` or `emitted`
     items           values of any message or file, as it is read
@@ -48,15 +50,17 @@ class Limits:
     """
 
     message_bytes: int = 64 * 1024 * 1024
+    emitted_bytes: int = 16 * 1024 * 1024
     small_bytes: int = 256 * 1024
-    values: int = 100_000
+    values: int = 50_000
     answer_values: int = 5_000_000
     nodes: int = 5_000_000
     depth: int = 100_000
     rows: int = 20_000_000
     events: int = 1_000_000
     single_events: int = SINGLE_EVENTS
-    receivers: int = 50_000
+    host_events: int = 100_000
+    receivers: int = 20_000
     conditions: int = 50_000
     kinds: int = 256
     fields: int = 2_000
@@ -65,7 +69,7 @@ class Limits:
     messages: int = 5_000
     bytes: int = 128 * 1024 * 1024
     items: int = 64 * 1024 * 1024
-    seconds: float = 0.5
+    seconds: float = 0.25
     hellos: int = 20
     all_hellos: int = 1_000
     questions: int = 100
@@ -78,6 +82,7 @@ DEFAULT: Final = Limits()
 
 ON_DISK: Final = Limits(
     message_bytes=1 << 31,
+    emitted_bytes=1 << 31,
     small_bytes=1 << 31,
     values=1 << 31,
     answer_values=1 << 31,
@@ -86,6 +91,7 @@ ON_DISK: Final = Limits(
     rows=500_000_000,
     events=100_000_000,
     single_events=100_000_000,
+    host_events=100_000_000,
     receivers=1 << 31,
     conditions=1 << 31,
 )

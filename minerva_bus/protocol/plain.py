@@ -12,6 +12,9 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.protocol.limits import DEFAULT, Limits
 from minerva_bus.protocol.weighing import values_in
 
+SLICE: Final = 1 << 18
+"""Bytes that msgpack reads at once: it holds Python's lock for as long."""
+
 COLLECTED: Final = 1 << 16
 """Bytes from which on a message is built without a look for garbage, which it has none of."""
 
@@ -31,12 +34,32 @@ def unpack(data: bytes, limits: Limits = DEFAULT) -> Any:
     if collected:
         gc.disable()
     try:
-        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
+        return _unpacked(data)
     except Exception as error:
         raise ProtocolError(f"this is no msgpack: {type(error).__name__} {error}"[:200]) from None
     finally:
         if collected:
             gc.enable()
+
+
+def _unpacked(data: bytes) -> Any:
+    """What bytes hold; of many, one part after another, so that other threads have their turns."""
+    if len(data) <= SLICE:
+        return msgpack.unpackb(data, ext_hook=msgpack.ExtType, strict_map_key=True)
+    unpacker = msgpack.Unpacker(
+        ext_hook=msgpack.ExtType, strict_map_key=True, max_buffer_size=len(data)
+    )
+    view = memoryview(data)
+    for begin in range(0, len(data), SLICE):
+        unpacker.feed(view[begin : begin + SLICE])
+        try:
+            found = unpacker.unpack()
+        except msgpack.OutOfData:
+            continue
+        if unpacker.tell() != len(data):
+            raise ValueError("there is more behind its end")
+        return found
+    raise ValueError("it is cut off")
 
 
 def on_screen(text: str) -> str:

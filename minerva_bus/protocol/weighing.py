@@ -73,6 +73,8 @@ def check_weight(data: bytes, limits: Limits) -> None:
         raise ProtocolError(f"{len(data)} bytes at once, over {limits.message_bytes}")
     if not name and len(data) > limits.small_bytes:
         raise ProtocolError("this is no msgpack list that begins with a message's name")
+    if name == "emitted":
+        check(name, len(data), limits.emitted_bytes, "bytes")
     if name not in LARGE:
         check(name or "a message", len(data), limits.small_bytes, "bytes")
     most = limits.answer_values if name in ANSWERS else limits.values

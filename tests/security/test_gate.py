@@ -10,6 +10,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.protocol.codec import encode
 from minerva_bus.protocol.keys import Keys
 from minerva_bus.protocol.limits import Limits
+from minerva_bus.protocol.plain import pack
 
 
 class Clock:
@@ -140,3 +141,33 @@ def test_keys_that_cannot_be_read_for_a_moment_let_nobody_in_who_was_out():
     assert not guard.gate.shut_out("fox")
     folder.readable = True
     assert guard.look(3 * LOOK_EVERY) == ["fox"]
+
+
+def test_values_count_as_well_and_a_message_of_too_many_is_let_through_to_be_refused():
+    clock = Clock()
+    gate = Gate(Limits(values=10), clock=clock)
+    five, eleven = pack([0] * 4), pack([0] * 10)
+    assert gate.has_values("a", eleven)
+    assert not gate.has_values("a", eleven)
+    assert [gate.has_values("b", five) for _ in range(4)] == [True, True, False, False]
+    assert gate.has_values("c", pack(["x" * 1000]))
+    clock.now = 1.0
+    assert gate.has_values("b", five)
+
+
+def test_hellos_count_for_one_and_for_all():
+    gate = Gate(Limits(hellos=2, all_hellos=5), clock=Clock())
+    assert [gate.has_hello("a") for _ in range(3)] == [True, True, False]
+    assert [gate.has_hello(one) for one in "bbcd"] == [True, True, True, False]
+
+
+def test_who_has_taken_too_much_time_is_not_heard_until_it_has_passed():
+    clock = Clock()
+    gate = Gate(Limits(seconds=0.5), clock=clock)
+    gate.spent("a", 0.75)
+    assert not gate.has_room("a", 1)
+    assert gate.has_room("b", 1)
+    clock.now = 0.4
+    assert not gate.has_room("a", 1)
+    clock.now = 0.6
+    assert gate.has_room("a", 1)

@@ -1,0 +1,439 @@
+"""What the largest allowed message of each type costs the others, over real Zenoh.
+
+    python -m benchmarks.limits [--only NAME ...] [--repeat 3] [--json]
+
+A world runs 20 frames a second: a lockstep generator, a host of 200 agents, an observer's question
+every 20 ms. A member that knows nothing but the protocol joins, sends the largest message of a type
+that the limits allow, or a flood, and goes. Measured are, against the second before:
+
+frame    by how many ms the longest frame was late, from when the message had been sent
+silence  the longest that a question waited for its answer, ms
+mine     for messages that a frame waits for: how long it waited for this one, ms
+
+Beside them stands how long the same message takes to decode alone. Medians of the repetitions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from itertools import pairwise
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import msgpack
+import zenoh
+
+from benchmarks.latency import forked
+from minerva_bus import Agent, Event, EventType, Generator, Moment, Tick, Vocabulary, on
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.session import open_client
+from minerva_bus.bus.watchers import Watchers
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.protocol.codec import Decoder
+from minerva_bus.protocol.epochs import stamped
+from minerva_bus.protocol.keys import Keys
+from minerva_bus.protocol.limits import DEFAULT
+from minerva_bus.protocol.plain import pack
+
+NAME, RATE, AGENTS = "limits", 20.0, 200
+CALM, SETTLED = 1.0, 30.0
+eStep = EventType("eStep", by=float)
+eNear = EventType("eNear", distance=float, text=str)
+eShow = EventType("eShow", visual=True)
+
+
+class Fox(Agent, symbol="AFox"):
+    """Has something to do in every frame."""
+
+    x: float = 0.0
+    name: str = ""
+
+    @on("eStep")
+    def step(self, step: Event, moment: Moment) -> None:
+        self.x += step.by
+
+
+class Steps(Generator, events=("eStep",)):
+    """One event a frame."""
+
+    def generate(self, tick: Tick) -> Event:
+        return eStep(1.0)
+
+
+VOCABULARY = Vocabulary.of(eStep, eNear, eShow, Fox)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Something that a member sends: `data` once, or `flood` for some seconds."""
+
+    hello: dict[str, Any] = field(default_factory=dict[str, Any])
+    data: Callable[[int], bytes] | None = None
+    answers: str = ""
+    flood: Callable[[zenoh.Session, Keys, bytes, float], None] | None = None
+
+
+def single(name: str, frame: int = 0, **more: Any) -> bytes:
+    count = more.get("count", DEFAULT.single_events)
+    receivers = more.get("receivers", lambda n: [f"f{n % AGENTS}"])
+    told = [["eNear", [float(n), "x"], more.get("condition", ""), "", receivers(n)]
+            for n in range(count)]  # fmt: skip
+    return pack([name, told] if name == "emitted" else [name, frame, told, None])
+
+
+def columns(name: str, frame: int = 0) -> bytes:
+    rows = DEFAULT.events
+    xs = msgpack.ExtType(3, b"i" + bytes(4 * rows))
+    told = [["eStep", rows, [xs], "", None, ["f", 0, rows]]]
+    return pack([name, told] if name == "emitted" else [name, frame, told, None])
+
+
+def hello(**more: Any) -> dict[str, Any]:
+    return {
+        "version": PROTOCOL_VERSION, "service": "", "kinds": [], "generates": ["eNear", "eStep"],
+        "lockstep": False, "orders": [], "draws": [], "coupled": False, "every": 0, "topics": [],
+        "publishes": [], "pid": 0, "host": "", **more,
+    }  # fmt: skip
+
+
+def large_hello() -> dict[str, Any]:
+    per = DEFAULT.fields // DEFAULT.kinds
+    kinds = [
+        [f"AX{n}", [[f"attribute{i}", "real m", "0.5"] for i in range(per)], [], [], []]
+        for n in range(DEFAULT.kinds)
+    ]
+    return hello(kinds=kinds, generates=["eNear"] * DEFAULT.names)
+
+
+def figures(name: str) -> bytes:
+    size = DEFAULT.small_bytes // DEFAULT.figures - 20
+    return pack([name, {f"figure{n}": "x" * size for n in range(DEFAULT.figures)}])
+
+
+def texts(name: str, frame: int) -> bytes:
+    """A `saved` of as many values as there may be."""
+    return pack([name, frame, [], {"x": [[]] * (DEFAULT.answer_values - 10)}])
+
+
+def evolved(frame: int) -> bytes:
+    changed = {f"f{n}": [1, ["AFox", f"f{n}", [float(frame), "x"], 0]] for n in range(AGENTS)}
+    emitted: dict[str, Any] = {
+        "f0": [["eNear", [float(n), "x"], "", "f0", ["f1"]] for n in range(DEFAULT.host_events)]
+    }
+    return pack(["evolved", frame, 0, changed, emitted, {}])
+
+
+def hellos(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
+    data = epoch + pack(["hello", hello()])
+    out = session.declare_publisher(
+        keys.sent_by("stranger"), congestion_control=zenoh.CongestionControl.BLOCK
+    )
+    while time.monotonic() < until:
+        out.put(data)
+
+
+def hellos_of_a_member(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
+    data = epoch + pack(["hello", hello()])
+    out = session.declare_publisher(
+        keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
+    )
+    while time.monotonic() < until:
+        out.put(data)
+
+
+def questions(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
+    asked = pack({"ask": "status"})
+    while time.monotonic() < until:
+        session.get(keys.control, lambda reply: None, payload=asked, timeout=10.0)
+        time.sleep(0.001)
+
+
+def messages(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
+    """As many small events as there may be, and more."""
+    data = epoch + pack(["emitted", [["eNear", [1.0, "x"]]] * 15])
+    out = session.declare_publisher(
+        keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
+    )
+    while time.monotonic() < until:
+        out.put(data)
+
+
+LOCKSTEP = {"lockstep": True}
+CASES = {
+    "hello": Case(hello=large_hello()),
+    "ticked, single events": Case(LOCKSTEP, lambda t: single("ticked", t), "tick"),
+    "ticked, columns": Case(LOCKSTEP, lambda t: columns("ticked", t), "tick"),
+    "ticked, saved": Case(LOCKSTEP, lambda t: texts("ticked", t), "tick"),
+    "emitted, single events": Case({}, lambda t: single("emitted")),
+    "emitted, receivers": Case(
+        {}, lambda t: single("emitted", count=1,
+                             receivers=lambda n: [f"r{i}" for i in range(DEFAULT.receivers)])
+    ),
+    "emitted, columns": Case({}, lambda t: columns("emitted")),
+    "emitted, text": Case(
+        {}, lambda t: pack(["emitted", [["eNear", [0.0, "x" * (DEFAULT.emitted_bytes - 100)]]]])
+    ),
+    "emitted, values": Case(
+        {}, lambda t: pack(["emitted", [["eNear", [0.0, [0] * (DEFAULT.values - 20)]]]])
+    ),
+    "evolved, events": Case(
+        {"kinds": [["AFox", [["x", "real", "0"], ["name", "text", '""']], ["eStep"], [], []]],
+         "generates": []},
+        lambda t: evolved(t), "evolve",
+    ),
+    "failed": Case({}, lambda t: pack(["failed", t, "x\n" * (DEFAULT.small_bytes // 2 - 40), ""])),
+    "resync": Case({}, lambda t: pack(["resync", "e" * (DEFAULT.small_bytes - 40)])),
+    "leaving": Case({}, lambda t: pack(["leaving"])),
+    "doing": Case({}, lambda t: figures("doing")),
+    "report": Case({}, lambda t: figures("report")),
+    "flood of hellos": Case({}, flood=hellos_of_a_member),
+    "flood of strangers": Case({}, flood=hellos),
+    "flood of events": Case({}, flood=messages),
+    "flood of questions": Case({}, flood=questions),
+}  # fmt: skip
+
+
+# --- the world ---
+
+
+@contextmanager
+def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float]], list[str]]]:
+    """A world in processes of its own; its endpoint, its frames' ends, and what it says."""
+    read_at, write_at = os.pipe()
+    read_frames, write_frames = os.pipe()
+    parts = [Participant("steps", Steps())]
+    parts += [Participant("host", None, [Fox])] if host else []
+
+    def listening(endpoint: str) -> None:
+        os.write(write_at, (json.dumps(endpoint) + "\n").encode())
+
+    def coordinate() -> None:
+        def done(one: s.FrameDone) -> None:
+            os.write(write_frames, f"[{one.frame}, {time.monotonic()}]\n".encode())
+
+        def said(who: str, text: str, _: str) -> None:
+            os.write(write_frames, (json.dumps(f"{who}: {text}"[:2000]) + "\n").encode())
+
+        world = World(
+            NAME,
+            VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS))),
+            VOCABULARY,
+            dt=1 / RATE,
+            expected=frozenset(one.name for one in parts),
+        )
+        BusCoordinator(
+            world,
+            Watchers(said, lambda _: None, listening, lambda *_: None, done),
+            rate=RATE,
+        ).run()
+
+    children = [forked(coordinate)]
+    endpoint = json.loads(os.fdopen(read_at, "r").readline())
+    children += [
+        forked(lambda one=one: BusMember(one, NAME, endpoint, print).run()) for one in parts
+    ]
+    frames: SimpleQueue[tuple[int, float]] = SimpleQueue()
+    told: list[str] = []
+
+    def read() -> None:
+        with os.fdopen(read_frames, "r") as lines:
+            for line in lines:
+                item = json.loads(line)
+                told.append(item) if isinstance(item, str) else frames.put(tuple(item))
+
+    threading.Thread(target=read, daemon=True).start()
+    try:
+        yield endpoint, frames, told
+    finally:
+        os.close(write_frames)
+        with open_client("stopping", endpoint) as session:
+            list(session.get(Keys(NAME).control, payload=pack({"ask": "stop"}), timeout=5.0))
+        for child in children:
+            os.waitpid(child, 0)
+
+
+class Raw:
+    """A member that knows nothing but the protocol, and answers at once."""
+
+    def __init__(self, session: zenoh.Session, case: Case) -> None:
+        self.keys, self.case = Keys(NAME), case
+        self.epoch = b""
+        self.welcome, self.refused = threading.Event(), threading.Event()
+        self.sent_at = 0.0
+        self.armed = threading.Event()
+        self.greeted_at = 0.0
+        heard = zenoh.handlers.Callback(self._hear, indirect=True)
+        listens = [self.keys.to("large"), self.keys.all, self.keys.tick, self.keys.evolve]
+        self.out = session.declare_publisher(
+            self.keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        self._kept = [session.declare_subscriber(key, heard) for key in listens]
+        self._kept.append(session.liveliness().declare_token(self.keys.alive("large")))
+
+    def send(self, data: bytes) -> None:
+        self.out.put(self.epoch + data)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        data = sample.payload.to_bytes()
+        name, *items = msgpack.unpackb(stamped(data)[1], ext_hook=msgpack.ExtType)
+        if name == "greet":
+            self.epoch = data[: len(data) - len(stamped(data)[1])]
+            told = pack(["hello", hello() | self.case.hello])
+            self.greeted_at = time.monotonic()
+            self.send(told)
+        elif name == "welcome":
+            self.welcome.set()
+        elif name == "refused":
+            self.refused.set()
+        elif name == "tick" and self.case.hello.get("lockstep"):
+            self._answer("tick", items[0], lambda: pack(["ticked", items[0], [], None]))
+        elif name == "evolve" and "large" in items[1]:
+            self._answer(
+                "evolve", items[0], lambda: pack(["evolved", items[0], items[4], {}, {}, {}])
+            )
+
+    def _answer(self, what: str, frame: int, usual: Callable[[], bytes]) -> None:
+        if self.case.answers == what and self.armed.is_set() and not self.sent_at:
+            data = self.case.data(frame) if self.case.data is not None else b""
+            self.send(data)
+            self.sent_at = time.monotonic()
+        else:
+            self.send(usual())
+
+
+# --- what it costs ---
+
+
+def asking(session: zenoh.Session, stop: threading.Event, found: list[tuple[float, float]]) -> None:
+    asked = pack({"ask": "vocabulary"})
+    while not stop.is_set():
+        began = time.monotonic()
+        replies = list(session.get(Keys(NAME).control, payload=asked, timeout=30.0))
+        found.append((began, time.monotonic() - began if replies else 30.0))
+        time.sleep(0.02)
+
+
+def measured(case: Case) -> dict[str, float]:
+    """What one message costs, in ms."""
+    answers, stop = list[tuple[float, float]](), threading.Event()
+    with running(host=case.answers != "evolve") as (endpoint, frames, told):
+        with open_client("asking", endpoint) as other, open_client("large", endpoint) as session:
+            if case.answers != "evolve":
+                frames.get(timeout=SETTLED)
+            watch = threading.Thread(target=asking, args=(other, stop, answers))
+            watch.start()
+            lone = case.data is None and case.flood is None
+            if lone:
+                time.sleep(CALM)
+            raw = Raw(session, case)
+            (raw.refused if lone else raw.welcome).wait(SETTLED)
+            at = raw.greeted_at if lone else _send(session, raw, case)
+            time.sleep(2 * CALM)
+            stop.set()
+            watch.join()
+        ends = list(_drained(frames))
+    return _figures(at, ends, answers) | {"said": len(told)}
+
+
+def _send(session: zenoh.Session, raw: Raw, case: Case) -> float:
+    time.sleep(CALM)
+    if case.flood is not None:
+        at = time.monotonic()
+        case.flood(session, raw.keys, raw.epoch, at + CALM)
+        return at
+    if case.answers:
+        raw.armed.set()
+        until = time.monotonic() + SETTLED
+        while not raw.sent_at and time.monotonic() < until:
+            time.sleep(0.01)
+        return raw.sent_at
+    data = case.data(0) if case.data is not None else b""
+    at = time.monotonic()
+    raw.send(data)
+    return at
+
+
+def _drained(frames: SimpleQueue[tuple[int, float]]) -> Iterator[tuple[int, float]]:
+    with suppress(Empty):
+        while True:
+            yield frames.get_nowait()
+
+
+def _figures(
+    at: float, ends: list[tuple[int, float]], answers: list[tuple[float, float]]
+) -> dict[str, float]:
+    gaps = [(b - a, b) for (_, a), (_, b) in pairwise(ends)]
+    before = [gap for gap, end in gaps if at - CALM < end <= at]
+    after = [gap for gap, end in gaps if end > at] + [max(0.0, time.monotonic() - ends[-1][1] - 3)]
+    calm = max([took for begun, took in answers if begun < at - 0.1], default=0.0)
+    busy = max([took for begun, took in answers if begun + took >= at], default=0.0)
+    return {
+        "frame": 1e3 * (max(after) - statistics.median(before or [1 / RATE])),
+        "calm": 1e3 * (max(before or [1 / RATE]) - statistics.median(before or [1 / RATE])),
+        "silence": 1e3 * busy,
+        "calm silence": 1e3 * calm,
+    }
+
+
+def alone(case: Case) -> float:
+    """Milliseconds to decode the message, and nothing else."""
+    data = case.data(0) if case.data is not None else pack(["hello", hello() | case.hello])
+    began = time.perf_counter()
+    with suppress(MinervaError):
+        Decoder(VOCABULARY).from_member("large", data)
+    return 1e3 * (time.perf_counter() - began)
+
+
+def row(name: str, repeat: int) -> dict[str, Any]:
+    """One row of the table."""
+    case, found = CASES[name], list[dict[str, float]]()
+    for _ in range(repeat):  # Zenoh's threads do not survive a fork: each in a process of its own.
+        words = [sys.executable, "-m", "benchmarks.limits", "--measure", name]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=200, check=True)
+        found.append(json.loads(done.stdout.splitlines()[-1]))
+    size = len(case.data(0)) if case.data is not None else len(pack(case.hello))
+    medians = {key: round(statistics.median(one[key] for one in found), 1) for key in found[0]}
+    decode = 0.0 if case.flood is not None else round(alone(case), 1)
+    return {"case": name, "bytes": 0 if case.flood else size, "decode": decode, **medians}
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--only", action="append", choices=sorted(CASES))
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--measure", choices=sorted(CASES), help="one case, in this process")
+    options = parser.parse_args()
+    if options.measure:
+        print(json.dumps(measured(CASES[options.measure])))
+        return
+    keys = ("bytes", "decode", "frame", "calm", "silence", "calm silence")
+    if not options.json:
+        print(f"{'ms':26}" + "".join(f"{key:>14}" for key in keys))
+    for name in options.only or CASES:
+        found = row(name, options.repeat)
+        if options.json:
+            print(json.dumps(found))
+        else:
+            print(f"{name:26}" + "".join(f"{found[key]:>14,}" for key in keys))
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
