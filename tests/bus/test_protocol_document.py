@@ -1,11 +1,13 @@
 """PROTOCOL.md against the code: its tables, its examples, and members written from it alone."""
 
+import itertools
 import json
 import os
 import re
 import struct
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from hashlib import blake2b
 from pathlib import Path
@@ -14,6 +16,7 @@ import msgpack
 import pytest
 
 from minerva_bus import Event, Events, Scene
+from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.parser import parse_value
 from minerva_bus.grammar.patch import patched
@@ -24,6 +27,9 @@ from minerva_bus.protocol.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.protocol.columns import plain_patch
 from minerva_bus.protocol.limits import DEFAULT
 from minerva_bus.protocol.values import Reader, plain_event, plain_scene, plain_value
+from minerva_bus.world.chance import Chance, answer_key, hash_of, stream
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.moment import Frame, Moment
 
 DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```$", re.M | re.S)
@@ -55,6 +61,21 @@ def examples(kind: str) -> list[tuple[str, bytes]]:
 VOCABULARY = read_vocabulary(json.loads(blocks("json", "vocabulary")[0]))
 READER = Reader(VOCABULARY)
 LIMITS = asdict(DEFAULT)
+
+
+# --- the version ---
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    told = re.findall(r"^Version (\d+)\.$", DOCUMENT, re.M)
+    told += re.findall(r"^\| `version`\s*\| whole\s*\| (\d+)\s*\|", DOCUMENT, re.M)
+    told += re.findall(r'"version": (\d+)', blocks("python", "member")[0])
+    assert told == [str(PROTOCOL_VERSION)] * 3
+
+
+def test_every_policy_is_defined() -> None:
+    evolution = DOCUMENT.split("\n## 9. ", 1)[1].split("\n## ", 1)[0]
+    assert all(f"`{policy.value}`" in evolution for policy in Policy)
 
 
 # --- the tables ---
@@ -261,6 +282,83 @@ def test_the_digests_of_the_document() -> None:
 def test_reals_are_written_as_the_document_says(number: float) -> None:
     wanted = "-0.0" if struct.pack("d", number) == struct.pack("d", -0.0) else real(number)
     assert value_text(number) == wanted
+
+
+# --- chance, computed from the document's text ---
+
+WORD = (1 << 64) - 1
+M0, M1 = 0xD2E7470EE14C6C93, 0xCA5A826395121157
+K0, K1 = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
+assert all(f"0x{one:X}" in DOCUMENT for one in (M0, M1, K0, K1))
+
+
+def philox(key: int) -> Iterator[int]:
+    for block in itertools.count(1):
+        c, k0, k1 = (block, 0, 0, 0), key & WORD, key >> 64
+        for _ in range(10):
+            one, two = M0 * c[0], M1 * c[2]
+            c = ((two >> 64) ^ c[1] ^ k0, two & WORD, (one >> 64) ^ c[3] ^ k1, one & WORD)
+            k0, k1 = (k0 + K0) & WORD, (k1 + K1) & WORD
+        yield from c
+
+
+def mix(z: int) -> int:
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & WORD
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & WORD
+    return z ^ (z >> 31)
+
+
+def polynomial(agent: str) -> int:
+    found = 0
+    for byte in agent.encode():
+        found = (found * 0x9E3779B97F4A7C15 + byte) & WORD
+    return found
+
+
+def keyed(size: int, *parts: object) -> int:
+    told = "\0".join(map(str, parts)).encode()
+    return int.from_bytes(blake2b(told, digest_size=size).digest(), "little")
+
+
+def number(word: int) -> float:
+    return (word >> 11) * 2.0**-53
+
+
+def vectors() -> list[list[str]]:
+    """Each: stream, seed, who, frame, perhaps an event type; then its numbers."""
+    lines = blocks("streams")[0].strip().split("\n")
+    return [
+        [*head.split(), *rest.split()[1:]] for head, rest in zip(*[iter(lines)] * 2, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("vector", vectors(), ids=" ".join)
+def test_the_streams_of_the_document_are_those_of_the_code(vector: list[str]) -> None:
+    kind, seed, who, frame, *rest = vector
+    at = (int(seed), int(frame))
+    if kind == "philox":
+        _, key, *words = rest
+        assert keyed(16, seed, who, frame) == int(key, 16)
+        drawn = list(itertools.islice(philox(int(key, 16)), len(words)))
+        assert drawn == [int(word, 16) for word in words]
+        random = stream(at[0], who, at[1])
+        assert [random.random() for _ in words] == [number(word) for word in drawn]
+        return
+    event_type = [rest.pop(0)] if kind == "answers" else []
+    _, first, *numbers = rest
+    word = mix(polynomial(who) ^ keyed(8, seed, frame, *event_type))
+    assert word == int(first, 16)
+    Moment(Frame(at[1], seed=at[0]), f"#{who}")
+    drawing = Moment(Frame(at[1], seed=at[0]), f"#{who}").chance
+    if event_type:
+        drawing = Chance.of(hash_of(who), answer_key(*at, event_type[0]))
+    for told in map(float.fromhex, numbers):
+        word = (word + 0x9E3779B97F4A7C15) & WORD
+        assert number(mix(word)) == told == drawing.random()
+
+
+def test_there_are_vectors_of_every_stream() -> None:
+    assert {vector[0] for vector in vectors()} == {"philox", "splitmix64", "answers"}
 
 
 # --- members that know nothing but the document ---

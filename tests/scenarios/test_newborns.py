@@ -1,0 +1,33 @@
+"""When newborns get events: section 9 of PROTOCOL.md."""
+
+from pond import VOCABULARY, Counter, Mother, eAdd
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+
+
+def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next():
+    world = FrameAlgorithm(World("w", VOCABULARY.read("AMother#m"), VOCABULARY))
+    host = Participant("host", None, [Mother, Counter])
+
+    def tell(stimulus):
+        for one in world.receive(stimulus):
+            if isinstance(one, s.Send) and one.to in ("host", s.HOSTS, s.EVERYONE):
+                for said in host.receive(one.message):
+                    tell(said)
+
+    tell(s.Appeared("host"))
+    tell(s.Appeared("rain"))
+    tell(m.Hello("rain", PROTOCOL_VERSION, generates=("eAdd",)))
+    early = eAdd(100, receivers=["m:1"])
+    tell(m.Emitted("rain", (eAdd(1), eAdd(2), early)))
+    tell(s.Begin())
+    assert "ACounter#m:1<n=1>" in str(world.scene)
+    assert "ACounter#m:2<n=2>" in str(world.scene)
+    tell(m.Emitted("rain", (eAdd(10, receivers=["m:1"]),)))
+    tell(s.Begin())
+    assert "ACounter#m:1<n=11>" in str(world.scene)
