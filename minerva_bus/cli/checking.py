@@ -14,14 +14,19 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.restless import restless
 from minerva_bus.launch.specs import load
+from minerva_bus.launch.structure import structure_of
 from minerva_bus.wording import counted
 
 
-def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
-    """Check one file; the exit code."""
+def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True) -> int:
+    """Check one file, and run the code that it names only if `code` allows it; the exit code."""
     found: dict[str, Any] = {"file": str(file), "ok": True}
     try:
-        found["what"], warnings = _check(file, vocabulary)
+        if not code and file.suffix == ".toml":
+            found["what"], found["code"] = _check_structure(file)
+            warnings: list[str] = []
+        else:
+            found["what"], warnings = _check(file, vocabulary)
         found |= {"warnings": warnings} if warnings else {}
     except MinervaError as error:
         found |= {"ok": False, "error": str(error)}
@@ -31,11 +36,21 @@ def check_file(file: Path, vocabulary: str, json_too: bool) -> int:
         say(json.dumps(found))
     elif found["ok"]:
         say(f"{file}: {found['what']}")
+        for one in found.get("code", []):
+            say(f"  not run: {one}")
         for warning in found.get("warnings", []):
             tell(f"warning: {warning}")
     else:
         tell(found["error"])
     return 0 if found["ok"] else 1
+
+
+def _check_structure(file: Path) -> tuple[str, list[str]]:
+    """What a world file is, as far as that needs no code, and the code that it names."""
+    found = structure_of(file)
+    string = "a string that code makes" if found.string is None else _size(found.string)
+    processes = counted(len(found.processes), "process")
+    return f"a world of {processes}, {string}; no code was run", list(found.code)
 
 
 def _check(file: Path, vocabulary: str) -> tuple[str, list[str]]:

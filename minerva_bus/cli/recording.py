@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.saying import say, tell
 from minerva_bus.outputs import check_output
 from minerva_bus.record.comparison import compare
 from minerva_bus.record.info import info_of
-from minerva_bus.record.looking import moment_of, written
+from minerva_bus.record.looking import frames_after, moment_of, written
 from minerva_bus.record.reader import Record
 from minerva_bus.record.recovering import recover, recovered_name
 
@@ -40,6 +40,16 @@ def show_difference(a: Path, b: Path, json_too: bool) -> int:
         found = compare(one, other)
     say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
     return 0 if found.same else 1
+
+
+def show_frames(file: Path, begin: int, json_too: bool) -> None:
+    """Print each frame of a record from one on; no code is run. Raises RecordError."""
+    with Record(file) as record:
+        losses = record.losses()
+        if losses.damage:
+            tell(f"{file} is damaged: {losses.damaged}; lost: {losses.frames}")
+        for done in frames_after(record, begin):
+            say(json.dumps(done.plain()) if json_too else "\n".join(done.lines()))
 
 
 def recover_record(file: Path, output: Path | None, json_too: bool) -> None:

@@ -29,13 +29,26 @@ TABLES = ("world", "options", "process", "bus", "limits", "placement", "norm", "
 
 def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
     """Read, complete and check a world file. Raises WorldFileError and SceneError."""
+    overrides.check()
+    top, text = _tables(path)
+    return _read(top, text, path, overrides)
+
+
+def open_tables(path: Path) -> Table:
+    """The tables of a world file, of which nothing is read yet. Raises WorldFileError."""
+    return _tables(path)[0]
+
+
+def _tables(path: Path) -> tuple[Table, str]:
     text = _read_text(path)
     try:
-        data = read_toml(text)
+        top = Table(read_toml(text), "", text, str(path))
     except TomlError as error:
         raise WorldFileError(f"{path}: {error}") from None
-    overrides.check()
-    return _read(Table(data, "", text, str(path)), text, path, overrides)
+    for one in TABLES:
+        top.table(one)
+    top.done()  # First: what is missing in [world] may stand in [wrold].
+    return top, text
 
 
 def _read_text(path: Path) -> str:
@@ -52,9 +65,6 @@ def _read_text(path: Path) -> str:
 
 def _read(top: Table, text: str, path: Path, given: Overrides) -> WorldFile:
     """Read the tables, in an order in which each finds what it needs."""
-    for one in TABLES:
-        top.table(one)
-    top.done()  # First: what is missing in [world] may stand in [wrold].
     completed_by = top.table("world").text("defaults")
     options = read_options(top.table("options"), path, given.options, completed_by)
     for part in ("world", "process", "bus", "norm"):

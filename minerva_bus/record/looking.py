@@ -48,6 +48,39 @@ class Moment:
         return [*about, "  events", *(f"    {one}" for one in self.events())]
 
 
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A frame, and the string after it."""
+
+    frame: Frame
+    seconds: float
+    string: Scene
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object."""
+        return {
+            "frame": self.frame.number,
+            "seconds": self.seconds,
+            "digest": self.frame.digest.hex(),
+            "events": [str(one) for one in single(self.frame.events)],
+            "string": str(self.string),
+        }
+
+    def lines(self) -> list[str]:
+        """As a person reads it."""
+        agents = ", ".join([f"{count:,} {kind}" for kind, count in kinds_in(self.string).items()])
+        about = f"frame {self.frame.number}, until {self.seconds:.2f} s: {agents or 'no agents'}"
+        events = [f"    {one}" for one in single(self.frame.events)]
+        return [about, f"  digest  {self.frame.digest.hex()}", *events]
+
+
+def frames_after(record: Record, begin: int) -> Iterator[Done]:
+    """The frames of a record from number `begin` on, each with the string after it."""
+    dt = record.description.world.dt
+    for frame, string in record.play(begin):
+        yield Done(frame, (frame.number + 1) * dt, string)
+
+
 def moment_of(record: Record, number: int | None) -> Moment:
     """A frame of a record, None: its end. Raises RecordError where it is not in it."""
     end, string = record.last()

@@ -92,22 +92,36 @@ def replay(
         str, typer.Option(help="MEMBER=SPEC: run it again with another member in its place.")
     ] = "",
     record: Annotated[str, typer.Option(help="With --swap: record that run, .mcap.")] = "",
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Run no code: print the frames of the record.")
+    ] = False,
     json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
     """Play a record again, into any view; pause, step, rate and seek work as for a world.
 
+    This runs the Python code of the world file that the record names. Of people whom you do not
+    trust, look at a record with --no-code, which prints each frame's events, agents and digest
+    (--json: its string, too); info, diff and plot run no code either.
+
     With --recompute nothing is shown: exit code 0 where all frames come out the same, else 1. So
     it is with --swap, in simulated time: agents run again, the new member says what it says, and
     all others what was recorded. Options that are unknown here are the new member's.
     """
     with uncollected():
+        from minerva_bus.cli.recording import show_frames
         from minerva_bus.cli.replaying import recompute_record, replay_record, replay_with
         from minerva_bus.launch.border import BorderOverrides
         from minerva_bus.launch.overrides import Overrides
         from minerva_bus.launch.swapping import Swap
 
+    if no_code:
+        given = {"--swap": swap, "--recompute": recompute, "--view": view, "WORLD": world}
+        for option in [one for one, value in given.items() if value]:
+            context.fail(f"{option} needs code: not with --no-code; minerva plot draws without")
+        show_frames(file, begin, json)
+        return
     words = context.args
     if world.startswith("--"):
         words, world = [world, *words], ""

@@ -169,9 +169,18 @@ def check(
     frames: Annotated[
         int | None, typer.Option(min=1, help="With --determinism: how many; default: 100.")
     ] = None,
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Run no code: check the grammar and the file alone.")
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Check a string or a world file: exit code 0, or 1 with what is wrong and where."""
+    """Check a string or a world file: exit code 0, or 1 with what is wrong and where.
+
+    This runs the Python code that a world file, or --vocabulary, names. Check a file of people whom
+    you do not trust with --no-code.
+    """
+    if no_code and (determinism or vocabulary):
+        raise MisuseError(f"--{'determinism' if determinism else 'vocabulary'} runs code")
     if frames is not None and not determinism:
         raise MisuseError("--frames belongs to --determinism: a check alone runs nothing")
     if determinism:
@@ -180,7 +189,7 @@ def check(
         raise typer.Exit(check_determinism(str(file), frames or FRAMES, json))
     from minerva_bus.cli.checking import check_file
 
-    raise typer.Exit(check_file(file, vocabulary, json))
+    raise typer.Exit(check_file(file, vocabulary, json, code=not no_code))
 
 
 @app.command(context_settings=UNKNOWN_TOO)
