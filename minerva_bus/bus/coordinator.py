@@ -23,6 +23,7 @@ from minerva_bus.bus.links import Linked
 from minerva_bus.bus.outbox import Outbox
 from minerva_bus.bus.presence import Successor, presence, successor
 from minerva_bus.bus.questions import Questions
+from minerva_bus.bus.restraint import GUESTS, Restraint
 from minerva_bus.bus.session import LOOPBACK
 from minerva_bus.bus.shortcut import nothing_to
 from minerva_bus.bus.system import REAL, System, run_through
@@ -101,6 +102,7 @@ class BusCoordinator:
         self._place = Place(listen, shared, routers)
         self.guard = Guard(self.keys, limits, security, self._say, system)
         self.limits = limits
+        self._restraint = Restraint()
         self._waits = Waits(deadlines or Deadlines())
         self._decoder: Decoder = Decoder(world.vocabulary, limits)
         beside = Decoder(world.vocabulary, limits)
@@ -315,6 +317,12 @@ class BusCoordinator:
 
     def _say(self, member: str, text: str, details: str = "") -> None:
         """Log a word about a member, with its details, and show it without them."""
+        roster = self.algorithm.roster
+        guest = roster.knows(member) and not roster.get(member).expected
+        if self._restraint.lets(GUESTS if guest else member, self._system.monotonic()):
+            self._put_down(member, text, details)
+
+    def _put_down(self, member: str, text: str, details: str = "") -> None:
         text, details = on_screen(text), on_screen(details)
         self._log(member, f"{text}\n{details}" if details else text, "warning")
         self._watch.said(member, text, details)
@@ -506,6 +514,8 @@ class BusCoordinator:
         for name in self.guard.look(now):
             self._part_from(name)
         self._greet_again(now)
+        for subject, text in self._restraint.left_out(now):
+            self._put_down(COORDINATOR if subject == GUESTS else subject, text)
         algorithm = self.algorithm
         waiting = algorithm.waiting_for()
         step = algorithm.frame, algorithm.phase

@@ -18,6 +18,7 @@ from minerva_bus.bus.name import Name
 from minerva_bus.bus.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
 from minerva_bus.bus.operating import AskingOperator
 from minerva_bus.bus.own_threads import OwnThreads
+from minerva_bus.bus.restraint import Restraint
 from minerva_bus.bus.session import not_let_in
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.bus.system import REAL, System, run_through
@@ -85,6 +86,7 @@ class BusMember:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._shown_at = 0.0
         self._epoch = -1
+        self._restraint = Restraint()
         self._stamp = b""
         self._lookout = Lookout(
             f"{participant.name}: the world {world!r}",
@@ -398,8 +400,16 @@ class BusMember:
                 return None  # Before the welcome nothing with symbols in it can be read.
             if topic is None:
                 raise  # Without what the coordinator says there is no taking part.
-            self._tell(f"{self.participant.name}: from {topic[1]}: {error}; dropped")
+            self._drop_reading(topic[1], str(error))
             return None
+
+    def _drop_reading(self, publisher: str, error: str) -> None:
+        """Say that a reading is none, unless that was just said of its publisher very often."""
+        now, name = self._system.monotonic(), self.participant.name
+        for who, text in self._restraint.left_out(now):
+            self._tell(f"{name}: from {who}: {text}")
+        if self._restraint.lets(publisher, now):
+            self._tell(f"{name}: from {publisher}: {error}; dropped")
 
     def _send(self, message: m.FromMember | m.Readings) -> None:
         """Send something; before the coordinator has greeted, nobody could know whom it is for."""

@@ -8,6 +8,7 @@ import msgpack
 import pytest
 from running import ALL_KINDS, PATIENCE, World, eventually, minerva, put, summary, write_world
 
+from minerva_bus.bus.restraint import AT_ONCE
 from minerva_bus.bus.session import open_client
 from minerva_bus.frame import messages as m
 from minerva_bus.protocol.codec import encode
@@ -187,6 +188,18 @@ def test_a_flood_of_strangers_does_not_stop_the_world(world, rogue):
     goes_on(world)
     ghosts = [name for name in world.members() if name.startswith("ghost")]
     assert ghosts == []
+
+
+def test_a_token_that_comes_and_goes_writes_few_lines(world, rogue):
+    def about():
+        return [line for line in world.text.splitlines() if "flutter" in line]
+
+    for _ in range(400):
+        token = rogue.liveliness().declare_token(Keys(world.name).alive("flutter"))
+        token.undeclare()
+    world.says("more lines about members from elsewhere left out")
+    goes_on(world)
+    assert 1 <= len(about()) < 2 * AT_ONCE
 
 
 def test_nothing_is_left_of_it_all_in_the_string(world, tmp_path):
