@@ -469,7 +469,8 @@ class BusCoordinator:
             if instruction.frame == 0:
                 self.most_members = len(self.algorithm.roster.here())
         elif isinstance(instruction, s.Show):
-            self._outbox.show(instruction.event_type, self._encode(instruction.message))
+            data = self._encode(instruction.message)
+            self._outbox.show(instruction.event_type, data, instruction.to)
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping()
         elif isinstance(instruction, s.Say):
@@ -497,7 +498,7 @@ class BusCoordinator:
         data = self._encode(instruction.message)
         if instruction.to == s.TICKED:
             self._asked, self._nothing = self.algorithm.frame, self._stamp + nothing_to(data)
-        elif instruction.to == s.HOSTS:
+        elif isinstance(instruction.message, m.EvolveRequest) and not instruction.message.part:
             self._evolving_since = self._system.monotonic()
         self._outbox.send(instruction.to, data)
         self._has_time = True

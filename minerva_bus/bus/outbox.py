@@ -28,7 +28,7 @@ class Outbox:
         self.stamp = stamp(epoch)
         self.observed = False
         self._keys = keys
-        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
         self._keys_to = {
             s.EVERYONE: keys.all,
             s.TICKED: keys.tick,
@@ -48,19 +48,21 @@ class Outbox:
             key = self._keys_to[to] = self._keys.to(to)
         self._publisher(key, _BLOCK).put(self.stamp + data)
 
-    def show(self, event_type: str, data: bytes) -> None:
-        """Show a view to all who draw it."""
-        self._publisher(self._keys.view(event_type), _DROP).put(self.stamp + data)
+    def show(self, event_type: str, data: bytes, to: str = "") -> None:
+        """Show a view to all who draw it, or to one of them."""
+        key = self._keys.to(to) if to else self._keys.view(event_type)
+        self._publisher(key, _DROP).put(self.stamp + data)
 
     def record(self, data: bytes) -> None:
         """Tell observers of a frame."""
         self._publisher(self._keys.record, _DROP).put(data)
 
     def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
-        publisher = self._publishers.get(key)
+        drops = control == _DROP
+        publisher = self._publishers.get((key, drops))
         if publisher is None:
             publisher = self._session.declare_publisher(key, congestion_control=control)
-            self._publishers[key] = publisher
+            self._publishers[key, drops] = publisher
         return publisher
 
     def _on_observers(self, status: zenoh.MatchingStatus) -> None:

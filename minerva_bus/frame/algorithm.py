@@ -25,7 +25,7 @@ from minerva_bus.frame.membership import Change, Member, State
 from minerva_bus.frame.showing import check_all, patch_all
 from minerva_bus.frame.steps import HANDED_OVER
 from minerva_bus.grammar.batch import AnyEvent, count_of
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Piece, Scene, agents
@@ -349,7 +349,11 @@ class FrameAlgorithm(Attendance):
             if name in self.composition.fragments
         }
         patch_all(changed, reply.patched)
-        return {**reply.changed, **changed}
+        parts = self.composition.parts
+        whole = {
+            name: packed(scene) if name in parts else scene for name, scene in reply.changed.items()
+        }
+        return {**whole, **changed}
 
     def _wrong_with(self, reply: m.EvolveReply, mine: frozenset[str]) -> str:
         """What a host has no right to say, or the empty text."""

@@ -157,13 +157,16 @@ class Composition:
     def places(self, names: Iterable[str]) -> Callable[[str], tuple[int, int]]:
         """Where agents, or fragments in columns, stand in the string: first here, first there."""
         order = {name: place for place, name in enumerate(self.fragments)}
-        homes = {name: self._home.get(name, name) for name in names}
+        homes = {name: name if name in order else self.home(name) or name for name in names}
         within = {
             agent.id: place
             for home in sorted(set(homes.values()))
             if (node := self.fragments.get(home)) is not None and isinstance(node, AgentNode)
             for place, agent in enumerate(agents(Scene((node,))))
         }
+        for name, home in homes.items():
+            if home in self.parts and name != home:
+                within[name] = _ids(self.parts[home]).row_of(name)
         return lambda name: (order.get(homes[name], -1), within.get(name, 0))
 
     def kind(self, agent: str) -> str:

@@ -13,6 +13,7 @@ from minerva_bus.frame.composition import Composition, Layout
 from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.enforcement import Enforcement
+from minerva_bus.frame.plainly import plainly
 from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
 from minerva_bus.frame.speaking import Speaking
@@ -149,7 +150,8 @@ class Core:
         return {**waiting, SOURCE: tuple(self._sanctions)} if self._sanctions else waiting
 
     def _send(self, to: str, message: m.ToMember) -> None:
-        self._out.append(s.Send(to, message))
+        plain = self.roster.declines_columns(to)
+        self._out.append(s.Send(to, plainly(message) if plain else message))
 
     def _say(self, member: str, text: str, details: str = "") -> None:
         self._out.append(s.Say(member, text, details))

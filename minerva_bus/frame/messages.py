@@ -44,6 +44,8 @@ class Hello:
     host: str = ""
     people: bool = False
     """Whether what it generates counts as sent by people, as norms see it."""
+    plain: bool = False
+    """Whether it declines columns and patches: it gets nodes, events and views one by one."""
 
     @property
     def ticks(self) -> bool:

@@ -62,6 +62,11 @@ class Roster:
         """Whether this one is expected or has ever appeared."""
         return name in self._members
 
+    def declines_columns(self, name: str) -> bool:
+        """Whether a member wants all that it gets node by node."""
+        member = self._members.get(name)
+        return member is not None and member.hello is not None and member.hello.plain
+
     def get(self, name: str) -> Member:
         """The member of a name, known or not so far."""
         member = self._members.get(name)

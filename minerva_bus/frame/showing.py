@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.grammar.columns import Columns
@@ -48,6 +48,11 @@ class Showing:
         return ViewShown(
             frame, self.event_type, self.sequence, dict(changed), None, patches, halted
         )
+
+    def unpatched(self, view: ViewShown) -> ViewShown:
+        """The view that was made last without patches: what they change is whole."""
+        whole = {name: self.parts[name] for name in view.patches}
+        return replace(view, parts={**view.parts, **whole}, patches={}) if whole else view
 
     def key(self) -> ViewShown:
         """The last view as a whole."""

@@ -16,6 +16,7 @@ from minerva_bus.frame.core import Phase
 from minerva_bus.frame.course import Course
 from minerva_bus.frame.endings import Endings
 from minerva_bus.frame.enforcement import PEOPLE
+from minerva_bus.frame.plainly import plainly
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent, count_of
 from minerva_bus.grammar.events import Event
@@ -144,9 +145,15 @@ class Steps(Endings):
         for host in asked:
             self._parts[host, 0] = tuple(self._distribution.fragments_of(host))
             self._give(host)
-        if asked:
-            request = m.EvolveRequest(self.frame, asked, self._evolving, self._visual)
+        plain = [host for host in asked if self.roster.declines_columns(host)]
+        others = tuple([host for host in asked if host not in plain])
+        if others:
+            request = m.EvolveRequest(self.frame, others, self._evolving, self._visual)
             self._send(s.HOSTS, request)
+        for host in plain:
+            mine = self._parts[host, 0]
+            events, visual = self._evolving, self._visual
+            self._send(host, m.EvolveRequest(self.frame, (host,), events, visual, only=mine))
         self._finish_if_done()
 
     def _to_ask(self) -> tuple[str, ...]:
@@ -344,11 +351,14 @@ class Steps(Endings):
             devices = self.roster.devices(event_type)
             last = self.phase is Phase.CLOSING
             for member, hello in devices:
+                shown = showing.unpatched(view) if hello.plain else view
                 if hello.coupled:
-                    self._send(member.name, view)
+                    self._send(member.name, shown)
                 elif last:  # Nothing follows from which an observer could see that it missed it.
                     self._send(member.name, showing.key())
-            if not last and any(not hello.coupled for _, hello in devices):
+                elif hello.plain:
+                    self._out.append(s.Show(event_type, plainly(shown), member.name))
+            if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
                 self._out.append(s.Show(event_type, view))
 
     def _end_or_go_on(self) -> None:

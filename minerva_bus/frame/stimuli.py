@@ -133,10 +133,11 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """Publish a view for the observers of its event type."""
+    """Publish a view for the observers of its event type, or for one that wants another form."""
 
     event_type: str
     message: ToMember
+    to: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,8 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     Value,
     of_pieces,
+    rebuild,
+    rescoped,
     walk,
     with_scope,
 )
@@ -255,6 +257,20 @@ def one_by_one(scene: Scene) -> Scene:
     for piece in scene.pieces:
         made += piece.nodes() if isinstance(piece, Columns) and piece.ids is not None else (piece,)
     return of_pieces(scene, made)
+
+
+def unfolded(scene: Scene) -> Scene:
+    """The same string without columns, in no scope either."""
+
+    def leave(node: Node, scope: Scene) -> Node:
+        return rescoped(node, _nodes_of(scope))
+
+    return _nodes_of(rebuild(_nodes_of(scene), leave))
+
+
+def _nodes_of(scene: Scene) -> Scene:
+    many = any(isinstance(piece, Columns) for piece in scene.pieces)
+    return Scene(scene.nodes) if many else scene
 
 
 def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tuple[bool, Node]]:

@@ -77,6 +77,7 @@ def _write_hello(h: m.Hello) -> list[Any]:
             "publishes": list(h.publishes),
             "pid": h.pid,
             "host": h.host,
+            "plain": h.plain,
         }
     ]
 
@@ -308,6 +309,7 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
             whole(h["pid"], "the pid"),
             text(h["host"], "the host"),
             truth(h.get("people", False), "people"),
+            truth(h.get("plain", False), "plain"),
         )
     except KeyError as missing:
         raise ProtocolError(f"a hello needs {missing}") from None

@@ -445,6 +445,52 @@ def figures():
 """
 
 
+PLAIN_HOST = """
+HELLO |= {
+    "kinds": [["ACounter", [["total", "real", "0"]], ["eAdd"], ["eShow"], []]],
+    "generates": [], "lockstep": False, "plain": True,
+}
+KEYS = ("all", "evolve", f"to/{NAME}")
+FRAGMENTS = {}
+
+
+def evolve(frame, asked, events, visual, part, only):
+    if NAME not in asked:
+        return
+    changed, emitted, views = {}, {}, {}
+    for one in only:
+        count, *nodes = FRAGMENTS[one]
+        if visual:
+            views[one] = [count, *(["PBar", total] for _, _, total, _ in nodes)]
+        new = [count]
+        for symbol, agent, (total,), inside in nodes:
+            for type_, data, *rest in events:
+                if type_ == "eAdd" and (not rest or not rest[2] or agent in rest[2]):
+                    total += data[0]
+                    if agent == "c3" and data[0] < 1.0:
+                        emitted["c3"] = [["eAdd", [100.0], "", "c3", ["c7"]]]
+            new.append([symbol, agent, [total], inside])
+        if new != FRAGMENTS[one]:
+            changed[one] = FRAGMENTS[one] = new
+    send("evolved", frame, part, changed, emitted, {"eShow": views} if visual else {})
+
+
+def hear(name, items):
+    if name == "fragments":
+        FRAGMENTS.update(items[0])
+        for gone in items[1]:
+            FRAGMENTS.pop(gone, None)
+    elif name == "evolve":
+        evolve(*items)
+"""
+
+PLAIN_OBSERVER = FOREIGN_OBSERVER.replace('"every": 1}', '"every": 1, "plain": True}').replace(
+    'return {"drawn": " ".join(f"{one} {SEEN[one][1][1][0]:g}" for one in slots)}',
+    """bars = [bar for one in slots for bar in SEEN[one][1:]]
+    return {"bars": len(bars), "drawn": sum(values[0] for _, values in bars)}""",
+)
+
+
 def foreign(face: str) -> str:
     """The document's member with another face, put in where the listing has its own."""
     (listing,) = blocks("python", "member")
@@ -519,3 +565,37 @@ def test_a_world_of_foreign_members_only(tmp_path: Path) -> None:
     )
     assert summary["digest"] == digest_after(tmp_path)
     assert summary["drawn"] == "c 12.5 d 13.5"
+
+
+POPULATION = " · ".join(f"ACounter#c{n}<total={n}>" for n in range(100))
+EMITTING = """
+    @on("eAdd")
+    def add(self, event, moment):
+        self.total += event.amount
+        if self.id == "c3" and event.amount < 1:
+            moment.emit(eAdd(100.0, receivers=["c7"]))
+"""
+
+
+def test_a_host_and_an_observer_that_decline_columns(tmp_path: Path) -> None:
+    """A population is in columns: they get its agents, events and views one by one."""
+    members = {
+        "far": blocks("python", "member")[0],
+        "observer": foreign(PLAIN_OBSERVER),
+        "columns": foreign(FOREIGN_OBSERVER.split("def figures")[0]),
+    }
+    world = WORLD.replace(WORLD.split('string = "')[1].split('"')[0], POPULATION)
+    plain = run(tmp_path, world, **members, host=foreign(PLAIN_HOST))
+    assert plain["bars"] == 100
+    assert plain["drawn"] == sum(range(100)) + 100 * 12.5 + 100
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    source = COUNTING.replace(COUNTING[COUNTING.index("    @on(") : COUNTING.index("    @view")],
+                              EMITTING + "\n")  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(globals(), "COUNTING", source)
+        counters = '[process.counters]\nagents = "counting:Counter"\n'
+        summary = run(whole, world + counters, **members)
+    assert [summary[one] for one in ("digest", "bars", "drawn")] == [
+        plain[one] for one in ("digest", "bars", "drawn")
+    ]
