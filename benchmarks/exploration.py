@@ -6,11 +6,13 @@
 
 Each floor is explored for two markers: the one farthest away, as `minerva run robot --map` takes
 it, and another one. `ratio` is the distance driven over the length of the shortest path on the true
-map for a disc of the robot's radius, by moves to eight neighbours. A run is given up after as many
-frames as it takes to drive 25 times that, and 3,000 more. `reported` says that the robot itself has
-given up, by eUnreachable, which ends the run too. Seeds are for floors that the strategy was tuned
-on, held-out ones for floors that it was not. A hall has no chance in it: it is the same for all
-seeds. `--check` runs some of the floors in the whole world as well.
+map for a disc of the robot's radius, by moves to eight neighbours. A run goes on until the robot is
+there or gives up by eUnreachable, which is `reported`; its patience alone ends it. `tour` is the
+same ratio for a robot that knows the map, but not where the marker is, and drives a tour on which
+it sees all of the floor. It is absent on floors that are too large for it.
+
+Seeds are for floors that the strategy was tuned on, held-out ones for floors that it was not. Halls
+of different seeds differ in the start alone. `--check` runs the floors in the whole world as well.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ import numpy as np
 from benchmarks.exploring.driving import Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, generated, large, of_others
 from benchmarks.exploring.strategies import use
+from benchmarks.exploring.tours import tour_of
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
 from minerva_agents.robot.placing import roomiest, spread
@@ -42,6 +45,12 @@ from minerva_agents.robot.world import scene
 from minerva_bus.grammar.scene import agents
 
 RADIUS, SPEED = 0.18, 0.8
+MOST_FRAMES = 1_000_000
+"""More than the patience of any robot: a run that comes so far is neither reached nor reported."""
+
+LARGEST_TOUR_M = 40.0
+"""Metres, the longest side of floors for which the tour takes seconds and not minutes."""
+
 NOISE = Noise(laser=0.02, dropout=0.02, drive=0.02)
 
 
@@ -55,7 +64,6 @@ class Task:
     shortest: float
     noise: Noise
     strategy: str
-    seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +76,8 @@ class Result:
     noise: bool
     strategy: str
     reached: bool
-    ratio: float
+    ratio: float | None
+    tour: float | None
     metres: float
     shortest: float
     collisions: int
@@ -79,7 +88,7 @@ class Result:
 
 
 def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> Iterator[Task]:
-    """Two markers on each floor."""
+    """The farthest marker on each floor, and another one."""
     for named in floors:
         start = named.floor.start or roomiest(named.floor, RADIUS)
         places = named.floor.markers or spread(named.floor, 4, RADIUS, start)
@@ -107,9 +116,8 @@ def run(task: Task) -> Result:
     robot = cast("ARobot", ARobot.thaw(node))
     robot.speed, robot.planner = SPEED, task.strategy
     robot.seek(task.marker.name)
-    most = 3000 + int(25 * task.shortest / (SPEED * 0.1)) if task.shortest > 0 else 3000
     drive = Drive(_floor(task.named.name, task.named.floor), (task.marker,), robot, task.noise, 1)
-    made = drive.go(most)
+    made = drive.go(MOST_FRAMES)
     return Result(
         task.named.name,
         task.marker.name,
@@ -117,7 +125,8 @@ def run(task: Task) -> Result:
         task.noise != Noise(),
         task.strategy,
         made.reached,
-        round(made.metres / task.shortest, 3),
+        _ratio(made.metres, task),
+        _tour_ratio(task),
         round(made.metres, 2),
         round(task.shortest, 2),
         made.collisions,
@@ -126,6 +135,19 @@ def run(task: Task) -> Result:
         round(1000 * made.seconds / made.frames, 2),
         round(1000 * made.slowest, 1),
     )
+
+
+def _ratio(metres: float, task: Task) -> float | None:
+    """The ratio to the shortest path; None where there is no path, which JSON has no number for."""
+    return round(metres / task.shortest, 3) if task.shortest > 0 else None
+
+
+def _tour_ratio(task: Task) -> float | None:
+    floor = task.named.floor
+    if max(floor.cells.shape) * floor.resolution > LARGEST_TOUR_M:
+        return None
+    tour = tour_of(floor, task.start, RADIUS)
+    return _ratio(tour.metres_to(task.marker.x, task.marker.y), task)
 
 
 _FLOORS: dict[str, Floor] = {}
@@ -171,7 +193,7 @@ def in_world(task: Task) -> dict[str, Any]:
         command = [
             sys.executable, "-m", "minerva_bus", "run", "robot", "--in-process", "--json",
             "--map", options["map"], "--start", options["start"], "--markers", place,
-            "--parcels", "", "--frames", str(3000 + int(25 * task.shortest / (SPEED * 0.1))),
+            "--parcels", "", "--frames", str(MOST_FRAMES),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=True)
     said = json.loads(done.stdout.splitlines()[-1])
@@ -180,28 +202,40 @@ def in_world(task: Task) -> dict[str, Any]:
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:
     """What the runs have in common."""
-    ratios = [one.ratio for one in results if one.reached]
-    lost = [one for one in results if not one.reached]
+    ratios = [one.ratio for one in results if one.reached and one.ratio is not None]
+    tours = [one.tour for one in results if one.tour is not None]
+    measured = [one for one in results if one.shortest > 0]
+    metres, shortest = (math.fsum(values) for values in _lengths(measured))
     return {
         "runs": len(results),
         "reached": sum(one.reached for one in results),
-        "mean_ratio": round(statistics.fmean(ratios), 3) if ratios else None,
+        "mean_ratio": _mean(ratios),
         "median_ratio": round(statistics.median(ratios), 3) if ratios else None,
-        "ratio_of_sums": round(
-            sum(one.metres for one in results) / sum(one.shortest for one in results), 3
-        ),
+        "ratio_of_sums": round(metres / shortest, 3) if shortest else None,
         "worst_ratio": max(ratios, default=None),
+        "mean_tour": _mean(tours),
         "collisions": sum(one.collisions for one in results),
-        "lost_and_not_reported": sum(not one.reported for one in lost),
-        "ms_per_frame": round(statistics.fmean([one.ms_per_frame for one in results]), 2),
+        "lost_and_not_reported": sum(not (one.reached or one.reported) for one in results),
+        "ms_per_frame": _mean([one.ms_per_frame for one in results]),
     }
 
 
+def _lengths(results: Sequence[Result]) -> tuple[list[float], list[float]]:
+    return [one.metres for one in results], [one.shortest for one in results]
+
+
+def _mean(numbers: Sequence[float]) -> float | None:
+    return round(statistics.fmean(numbers), 3) if numbers else None
+
+
 def _groups(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """Summaries by seeds and noise, and by kind of floor."""
     groups: dict[str, list[Result]] = {}
     for one in results:
-        where = "held out" if one.held_out else "tuned on"
-        groups.setdefault(f"{where}{', noise' if one.noise else ''}", []).append(one)
+        where = f"{'held out' if one.held_out else 'tuned on'}{', noise' if one.noise else ''}"
+        groups.setdefault(where, []).append(one)
+    for one in results:
+        groups.setdefault(one.map.split("-")[0], []).append(one)
     return {name: summary(group) for name, group in groups.items()}
 
 
@@ -246,12 +280,17 @@ def _say(result: Result, world: dict[str, Any] | None, as_json: bool) -> None:
     noise = " noise" if result.noise else ""
     print(
         f"{result.map:16} {result.marker:8}{noise:6} {'' if result.reached else 'NOT REACHED '}"
-        f"ratio {result.ratio:6.2f}  {result.metres:7.1f} of {result.shortest:6.1f} m"
+        f"ratio {_number(result.ratio)}  tour {_number(result.tour)}"
+        f"  {result.metres:7.1f} of {result.shortest:6.1f} m"
         f"  {result.frames:6} frames  {result.collisions} collisions"
         f"  {result.ms_per_frame:5.1f} ms, at most {result.slowest_ms:.0f}"
         f"{'  reported' if result.reported else ''}{f'  world: {world}' if world else ''}",
         flush=True,
     )
+
+
+def _number(ratio: float | None) -> str:
+    return "     -" if ratio is None else f"{ratio:6.2f}"
 
 
 if __name__ == "__main__":

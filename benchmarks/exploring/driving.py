@@ -26,7 +26,7 @@ from minerva_agents.robot.knowledge import (
     part_that_counts,
 )
 from minerva_agents.robot.maps import Marker, OccupancyMap
-from minerva_agents.robot.motion import STAY, Move, Pose
+from minerva_agents.robot.motion import STAY, Move
 from minerva_agents.robot.robot import ARobot
 from minerva_bus import Frame
 from minerva_bus.world.moment import Moment
@@ -189,8 +189,3 @@ class Drive:
                 continue
             if self._floor.cast(x, y, np.array([bearing]), dist)[0] >= dist - 0.01:
                 yield marker.name, dist, angle
-
-
-def pose_of(robot: ARobot) -> Pose:
-    """Where a robot believes to be."""
-    return robot.pose

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap, load_map
+from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap, Pose, load_map
 
 Solid: TypeAlias = NDArray[np.bool_]
 
@@ -42,9 +42,25 @@ def empty(metres: float, side: float) -> Solid:
     return solid
 
 
+def _squares(metres: float, side: float, count: int) -> Solid:
+    """A hall that walls divide into as many squares along each side, without doors."""
+    step, solid = metres / count, empty(metres, side)
+    for index in range(1, count):
+        _box(solid, side, index * step - _WALL / 2, 0, index * step + _WALL / 2, metres)
+        _box(solid, side, 0, index * step - _WALL / 2, metres, index * step + _WALL / 2)
+    return solid
+
+
 def hall(metres: float, side: float, seed: int) -> Solid:
-    """An empty hall."""
+    """An empty hall, the same for all seeds."""
     return empty(metres, side)
+
+
+def start_in_hall(metres: float, seed: int) -> Pose:
+    """Where the robot starts in a hall, anywhere: all that one hall has different from another."""
+    chance = random.Random(f"hall {metres} {seed}")
+    x, y = (round(chance.uniform(1.0, metres - 1.0), 2) for _ in range(2))
+    return x, y, chance.uniform(-180.0, 180.0)
 
 
 def pillars(metres: float, side: float, seed: int) -> Solid:
@@ -79,10 +95,7 @@ def maze(metres: float, side: float, seed: int) -> Solid:
     """A maze without loops but for a few walls that were taken out; corridors of 1.2 to 2 m."""
     chance = random.Random(f"maze {seed}")
     count = max(3, int(metres / chance.uniform(1.4, 2.2)))
-    step, solid = metres / count, empty(metres, side)
-    for index in range(1, count):
-        _box(solid, side, index * step - _WALL / 2, 0, index * step + _WALL / 2, metres)
-        _box(solid, side, 0, index * step - _WALL / 2, metres, index * step + _WALL / 2)
+    step, solid = metres / count, _squares(metres, side, count)
     for one, other in [*_tree(count, chance), *_loops(count, chance)]:
         _open(solid, side, step, one, other, (step - _WALL) / 2)
     return solid
@@ -92,10 +105,7 @@ def rooms(metres: float, side: float, seed: int) -> Solid:
     """Rooms of 3 to 6 m that have doors of 0.8 to 1.1 m to some of their neighbours."""
     chance = random.Random(f"rooms {seed}")
     count = max(2, int(metres / chance.uniform(3.0, 6.0)))
-    step, solid = metres / count, empty(metres, side)
-    for index in range(1, count):
-        _box(solid, side, index * step - _WALL / 2, 0, index * step + _WALL / 2, metres)
-        _box(solid, side, 0, index * step - _WALL / 2, metres, index * step + _WALL / 2)
+    step, solid = metres / count, _squares(metres, side, count)
     for one, other in [*_tree(count, chance), *_loops(count, chance), *_loops(count, chance)]:
         shift = chance.uniform(-0.3, 0.3) * step
         _open(solid, side, step, one, other, chance.uniform(0.4, 0.55), shift)
@@ -110,14 +120,8 @@ def office(metres: float, side: float, seed: int) -> Solid:
     while left + 2 * deep + 2.0 <= metres + 0.5:
         for wall in (left + deep, left + deep + 2.0, left + 2 * deep + 2.0):
             _box(solid, side, wall - _WALL / 2, 0, wall + _WALL / 2, metres)
-        _offices(solid, side, metres, (left, left + deep, left + deep), chance)
-        _offices(
-            solid,
-            side,
-            metres,
-            (left + deep + 2.0, left + 2 * deep + 2.0, left + deep + 2.0),
-            chance,
-        )
+        for low, door in ((left, left + deep), (left + deep + 2.0, left + deep + 2.0)):
+            _offices(solid, side, metres, (low, low + deep, door), chance)
         left += 2 * deep + 2.0
     corridors = int(left / (2 * deep + 2.0))
     for index in range(1, corridors):
@@ -162,7 +166,8 @@ def floor_of(kind: str, metres: float, seed: int) -> OccupancyMap:
     solid = KINDS[kind](metres, side, seed)
     cells = np.where(solid, OCCUPIED, FREE).astype(np.int16)
     cells.setflags(write=False)
-    return OccupancyMap(cells, side)
+    start = start_in_hall(metres, seed) if kind == "hall" else None
+    return OccupancyMap(cells, side, start=start)
 
 
 def of_others() -> Iterator[Named]:

@@ -149,6 +149,35 @@ def test_inflate_grows_a_disc():
     assert np.array_equal(inflate(dot, 2), grid("..#..", ".###.", "#####", ".###.", "..#.."))
 
 
+def test_inflate_with_a_radius_beyond_the_grid_fills_it():
+    assert inflate(grid("#..", "...", "..."), 1e6).all()
+    assert not inflate(grid("...", "..."), 1e6).any()
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    shape=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    share=st.sampled_from([0.0, 0.002, 0.05, 0.5]),
+    radius=st.one_of(st.floats(0.0, 12.0), st.sampled_from([1.0, math.sqrt(2.0), math.sqrt(5.0)])),
+)
+def test_inflate_is_all_within_the_radius_wherever_on_the_grid_obstacles_lie(
+    seed, shape, share, radius
+):
+    """The part without obstacles is left out, and comes out as if it had not been."""
+    obstacles = np.random.default_rng(seed).random(shape) < share
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    expected = np.zeros(shape, np.bool_)
+    for row, column in np.argwhere(obstacles).tolist():
+        squares = (rows - row) ** 2 + (columns - column) ** 2
+        expected |= squares.astype(np.float64) <= radius * radius
+    before = obstacles.copy()
+    assert np.array_equal(inflate(obstacles, radius), expected)
+    assert np.array_equal(obstacles, before)
+    around = np.pad(obstacles, ((30, 17), (5, 60)))
+    assert np.array_equal(inflate(around, radius)[30:-17, 5:-60], expected)
+
+
 @pytest.mark.parametrize("radius", [-1, math.nan, math.inf])
 def test_inflate_wants_a_radius(radius):
     with pytest.raises(MapError, match="inflate: radius_cells is"):

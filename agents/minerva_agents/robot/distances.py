@@ -1,8 +1,8 @@
 """Distances to obstacles on a grid: exact, Euclidean, in cells.
 
-Both transforms begin with the distance down each column to an obstacle of that column. Then each
-row is the lower envelope of parabolas, one for each of its cells: the square of the distance to
-the obstacle is the least of (steps across)² + (distance down)².
+Clearance begins with the distance down each column to an obstacle of that column. Then each row is
+the lower envelope of parabolas, one for each of its cells: the square of the distance to the
+obstacle is the least of (steps across)² + (distance down)².
 """
 
 import math
@@ -20,15 +20,17 @@ def inflate(obstacles: Grid, radius_cells: float) -> Grid:
     """The obstacles grown by a disc: every cell whose centre is within the radius of one's centre.
 
     `obstacles` is a bool grid, the radius is in cells and need not be whole. The time grows with
-    the area and the radius. Raises MapError for another grid and for a radius that is negative or
-    not finite.
+    the radius and the area that obstacles lie in. Raises MapError for another grid and for a radius
+    that is negative or not finite.
     """
     check_grid(obstacles, "inflate", "obstacles")
     if not (math.isfinite(radius_cells) and radius_cells >= 0):
         raise MapError(f"inflate: radius_cells is {radius_cells}, expected a number from 0 up")
-    if obstacles.shape[0] < obstacles.shape[1]:
-        return _inflate(obstacles.T, radius_cells).T
-    return _inflate(obstacles, radius_cells)
+    grown = np.zeros(obstacles.shape, np.bool_)
+    window = _around_all(obstacles, math.floor(radius_cells))
+    if window is not None:
+        grown[window] = _inflate(obstacles[window], radius_cells)
+    return grown
 
 
 def clearance(obstacles: Grid) -> NDArray[np.float64]:
@@ -51,15 +53,40 @@ def clearance(obstacles: Grid) -> NDArray[np.float64]:
     return distances
 
 
+def _around_all(obstacles: Grid, margin: int) -> tuple[slice, slice] | None:
+    """The rows and columns between the outermost obstacles and a margin, None without obstacles.
+
+    A robot knows a small part of a large grid, and nothing is inflated elsewhere.
+    """
+    spans: list[slice] = []
+    for axis in (0, 1):
+        lines = np.flatnonzero(obstacles.any(axis=1 - axis))
+        if not lines.size:
+            return None
+        spans.append(slice(max(0, int(lines[0]) - margin), int(lines[-1]) + margin + 1))
+    return spans[0], spans[1]
+
+
 def _inflate(obstacles: Grid, radius: float) -> Grid:
-    """Step by step across the columns, as far as the disc reaches."""
-    down = _distances_down(obstacles)
-    grown = down <= radius
-    for shift in range(1, min(obstacles.shape[1] - 1, math.floor(radius)) + 1):
-        near = down * down + float(shift * shift) <= radius * radius
-        grown[:, shift:] |= near[:, :-shift]
-        grown[:, :-shift] |= near[:, shift:]
+    """From the rim of the disc to its middle: the farther in a column is, the higher it is."""
+    grown, high = np.zeros(obstacles.shape, np.bool_), obstacles.copy()
+    rows, columns = obstacles.shape
+    height = 0
+    for shift in range(min(math.floor(radius), columns - 1), -1, -1):
+        while height < rows and float((height + 1) ** 2 + shift * shift) <= radius * radius:
+            height += 1
+            _spread(high, obstacles, height)
+        _spread(grown.T, high.T, shift)
     return grown
+
+
+def _spread(target: Grid, source: Grid, shift: int) -> None:
+    """Add to a grid what another one holds so many rows above or below."""
+    if not shift:
+        target |= source
+    elif shift < len(source):
+        target[shift:] |= source[:-shift]
+        target[:-shift] |= source[shift:]
 
 
 def _distances_down(obstacles: Grid) -> NDArray[np.float64]:

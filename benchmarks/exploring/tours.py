@@ -1,0 +1,142 @@
+"""What a search costs a robot that knows the floor, but not where the marker hangs.
+
+Such a robot drives a tour on which it sees all of the floor. It knows before the start what other
+robots must explore, so its distance says how much of a ratio is due to the floor itself. The tour
+is a good one, not the best one: stops by greedy set cover, their order by 2-opt. At each stop the
+robot sees all around at once, and on its way from stop to stop it sees nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.exploring.driving import SIGHT
+from minerva_agents.robot.knowledge import Cell
+from minerva_agents.robot.maps import OccupancyMap, Pose
+from minerva_agents.robot.placing import free_component
+from minerva_agents.robot.wave import STEP, Wave
+
+Mask = NDArray[np.bool_]
+Places = NDArray[np.intp]
+
+_FINEST_M = 0.5
+_ACROSS = 120
+"""Points that are to be seen lie half a metre apart, on large floors 120 in a row."""
+
+
+class Tour:
+    """The tour of a floor from a start, for a robot of a radius in metres."""
+
+    def __init__(self, floor: OccupancyMap, start: Pose, radius: float) -> None:
+        self._floor, self._reach = floor, SIGHT / floor.resolution
+        self._open = free_component(floor, radius, start[:2])
+        self._start = floor.cell_at(start[0], start[1])
+        spacing = max(_FINEST_M, max(floor.cells.shape) * floor.resolution / _ACROSS)
+        self._spacing = max(1, round(spacing / floor.resolution))
+        stops = self._stops()
+        metres = self._between(stops)
+        self._order = [stops[index] for index in _shortened(metres)]
+        self._metres = metres
+
+    def metres_to(self, x: float, y: float) -> float:
+        """Metres that the robot drives on the tour until it sees a marker, and then to it."""
+        cell = np.array([self._floor.cell_at(x, y)])
+        driven, here = 0.0, self._start
+        wave = self._wave_from(here)
+        for stop in self._order:
+            driven += self._way(wave, stop)
+            here, wave = stop, self._wave_from(stop)
+            if self._sees(np.array([here]), cell)[0]:
+                break
+        return driven + self._way(wave, (int(cell[0, 0]), int(cell[0, 1])))
+
+    def _stops(self) -> list[Cell]:
+        """Places that together see all points, the start first; each sees most of what is left."""
+        points = _lattice(self._open, self._spacing)
+        places = np.concatenate(([self._start], _lattice(self._open, 2 * self._spacing)))
+        views = np.array([self._view(place, points) for place in places])
+        unseen, chosen = ~views[0], [0]
+        while True:
+            gains = (views & unseen).sum(axis=1)
+            best = int(np.argmax(gains))
+            if not gains[best]:
+                break
+            chosen.append(best)
+            unseen &= ~views[best]
+        return [(int(row), int(column)) for row, column in places[chosen]]
+
+    def _view(self, place: Places, points: Places) -> Mask:
+        """Which of the points are in view from a place."""
+        squares = ((points - place) ** 2).sum(axis=1)
+        near = np.flatnonzero(squares <= self._reach * self._reach)
+        seen = np.zeros(len(points), np.bool_)
+        seen[near] = self._sees(np.repeat(place[np.newaxis], len(near), axis=0), points[near])
+        return seen
+
+    def _sees(self, places: Places, points: Places) -> Mask:
+        """Whether straight lines between places and points are short enough, and free."""
+        is_near = ((points - places) ** 2).sum(axis=1) <= self._reach * self._reach
+        parts = np.linspace(0.0, 1.0, math.ceil(self._reach) + 1)[:, np.newaxis]
+        cells = [
+            np.rint(places[:, axis] + parts * (points - places)[:, axis]).astype(np.intp)
+            for axis in (0, 1)
+        ]
+        inside = [np.clip(c, 0, n - 1) for c, n in zip(cells, self._open.shape, strict=True)]
+        return is_near & ~self._floor.obstacles[tuple(inside)].any(axis=0)
+
+    def _between(self, stops: list[Cell]) -> NDArray[np.float64]:
+        """Metres between all stops, (n, n)."""
+        waves = [self._wave_from(stop) for stop in stops]
+        return np.array([[self._way(wave, other) for other in stops] for wave in waves])
+
+    def _wave_from(self, cell: Cell) -> Wave:
+        wave = Wave(self._open, cell)
+        wave.grow(self._open.size)
+        return wave
+
+    def _way(self, wave: Wave, cell: Cell) -> float:
+        return max(0, int(wave.steps[cell])) * STEP * self._floor.resolution
+
+
+@lru_cache(maxsize=1)
+def tour_of(floor: OccupancyMap, start: Pose, radius: float) -> Tour:
+    """The tour of a floor; the last one is kept."""
+    return Tour(floor, start, radius)
+
+
+def _lattice(mask: Mask, spacing: int) -> Places:
+    """One cell of each square of that many cells in which the mask holds any, (n, 2)."""
+    cells = np.argwhere(mask)
+    squares = cells // spacing
+    firsts = np.unique(squares[:, 0] * mask.shape[1] + squares[:, 1], return_index=True)[1]
+    return cells[firsts]
+
+
+def _shortened(metres: NDArray[np.float64]) -> list[int]:
+    """The stops after the first one in an order of a short way: nearest first, then 2-opt."""
+    order, left = [0], set(range(1, len(metres)))
+    while left:
+        order.append(min(left, key=lambda stop: (metres[order[-1], stop], stop)))
+        left.remove(order[-1])
+    while _two_opt(order, metres):
+        pass
+    return order[1:]
+
+
+def _two_opt(order: list[int], metres: NDArray[np.float64]) -> bool:
+    """Turn round parts of the order where that makes it shorter; whether it has."""
+    is_shorter = False
+    for first in range(1, len(order) - 1):
+        for last in range(first + 1, len(order)):
+            before, begin, end = order[first - 1], order[first], order[last]
+            gain = metres[before, begin] - metres[before, end]
+            if last + 1 < len(order):
+                gain += metres[end, order[last + 1]] - metres[begin, order[last + 1]]
+            if gain > 1e-9:
+                order[first : last + 1] = order[first : last + 1][::-1]
+                is_shorter = True
+    return is_shorter
