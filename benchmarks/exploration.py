@@ -61,7 +61,7 @@ class Task:
     named: Named
     start: Pose
     marker: Marker
-    shortest: float
+    shortest: float | None
     noise: Noise
     strategy: str
 
@@ -79,7 +79,7 @@ class Result:
     ratio: float | None
     tour: float | None
     metres: float
-    shortest: float
+    shortest: float | None
     collisions: int
     frames: int
     reported: bool
@@ -98,13 +98,13 @@ def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> It
                 yield Task(named, start, marker, shortest, noise, strategy)
 
 
-def _shortest(floor: OccupancyMap, start: Pose, marker: Marker) -> float:
-    """The length of the shortest path for a disc on the true map, in metres."""
+def _shortest(floor: OccupancyMap, start: Pose, marker: Marker) -> float | None:
+    """The length of the shortest path for a disc on the true map, in metres; None without one."""
     solid = np.pad(floor.obstacles, 1, constant_values=True)
     closed = (clearance(solid) <= RADIUS / floor.resolution)[1:-1, 1:-1]
     ends = floor.cell_at(start[0], start[1]), floor.cell_at(marker.x, marker.y)
     path = shortest_path(closed, *ends)
-    return math.nan if path is None else path.length * floor.resolution
+    return None if path is None else path.length * floor.resolution
 
 
 def run(task: Task) -> Result:
@@ -128,7 +128,7 @@ def run(task: Task) -> Result:
         _ratio(made.metres, task),
         _tour_ratio(task),
         round(made.metres, 2),
-        round(task.shortest, 2),
+        None if task.shortest is None else round(task.shortest, 2),
         made.collisions,
         made.frames,
         made.reported,
@@ -138,8 +138,8 @@ def run(task: Task) -> Result:
 
 
 def _ratio(metres: float, task: Task) -> float | None:
-    """The ratio to the shortest path; None where there is no path, which JSON has no number for."""
-    return round(metres / task.shortest, 3) if task.shortest > 0 else None
+    """The ratio to the shortest path, None where there is none."""
+    return round(metres / task.shortest, 3) if task.shortest else None
 
 
 def _tour_ratio(task: Task) -> float | None:
@@ -204,8 +204,8 @@ def summary(results: Sequence[Result]) -> dict[str, Any]:
     """What the runs have in common."""
     ratios = [one.ratio for one in results if one.reached and one.ratio is not None]
     tours = [one.tour for one in results if one.tour is not None]
-    measured = [one for one in results if one.shortest > 0]
-    metres, shortest = (math.fsum(values) for values in _lengths(measured))
+    metres = math.fsum(one.metres for one in results if one.shortest)
+    shortest = math.fsum(one.shortest for one in results if one.shortest)
     return {
         "runs": len(results),
         "reached": sum(one.reached for one in results),
@@ -218,10 +218,6 @@ def summary(results: Sequence[Result]) -> dict[str, Any]:
         "lost_and_not_reported": sum(not (one.reached or one.reported) for one in results),
         "ms_per_frame": _mean([one.ms_per_frame for one in results]),
     }
-
-
-def _lengths(results: Sequence[Result]) -> tuple[list[float], list[float]]:
-    return [one.metres for one in results], [one.shortest for one in results]
 
 
 def _mean(numbers: Sequence[float]) -> float | None:
@@ -281,7 +277,7 @@ def _say(result: Result, world: dict[str, Any] | None, as_json: bool) -> None:
     print(
         f"{result.map:16} {result.marker:8}{noise:6} {'' if result.reached else 'NOT REACHED '}"
         f"ratio {_number(result.ratio)}  tour {_number(result.tour)}"
-        f"  {result.metres:7.1f} of {result.shortest:6.1f} m"
+        f"  {result.metres:7.1f} of {_number(result.shortest)} m"
         f"  {result.frames:6} frames  {result.collisions} collisions"
         f"  {result.ms_per_frame:5.1f} ms, at most {result.slowest_ms:.0f}"
         f"{'  reported' if result.reported else ''}{f'  world: {world}' if world else ''}",
@@ -289,8 +285,8 @@ def _say(result: Result, world: dict[str, Any] | None, as_json: bool) -> None:
     )
 
 
-def _number(ratio: float | None) -> str:
-    return "     -" if ratio is None else f"{ratio:6.2f}"
+def _number(number: float | None) -> str:
+    return "     -" if number is None else f"{number:6.2f}"
 
 
 if __name__ == "__main__":

@@ -45,13 +45,12 @@ class Tour:
     def metres_to(self, x: float, y: float) -> float:
         """Metres that the robot drives on the tour until it sees a marker, and then to it."""
         cell = np.array([self._floor.cell_at(x, y)])
-        driven, here = 0.0, self._start
-        wave = self._wave_from(here)
+        driven, here, wave = 0.0, self._start, self._wave_from(self._start)
         for stop in self._order:
-            driven += self._way(wave, stop)
-            here, wave = stop, self._wave_from(stop)
             if self._sees(np.array([here]), cell)[0]:
                 break
+            driven += self._way(wave, stop)
+            here, wave = stop, self._wave_from(stop)
         return driven + self._way(wave, (int(cell[0, 0]), int(cell[0, 1])))
 
     def _stops(self) -> list[Cell]:

@@ -1,12 +1,14 @@
 """What the benchmark of exploration says of a run is what the robot itself says."""
 
-import math
+import dataclasses
+import json
 
 import pytest
 
-from benchmarks.exploration import SPEED, Task, _options
+from benchmarks.exploration import RADIUS, SPEED, Result, Task, _options, _shortest, run, summary
 from benchmarks.exploring.driving import Drive, Floor, Noise
 from benchmarks.exploring.floors import Named, floor_of
+from benchmarks.exploring.tours import Tour
 from minerva_agents.robot.occupancy import Marker
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene
@@ -15,12 +17,16 @@ from minerva_bus.grammar.scene import agents
 MARKER = Marker("A", 2.0, 2.0)
 
 
+def task_of(named):
+    return Task(named, (1.0, 1.0, 0.0), MARKER, None, Noise(), "astar")
+
+
 @pytest.fixture
 def drive(tmp_path):
     """A robot in a hall of 4 m that looks for a marker which hangs nowhere."""
     floor = floor_of("hall", 4.0, 1)
     named = Named("hall-4-1", floor, held_out=False)
-    task = Task(named, (1.0, 1.0, 0.0), MARKER, math.nan, Noise(), "astar")
+    task = task_of(named)
     (node,) = agents(scene(_options(task, tmp_path)))
     robot = ARobot.thaw(node)
     robot.speed = SPEED
@@ -38,3 +44,45 @@ def test_a_robot_that_searches_again_has_not_reported_yet(drive):
     robot, run = drive[0], drive[1]
     robot.searches = 1
     assert not run.go(10).reported
+
+
+def test_a_run_comes_out_alike_and_its_line_is_json_also_without_a_path():
+    task = task_of(Named("hall-4-1", floor_of("hall", 4.0, 1), held_out=False))
+    one, other = (dataclasses.replace(run(task), ms_per_frame=0.0, slowest_ms=0.0) for _ in "12")
+    assert one == other
+    assert (one.reached, one.ratio, one.tour) == (True, None, None)
+    json.dumps(dataclasses.asdict(one), allow_nan=False)
+    assert summary([one])["mean_ratio"] is None
+
+
+def test_lost_runs_are_those_neither_reached_nor_reported():
+    reached = Result("m", "A", False, False, "astar", True, 2.0, 3.0, 4.0, 2.0, 0, 9, False, 1.0, 1)
+    reported = dataclasses.replace(reached, reached=False, reported=True)
+    lost = dataclasses.replace(reached, reached=False)
+    told = summary([reached, reported, lost])
+    assert (told["runs"], told["reached"], told["lost_and_not_reported"]) == (3, 1, 1)
+    assert (told["mean_ratio"], told["mean_tour"]) == (2.0, 3.0)
+
+
+def test_halls_of_different_seeds_differ_in_the_start_alone():
+    one, same, other = (floor_of("hall", 10.0, seed) for seed in (1, 1, 2))
+    assert one.start == same.start != other.start
+    assert (one.cells == other.cells).all()
+    assert all(0.5 < metres < 9.5 for metres in (*one.start[:2], *other.start[:2]))
+
+
+def test_a_tour_goes_straight_to_a_marker_that_is_in_view_from_its_first_stop():
+    """And to others no shorter than the shortest path, which is counted in other steps."""
+    floor = floor_of("rooms", 10.0, 1)
+    start, near, far = (1.5, 1.5, 0.0), Marker("A", 2.0, 2.0), Marker("B", 8.5, 8.5)
+    tour = Tour(floor, start, RADIUS)
+    assert tour.metres_to(near.x, near.y) < 6.0
+    assert tour.metres_to(far.x, far.y) > 0.9 * _shortest(floor, start, far)
+
+
+def test_a_tour_sees_all_of_the_floor():
+    """So the way to any marker is no longer than the tour and the longest way to it."""
+    floor = floor_of("pillars", 10.0, 1)
+    tour = Tour(floor, (1.0, 1.0, 0.0), RADIUS)
+    places = [(x + 0.5, y + 0.5) for x in range(1, 9) for y in range(1, 9)]
+    assert max(tour.metres_to(x, y) for x, y in places) < 10 * 10 / 4.0 + 15.0
