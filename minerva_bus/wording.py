@@ -1,10 +1,18 @@
 """Words for people that more than one layer needs."""
 
+from collections.abc import Sequence
+
 
 def counted(number: int, one: str) -> str:
     """A number and what there is of it: `1 agent`, `1,200 agents`, `2 processes`."""
     ending = "" if number == 1 else "es" if one.endswith("s") else "s"
     return f"{number:,} {one}{ending}"
+
+
+def named_some(names: Sequence[str], most: int) -> str:
+    """The first names, and how many more there are: `a, b and 7 more`."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def frames_up_to(end: int) -> str:

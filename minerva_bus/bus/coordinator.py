@@ -4,7 +4,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Collection, Generator, Mapping
 from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import replace
 from typing import Any, cast
@@ -30,7 +30,7 @@ from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.bus.totals import Totals
 from minerva_bus.bus.turned_away import TurnedAway
 from minerva_bus.bus.waiting import Deadlines, Waits
-from minerva_bus.bus.watchers import Asked, Printed, Status, Watchers
+from minerva_bus.bus.watchers import Asked, Printed, Started, Status, Watchers
 from minerva_bus.errors import BusError, Followed, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -80,6 +80,7 @@ class BusCoordinator:
         security: Security | None = None,
         epoch: int = 0,
         algorithm: FrameAlgorithm | None = None,
+        queued: Collection[str] = (),
         system: System = REAL,
     ) -> None:
         self._system = system
@@ -103,7 +104,7 @@ class BusCoordinator:
         self.guard = Guard(self.keys, limits, security, self._say, system)
         self.limits = limits
         self._restraint = Restraint()
-        self._waits = Waits(deadlines or Deadlines())
+        self._waits = Waits(deadlines or Deadlines(), queued)
         self._decoder: Decoder = Decoder(world.vocabulary, limits)
         beside = Decoder(world.vocabulary, limits)
         self._large = LargeMessages(beside, system, self.inbox.put)
@@ -275,8 +276,8 @@ class BusCoordinator:
             self._heard(*cast("tuple[str, bytes]", item))
         elif isinstance(item, Tick):
             self._look_at_the_clock()
-        elif isinstance(item, Printed):
-            self._log(item.member, item.line, item.level)
+        elif isinstance(item, Printed | Started):
+            self._hear_launcher(item)
         elif isinstance(item, Question | Asked):
             self._take_question(item)
         elif isinstance(item, Successor):
@@ -295,6 +296,12 @@ class BusCoordinator:
             self._questions.add(item)
         else:
             item.later.set_result(self._answered(item.question))
+
+    def _hear_launcher(self, item: Printed | Started) -> None:
+        if isinstance(item, Printed):
+            self._log(item.member, item.line, item.level)
+        else:
+            self._waits.started(item.member, self._system.monotonic())
 
     def _answer(self, question: Question) -> None:
         who, orders, key = who_asks(question.key, self.keys.world)
@@ -405,6 +412,8 @@ class BusCoordinator:
         reason = ""
         if isinstance(message, m.Hello):
             self._greetings.answered(member)
+            if self._waits.came(member, self._system.monotonic()):
+                self._watch.came(member)
             reason = self.guard.gate.objection(message)
         self.tell(s.Violation(member, reason) if reason else message)
 

@@ -6,6 +6,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from minerva_bus.wording import named_some
+
 THEN: Final = {
     "restart": "it is started anew",
     "skip": "the frame goes on without it",
@@ -22,8 +24,14 @@ FAILED: Final = {
 }
 """What becomes of a process that does not answer, by what its `on_failure` is."""
 
-START: Final = 10.0
-"""Seconds that a member has at least to start and join."""
+START: Final = 30.0
+"""Seconds that a member has at least from its process's start to its hello."""
+
+TIMES_SLOWEST: Final = 10.0
+"""How many times the slowest start so far a member has, where that is more."""
+
+STARTS_SAID_EVERY: Final = 2.0
+"""Seconds between two lines about members that the world waits for before it begins."""
 
 FEW: Final = 3
 """Members that are waited for and named one by one."""
@@ -55,11 +63,14 @@ class Deadlines:
     elsewhere: frozenset[str] = frozenset()
     on_failure: Mapping[str, str] = field(default_factory=dict[str, str])
 
-    def of(self, member: str, in_frame: bool) -> Patience:
-        """The patience with a member; whoever has yet to come has time to start."""
-        if in_frame:
-            return self.own.get(member, self.all)
-        return Patience(self.all.soft, max(self.all.hard, START), "restart")
+    def of(self, member: str) -> Patience:
+        """The patience with a member that takes part."""
+        return self.own.get(member, self.all)
+
+    def with_start(self, slowest: float) -> Patience:
+        """The patience with a member that starts, where the slowest start took so many seconds."""
+        hard = max(self.all.hard, START, TIMES_SLOWEST * slowest)
+        return Patience(self.all.soft, hard, "restart")
 
 
 @dataclass(slots=True)
@@ -70,25 +81,55 @@ class _Wait:
 
 
 class Waits:
-    """The members that a step of a frame waits for; times are seconds of one monotonic clock."""
+    """The members that a step of a frame waits for; times are seconds of one monotonic clock.
 
-    def __init__(self, deadlines: Deadlines) -> None:
+    `queued` are those whose processes have yet to be started: nobody waits for them so far.
+    """
+
+    def __init__(self, deadlines: Deadlines, queued: Iterable[str] = ()) -> None:
         self._deadlines = deadlines
         self._step: object = None
         self._in_frame = False
         self._waits: dict[str, _Wait] = {}
+        self._queued = set(queued)
+        self._starting: dict[str, float] = {}
+        self._slowest = 0.0
+        self._said_at = float("-inf")
+
+    def started(self, member: str, now: float) -> None:
+        """A member's process starts now: it is waited for from now on."""
+        self._queued.discard(member)
+        self._starting[member] = now
+        self._waits.pop(member, None)
+
+    def came(self, member: str, now: float) -> bool:
+        """A member has said hello; whether its process was known to start."""
+        since = self._starting.pop(member, None)
+        if since is None:
+            return False
+        self._slowest = max(self._slowest, now - since)
+        self._waits.pop(member, None)  # Its start took what it took: a frame waits from now on.
+        return True
 
     def look(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
         """Note for whom a step waits now; for how many seconds it has waited for the first."""
         self._in_frame = in_frame
         if step != self._step:
             self._step, self._waits = step, {}
-        self._waits = {name: self._waits.get(name, _Wait(now)) for name in sorted(waiting)}
+        names = sorted(set(waiting) - self._queued)
+        self._waits = {name: self._waits.get(name) or self._begun(name, now) for name in names}
         return max((now - wait.since for wait in self._waits.values()), default=0.0)
 
+    def _begun(self, member: str, now: float) -> _Wait:
+        return _Wait(self._starting.get(member, now))
+
     def patience(self, member: str) -> Patience:
-        """The patience with a member in this step."""
-        return self._deadlines.of(member, self._in_frame)
+        """The patience with a member in this step: whoever has yet to come has time to start."""
+        own = self._deadlines.of(member)
+        joined = self._in_frame and member not in self._starting
+        if joined or (self._in_frame and own.then != "restart"):
+            return own
+        return self._deadlines.with_start(self._slowest)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
         """What becomes of a member that has been waited for so long, and when, as it is said."""
@@ -106,12 +147,15 @@ class Waits:
 
     def unsaid(self, now: float) -> list[str]:
         """Those of whom it is time to say it, which then is: ever more seldom."""
+        if not self._in_frame and now < self._said_at + STARTS_SAID_EVERY:
+            return []
         found: list[str] = []
         for name, wait in self._waits.items():
             waited = now - wait.since
             if waited >= self.patience(name).soft and waited >= 2 * wait.told:
                 wait.told = waited
                 found.append(name)
+        self._said_at = now if found else self._said_at
         return found
 
     def told(
@@ -122,12 +166,12 @@ class Waits:
         `guests` are no processes of the world file, so that nobody starts them anew.
         """
         waited = {name: self.since(name, now) for name in unsaid}
-        if len(unsaid) <= FEW:
+        if len(unsaid) <= (FEW if self._in_frame else 1):
             for name in unsaid:
                 outlook = self.outlook(name, waited[name], name in guests)
                 yield name, f"it for {waited[name]:.1f} s{outlook}"
             return
-        names = f"{', '.join(unsaid[:FEW])} and {len(unsaid) - FEW} more"
+        names = named_some(unsaid, FEW)
         longest = max(unsaid, key=lambda name: waited[name])
         outlook = self.outlook(longest, waited[longest], longest in guests)
         yield "", f"{names} for {waited[longest]:.1f} s{outlook}"

@@ -35,6 +35,13 @@ class Printed:
 
 
 @dataclass(frozen=True, slots=True)
+class Started:
+    """The launcher starts a member's process now."""
+
+    member: str
+
+
+@dataclass(frozen=True, slots=True)
 class Asked:
     """A question from another thread of this process, and where its answer is awaited."""
 
@@ -51,6 +58,8 @@ class Watchers:
     status: Callable[[Status], None]
     listening: Callable[[str], None]
     stalled: Callable[[str, float], None]
+    came: Callable[[str], None] = field(default=lambda _: None)
+    """A member whose process the launcher has started has said hello."""
     frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
     idle: Callable[[], None] = field(default=lambda: None)
     """The coordinator goes to wait for others: it has time for what need not be done at once."""

@@ -12,7 +12,7 @@ from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
 from minerva_bus.bus.overhearing import overhear
 from minerva_bus.bus.system import REAL, System, run_through
-from minerva_bus.bus.watchers import Printed, Status, Watchers
+from minerva_bus.bus.watchers import Printed, Started, Status, Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.border import security
@@ -27,13 +27,17 @@ from minerva_bus.record.journal import go_on
 
 @dataclass(frozen=True, slots=True)
 class Coordinating:
-    """A coordinator to be started: of which world, made by what, and whether it goes on."""
+    """A coordinator to be started: of which world, made by what, and whether it goes on.
+
+    `queued` are the members yet to be started.
+    """
 
     file: WorldFile
     make: Callable[..., BusCoordinator]
     profile: bool
     shared: bool
     again: bool
+    queued: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +104,7 @@ class Shift:
             keep=work.profile,
             epoch=next_epoch(past, system.time()),
             algorithm=algorithm,
+            queued=work.queued,
             system=system,
         )
         told.journal = Keeping(file, told.coordinator, past, say)
@@ -139,6 +144,7 @@ class _Told:
                 "listening", endpoint=endpoint, listens_at=self.coordinator.guard.listens_at
             ),
             stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
+            came=lambda member: tell("came", member=member),
             frame_done=self._frame_done,
             idle=lambda: self.record.help(),
             operated=lambda: self.journal.operated(),
@@ -205,6 +211,8 @@ def obey(line: str, coordinator: BusCoordinator) -> None:
     if word == "log":
         level, member, text = rest.split(" ", 2)
         coordinator.inbox.put(Printed(member, text, level))
+    elif word == "started":
+        coordinator.inbox.put(Started(rest))
     elif word == "gave_up":
         coordinator.inbox.put(s.GaveUp(rest))
     elif word == "stop":

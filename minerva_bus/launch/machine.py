@@ -10,6 +10,7 @@ import time
 from functools import partial
 from typing import Final, Protocol
 
+from minerva_bus.launch.capacity import cores
 from minerva_bus.launch.children import Coordinating, Joining, coordinate, take_part
 from minerva_bus.launch.ending import kill, kill_rest, next_ended
 from minerva_bus.launch.pipes import Pipes
@@ -47,6 +48,10 @@ class Machine(Protocol):
 
     def start_member(self, work: Joining, lifeline: int) -> Child:
         """Start a member's process."""
+        ...
+
+    def cores(self) -> int:
+        """How many cores there are for the world's processes."""
         ...
 
     def signal(self, pid: int, number: int) -> None:
@@ -116,6 +121,10 @@ class RealMachine:
             }
             return command(process.name, process.command, environment, process.folder, lifeline)
         return fork(process.name, partial(take_part, work), (), lifeline)
+
+    def cores(self) -> int:
+        """How many cores there are for the world's processes."""
+        return cores()
 
     def signal(self, pid: int, number: int) -> None:
         """Send a process a signal."""

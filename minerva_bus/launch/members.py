@@ -10,11 +10,15 @@ from minerva_bus.launch.machine import REAL, Joining, Machine
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines
 from minerva_bus.launch.starters import Child
+from minerva_bus.launch.starting import PER_CORE, Starting
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import ASK, is_stack
 from minerva_bus.launch.worldfile import Process
 
 CALM = 30.0
+CALM_FRAMES = 10
+"""Seconds and frames for which a process has to serve well until a failure is a first one again."""
+
 LAST_WORDS = 0.4
 STACKS_WITHIN, STACKS_GO_ON = 0.5, 0.05
 """Seconds to wait for the stacks of a process, which may print all the time; and for more lines."""
@@ -28,14 +32,18 @@ class Watched:
 
     `wanted`: a person wants it started anew. `left_at`: it has ended without a failure, and from
     then on that is one, if the world has not ended, too. `cause`: what it has said of its failure.
-    `stacks`: lines of the stacks that it was asked for; None where it was not.
+    `stacks`: lines of the stacks that it was asked for; None where it was not. `came_at` and
+    `came_in`: when, and in which frame, it has said hello; `waited`: for how many seconds a frame
+    has waited for it in vain.
     """
 
     process: Process
     machine: Machine = REAL
     child: Child | None = None
     failures: int = 0
-    started: float = 0.0
+    came_at: float | None = None
+    came_in: int = 0
+    waited: float = 0.0
     restart_at: float | None = None
     left_at: float | None = None
     cause: str = ""
@@ -61,10 +69,28 @@ class Watched:
         """It has ended by itself: word of the world's end may follow."""
         self.left_at = self.machine.monotonic() + LAST_WORDS
 
-    def fail(self) -> float | None:
+    def begin(self, child: Child) -> None:
+        """It is started, or started anew."""
+        self.child, self.restart_at, self.came_at = child, None, None
+        self.lines, self.cause, self.waited = Lines(), "", 0.0
+
+    def come(self, frame: int) -> None:
+        """It has said hello."""
+        self.came_at, self.came_in = self.machine.monotonic(), frame
+
+    def served_well(self, now: float, frame: int) -> bool:
+        """Whether it took part for long enough; time in which a frame waited for it is none.
+
+        Seconds alone would not do: one that stops in each frame that it is asked in only waits.
+        """
+        if self.came_at is None:
+            return False
+        return now - self.came_at - self.waited > CALM and frame - self.came_in >= CALM_FRAMES
+
+    def fail(self, frame: int) -> float | None:
         """Count a failure; the seconds until it is started anew, or None where it is not."""
         now = self.machine.monotonic()
-        if now - self.started > CALM:
+        if self.served_well(now, frame):
             self.failures = 0
         self.failures += 1
         self.left_at = None
@@ -85,12 +111,18 @@ class Members:
         self._machine = around.machine
         self._watched = {process.name: Watched(process, around.machine) for process in here}
         self.failures = Failures()
+        self.starting = Starting(PER_CORE * around.machine.cores())
 
     def __iter__(self) -> Iterator[Watched]:
         return iter(self._watched.values())
 
     def __len__(self) -> int:
         return len(self._watched)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All of their names."""
+        return frozenset(self._watched)
 
     @property
     def running(self) -> bool:
@@ -101,13 +133,21 @@ class Members:
         """The one of this name, if it is started here."""
         return self._watched.get(name)
 
-    def start(self, watched: Watched) -> None:
-        """Start a process, or start it anew."""
-        child = self._child(watched.process)
-        watched.child, watched.started = child, self._machine.monotonic()
+    def ask_to_start(self, watched: Watched) -> None:
+        """Let a process be started, or started anew, when it is its turn."""
         watched.restart_at = None
-        watched.lines, watched.cause = Lines(), ""
+        self.starting.add(watched.process.name)
+
+    def start_next(self) -> Watched | None:
+        """Start the process whose turn it is, and return it; None where it is nobody's turn."""
+        name = self.starting.next(self._machine.monotonic())
+        if name is None:
+            return None
+        watched = self._watched[name]
+        child = self._child(watched.process)
+        watched.begin(child)
         self._around.pipes.listen(child.output, lambda: self._hear(watched, child))
+        return watched
 
     def _child(self, process: Process) -> Child:
         around = self._around
@@ -122,11 +162,13 @@ class Members:
                 self._machine.kill_rest(pid)
                 self._drain(watched, watched.child)
                 watched.child = None
+                self.starting.over(watched.process.name)
                 return watched
         return None
 
     def kill(self) -> None:
         """Kill them all, and start none anew."""
+        self.starting.cancel()
         for watched in self:
             watched.restart_at = watched.left_at = None
             if watched.child is not None:

@@ -44,13 +44,17 @@ class Succession:
         self.frame = 0
         self._failed_at, self._failures = -1, 0
 
-    def start(self) -> None:
-        """Start the first one, or one that goes on from the journal of the last."""
+    def start(self, queued: frozenset[str]) -> None:
+        """Start the first one, or one that goes on from the journal of the last.
+
+        `queued` are the members yet to be started.
+        """
         around, again = self._around, self.count > 0
         file = around.file
         if again:
             file = replace(file, bus=replace(file.bus, listen=self.listens_at))
-        work = Coordinating(file, self._make, around.profiling.frames, around.shared, again)
+        profile, shared = around.profiling.frames, around.shared
+        work = Coordinating(file, self._make, profile, shared, again, queued)
         started = around.machine.start_coordinator(work, around.lifeline[0])
         self.child, self._commands, self._reports = started
         self._output = self.child.output
@@ -86,12 +90,12 @@ class Succession:
         unexpected = code < 0 or (code == FAILED and self._failures < MOST_FAILURES)
         return unexpected and bool(self._around.endpoint) and self.count < MOST_SUCCESSIONS
 
-    def go_on(self) -> None:
+    def go_on(self, queued: frozenset[str]) -> None:
         """Let another one follow."""
         self.count += 1
         self._around.pipes.forget(self._reports)
         self._around.pipes.forget(self._output)
-        self.start()
+        self.start(queued)
 
     def _hear_reports(self) -> None:
         data = self._around.pipes.read(self._reports)

@@ -91,7 +91,7 @@ class Supervisor:
 
     def _run(self) -> None:
         try:
-            self._coordinator.start()
+            self._coordinator.start(self._members.names)
             while self._busy():
                 self._turn()
         finally:
@@ -108,18 +108,28 @@ class Supervisor:
         now = self._machine.monotonic()
         for watched in self._members:
             if watched.restart_at is not None and now >= watched.restart_at:
-                self._members.start(watched)
+                self._members.ask_to_start(watched)
             if watched.left_at is not None and now >= watched.left_at and not self._stopping:
                 self._on_failure(watched, 0)
+        self._start_members()
         if self._deadline is not None and now >= self._deadline:
             self._log_unfinished()
             self._kill_all()
 
+    def _start_members(self) -> None:
+        """Start those whose turn it is; the coordinator waits for them from then on."""
+        if self._stopping or self._deadline is not None:
+            self._members.starting.cancel()
+        while (watched := self._members.start_next()) is not None:
+            self._coordinator.command(f"started {watched.process.name}")
+
     def _patience(self) -> float:
         times = [at for watched in self._members for at in watched.times]
-        if self._deadline is not None:
-            times.append(self._deadline)
-        return max(0.0, min(times) - self._machine.monotonic()) if times else 1.0
+        now = self._machine.monotonic()
+        times += [
+            at for at in (self._deadline, self._members.starting.look_at(now)) if at is not None
+        ]
+        return max(0.0, min(times) - now) if times else 1.0
 
     # --- what the coordinator says ---
 
@@ -143,7 +153,7 @@ class Supervisor:
             self._note(note)
         if self._deadline is None:
             for watched in self._members:
-                self._members.start(watched)
+                self._members.ask_to_start(watched)
 
     def _tell_again(self) -> None:
         """Tell a coordinator that has followed another one who will not come back."""
@@ -151,6 +161,8 @@ class Supervisor:
         for watched in self._members:
             if watched.gave_up or (self._stopping and watched.child is None):
                 self._gave_up(watched)
+            elif watched.child is not None and watched.came_at is None:
+                self._coordinator.command(f"started {watched.process.name}")
 
     def _on_said(self, member: str, text: str, details: str = "") -> None:
         watched = self._members.get(member)
@@ -175,6 +187,12 @@ class Supervisor:
             self._laps.end("members and frame 0")
             self._first = FirstFrame(frame, at, self._laps.total)
 
+    def _on_came(self, member: str) -> None:
+        watched = self._members.get(member)
+        if watched is not None:
+            watched.come(self._coordinator.frame)
+            self._members.starting.over(member)
+
     def _on_stalled(self, member: str, waited: float) -> None:
         watched = self._members.get(member)
         elsewhere = any(process.name == member for process in self._file.processes)
@@ -182,6 +200,7 @@ class Supervisor:
             self._log(member, f"has not answered for {waited:.0f} s: start it anew where it runs")
         if watched is None or watched.child is None:
             return
+        watched.waited = waited
         self._log_stacks(watched, f"has not answered for {waited:.0f} s: it is killed")
         self._machine.kill(watched.child.pid)
 
@@ -247,7 +266,7 @@ class Supervisor:
             ended = f"failed ({self._last_line})" if code == FAILED else how_ended(code)
             how = f"{ended}; another one goes on from its journal"
             self._console.log(COORDINATOR, f"{how} ({number} of {MOST_SUCCESSIONS})", "warning")
-            self._coordinator.go_on()
+            self._coordinator.go_on(self._members.starting.queued)
             return
         if self._ended is not None:
             return  # Its members' deadline is set.
@@ -260,7 +279,7 @@ class Supervisor:
         if code in (RAISED, RAISED_BY_CHANCE):
             self._await_cause(watched)
         how = "has failed" if watched.cause else how_ended(code)
-        wait = watched.fail()
+        wait = watched.fail(self._coordinator.frame)
         if self._members.failures.lasting(process, code, watched.cause) and wait is not None:
             watched.restart_at = None
             self._stop_for(watched, f"{LASTING}, so it is not started again")
