@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf
 from typing import Any, Final
 
 import zenoh
@@ -21,7 +23,7 @@ from minerva_bus.bus.own_threads import OwnThreads
 from minerva_bus.bus.restraint import Restraint
 from minerva_bus.bus.session import not_let_in
 from minerva_bus.bus.shortcut import nothing_to, says_nothing, tick
-from minerva_bus.bus.system import REAL, System, run_through
+from minerva_bus.bus.system import REAL, System, Timer, run_through
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant, Refusal
@@ -38,14 +40,30 @@ RAISED: Final = 70
 RAISED_BY_CHANCE: Final = 75
 """The same, where another try may help: input and output, and whatever runs by the clock."""
 
-GREETING = 10.0
 NAME_FREE_AGAIN = 4.0
-WORLD_SEEN = 1.0
 SHOWN_WITHIN = 0.25
 ANSWERED_WITHIN = 1.0
 CLAIMED_EVERY = 0.1
 BACK_WITHIN = 5.0
 LOOKED_AGAIN = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """For how many seconds who comes looks for the world, for its name, and waits for a greeting.
+
+    A busy coordinator is waited for longer, `greeted_at_most` seconds.
+    """
+
+    seen: float = 1.0
+    named: float = 2.0
+    greeted: float = 10.0
+    greeted_at_most: float = 60.0
+
+
+ARRIVAL: Final = Arrival()
+STARTED_HERE: Final = Arrival(60.0, 60.0, inf, inf)
+"""Who was started by the world's launcher is right here; the launcher ends it if it takes long."""
 
 
 class BusMember:
@@ -62,6 +80,7 @@ class BusMember:
         own: Credentials | None = None,
         ends: bool = False,
         back_within: float = BACK_WITHIN,
+        arrival: Arrival = ARRIVAL,
         system: System = REAL,
     ) -> None:
         """A participant, the world of some name at an endpoint, and who shows that it is.
@@ -71,6 +90,7 @@ class BusMember:
         """
         checked_name(participant.name, "a member")
         self._system = system
+        self._arrival = arrival
         self.participant = participant
         self.keys = Keys(world)
         self.inbox = Inbox()
@@ -96,7 +116,8 @@ class BusMember:
             self.inbox.put,
             system,
         )
-        self._claimed_at = 0.0
+        self._claimed_at = self._declared_at = 0.0
+        self._greeting: Timer | None = None
         self._unheard = 0
         self._figures: m.Figures = {}
         self.failure: Exception | None = None
@@ -164,11 +185,11 @@ class BusMember:
         yield from self._find_world(session)
         self._session = session
         self.participant.operator = AskingOperator(self._ask)
-        yield from self._name.until_free(session, self._system.monotonic)
+        yield from self._name.until_free(session, self._system.monotonic, self._arrival.named)
 
     def _find_world(self, session: zenoh.Session) -> Iterator[None]:
         """A coordinator that is there can be seen at once; others would be waited for in vain."""
-        key, until = self.keys.alive(COORDINATOR), self._system.monotonic() + WORLD_SEEN
+        key, until = self.keys.alive(COORDINATOR), self._system.monotonic() + self._arrival.seen
         while not list(session.liveliness().get(key, timeout=1.0)):
             if self._system.monotonic() > until:
                 raise BusError(
@@ -213,7 +234,8 @@ class BusMember:
 
     def _take_part(self) -> Generator[None, None, int]:
         service = self.participant.service
-        self._greeting = self._system.later(GREETING, lambda: self.inbox.put(Ungreeted()))
+        self._declared_at = self._system.monotonic()
+        self._await_greeting()
         try:
             observes = isinstance(service, Device) and not service.coupled
             while not self.participant.stopped:
@@ -226,8 +248,18 @@ class BusMember:
         except Exception as error:
             return self._report_failure(error)
         finally:
-            self._greeting.cancel()
+            self._cancel_greeting()
         return 0
+
+    def _await_greeting(self) -> None:
+        if self._arrival.greeted < inf:
+            self._greeting = self._system.later(
+                self._arrival.greeted, lambda: self.inbox.put(Ungreeted())
+            )
+
+    def _cancel_greeting(self) -> None:
+        if self._greeting is not None:
+            self._greeting.cancel()
 
     def _shown_first(self) -> Any:
         """The next item for an observer, who shows a view that nothing newer replaces.
@@ -267,11 +299,25 @@ class BusMember:
         return False
 
     def _miss_greeting(self, _: Ungreeted) -> None:
-        if self.participant.world is None:
-            raise BusError(
-                f"the world {self.keys.world!r} does not greet {self.participant.name};"
-                " is that its name (minerva list)?"
-            )
+        """A coordinator that answers, but does not greet, never will; a busy one does later."""
+        if self.participant.world is not None:
+            return
+        waited = self._system.monotonic() - self._declared_at
+        if waited < self._arrival.greeted_at_most and not self._is_answered():
+            self._tell(f"{self.participant.name}: the world is busy; waiting for its greeting")
+            self._await_greeting()
+            return
+        raise BusError(
+            f"the world {self.keys.world!r} does not greet {self.participant.name};"
+            " is that its name (minerva list)?"
+        )
+
+    def _is_answered(self) -> bool:
+        """Whether the coordinator answers questions."""
+        try:
+            return ask(self._session, self._control, "status", ANSWERED_WITHIN, {}) is not None
+        except BusError:
+            return True  # It refuses, so it has heard.
 
     def _pulse(self, _: Pulse) -> bool:
         """Let the service look about; False when it wants to leave."""
@@ -385,7 +431,7 @@ class BusMember:
         for answer in self.participant.receive(message):
             self._send(answer)
         if joining and self.participant.world is not None:
-            self._greeting.cancel()
+            self._cancel_greeting()
             self._decoder = Decoder(self.participant.world.vocabulary)
             self._threads.start(self.participant.service)
 

@@ -10,9 +10,6 @@ import zenoh
 
 from minerva_bus.errors import BusError
 
-FREE_WITHIN = 2.0
-"""Seconds after which a name that is taken is another's: a dead one's is free after some ms."""
-
 
 class Name:
     """A name that a member wants, has or has given back; `key` is its token's."""
@@ -22,12 +19,15 @@ class Name:
         self._key = key
         self._token: zenoh.LivelinessToken | None = None
 
-    def until_free(self, session: zenoh.Session, clock: Callable[[], float]) -> Iterator[None]:
+    def until_free(
+        self, session: zenoh.Session, clock: Callable[[], float], within: float
+    ) -> Iterator[None]:
         """Look again and again until it is free, with a pause at each turn.
 
-        Raises BusError where another one goes on to bear it.
+        Raises BusError where another one bears it for so many seconds more: it is no dead one's,
+        which is free after some milliseconds.
         """
-        until = clock() + FREE_WITHIN
+        until = clock() + within
         while self.taken(session):
             if clock() > until:
                 raise BusError(

@@ -27,6 +27,14 @@ from minerva_bus.errors import BusError
 from minerva_bus.protocol.limits import DEFAULT
 
 LOOPBACK = "tcp/127.0.0.1:0"
+
+LEASE = 3.0
+LEASE_PER_LINK = 0.03
+"""Seconds without a sign after which a link is given up: so many, or so many for each link.
+
+A hub with a thousand links and little to compute with is late with its signs, and so are they.
+"""
+_links = 1
 REACHED_WITHIN = 5.0
 
 # A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
@@ -42,7 +50,6 @@ _COMMON: dict[str, Any] = {
     "scouting/delay": 0,
     "timestamping/enabled": False,
     "adminspace/enabled": True,
-    "transport/link/tx/lease": 3000,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
 }
 
@@ -58,6 +65,20 @@ _SHARED: dict[str, Any] = {
     },
 }
 _UNSHARED: dict[str, Any] = {"transport/shared_memory/enabled": False}
+
+
+def expect_links(number: int) -> None:
+    """Let sessions of this process and of its children wait for as many links as a hub will have.
+
+    A setting of the process: it goes to a fork of it, and all of its sessions share it.
+    """
+    global _links
+    _links = number
+
+
+def lease() -> float:
+    """Seconds for which a link of this process is kept without a sign from here."""
+    return max(LEASE, LEASE_PER_LINK * _links)
 
 
 _CLOSED_WITHIN = 1.0
@@ -119,7 +140,7 @@ def open_hub(
             why = why_unreachable(check_endpoint(router), own, REACHED_WITHIN)
             raise BusError(f"no router can be joined: {why}") from None
         raise BusError(f"cannot listen at {listen}: {_short(error)}") from None
-    let_dead_links_go(session)
+    let_dead_links_go(session, lease())
     return session, listening_at(session, listen) if secured is None else secured.local
 
 
@@ -160,7 +181,7 @@ def open_client(
         session = zenoh.open(_config("client", name, _connecting([connect], within), shared, own))
     except zenoh.ZError:
         raise BusError(why_unreachable(asked, own, patience)) from None
-    let_dead_links_go(session)
+    let_dead_links_go(session, lease())
     return session
 
 
@@ -249,6 +270,7 @@ def _config(
     config = zenoh.Config()
     memory = _SHARED if shared else _UNSHARED
     settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
+    settings["transport/link/tx/lease"] = round(1000 * lease())
     if own is not None:
         settings["transport/link/tls"] = _tls(own)
     for key, value in settings.items():

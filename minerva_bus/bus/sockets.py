@@ -12,6 +12,7 @@ import socket
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,14 +20,15 @@ import zenoh
 from zenoh.handlers import Callback
 
 _AT_ONCE: Final = struct.pack("ii", 0, 0)
-_GIVEN_UP_AFTER: Final = 4000
-"""Milliseconds without a sign from the other side: a little more than Zenoh's own lease."""
+_BEYOND_LEASE: Final = 1.0
+"""Seconds without a sign from the other side, beside Zenoh's own lease."""
 
 
 def sockets_to(address: str) -> Iterator[socket.socket]:
     """The sockets of a link to an address, such as tls/10.0.0.2:7447, each a copy to be used once.
 
-    There are none of links that have no socket of their own (QUIC, sockets in the file system).
+    The newest come first, so that a new link's is found at once among a thousand. There are none
+    of links that have no socket of their own (QUIC, sockets in the file system).
     """
     host, _, port = address.partition("/")[2].rpartition(":")
     for connection in _sockets() if port.isdecimal() else ():
@@ -35,8 +37,10 @@ def sockets_to(address: str) -> Iterator[socket.socket]:
                 yield connection
 
 
-def let_dead_links_go(session: zenoh.Session) -> None:
+def let_dead_links_go(session: zenoh.Session, lease: float) -> None:
     """Let a link of a session that dies be gone soon, and hold up no others.
+
+    `lease`: seconds without a sign after which Zenoh gives up a link.
 
     Zenoh closes a link when nothing has come for a while, but not before it has written what it
     was about to write, for which the system would try for a quarter of an hour (TCP_USER_TIMEOUT;
@@ -44,21 +48,26 @@ def let_dead_links_go(session: zenoh.Session) -> None:
     delivered, or ten seconds are over (SO_LINGER), while a thread that serves other links as well
     stands still. Without, the system still delivers what it can.
     """
+    given_up_after = round(1000 * (lease + _BEYOND_LEASE))
 
     def new_link(event: Any) -> None:
-        for one in sockets_to(str(event.link.dst)) if event.kind == zenoh.SampleKind.PUT else ():
+        if event.kind != zenoh.SampleKind.PUT:
+            return
+        for one in islice(sockets_to(str(event.link.dst)), 1):
             with suppress(OSError, AttributeError):
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
-                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _GIVEN_UP_AFTER)
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, given_up_after)
 
     session.info.declare_link_events_listener(Callback(new_link, indirect=True), history=True)
 
 
 def _sockets() -> Iterator[socket.socket]:
-    """All sockets of the process, each by a copy of its descriptor."""
-    for entry in list(Path("/dev/fd").iterdir()):
+    """All sockets of the process, each by a copy of its descriptor; the highest first."""
+    for descriptor in sorted(
+        (int(entry.name) for entry in Path("/dev/fd").iterdir()), reverse=True
+    ):
         try:
-            copy = os.dup(int(entry.name))
+            copy = os.dup(descriptor)
         except OSError:
             continue  # The listing itself had it open.
         try:

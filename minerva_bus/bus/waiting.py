@@ -27,8 +27,10 @@ FAILED: Final = {
 START: Final = 30.0
 """Seconds that a member has at least from its process's start to its hello."""
 
+TIMES_SLOWEST_SAID: Final = 2.0
 TIMES_SLOWEST: Final = 10.0
-"""How many times the slowest start so far a member has, where that is more."""
+"""How many times the slowest start so far one takes until it is said, and until it is restarted,
+where that is more: a machine that is busy with other things is slow for all."""
 
 STARTS_SAID_EVERY: Final = 2.0
 """Seconds between two lines about members that the world waits for before it begins."""
@@ -69,8 +71,8 @@ class Deadlines:
 
     def with_start(self, slowest: float) -> Patience:
         """The patience with a member that starts, where the slowest start took so many seconds."""
-        hard = max(self.all.hard, START, TIMES_SLOWEST * slowest)
-        return Patience(self.all.soft, hard, "restart")
+        soft = max(self.all.soft, TIMES_SLOWEST_SAID * slowest)
+        return Patience(soft, max(self.all.hard, START, TIMES_SLOWEST * slowest, soft), "restart")
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.member import STARTED_HERE, BusMember
 from minerva_bus.bus.overhearing import overhear
 from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.bus.watchers import Printed, Started, Status, Watchers
@@ -58,7 +58,9 @@ def take_part(work: Joining) -> int:
     def tell(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    member = BusMember(process.participant(), world, work.endpoint, tell, shared=work.shared)
+    member = BusMember(
+        process.participant(), world, work.endpoint, tell, shared=work.shared, arrival=STARTED_HERE
+    )
     sample = process.name == work.profiling.member
     return sampled(member.run, profile_of(world, process.name)) if sample else member.run()
 

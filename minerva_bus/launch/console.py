@@ -10,7 +10,11 @@ from dataclasses import dataclass, field
 from typing import Any, TextIO
 
 from minerva_bus.launch.loglines import Entry
-from minerva_bus.wording import counted
+from minerva_bus.wording import counted, named_some
+
+SHOWN_NAMES = 8
+NOW_AND_THEN = 5.0
+"""Seconds between two lines about something that goes on, where no person looks at a terminal."""
 
 _COLORS = (36, 33, 35, 32, 34, 96, 93, 95, 92, 94)
 
@@ -31,6 +35,7 @@ class Console:
     frame: int = -1
     traceback: bool = False
     _live: str = ""
+    _said_at: float | None = None
     _names: dict[str, int] = field(default_factory=dict[str, int])
 
     @property
@@ -62,6 +67,14 @@ class Console:
             self._write("info", "", line.removeprefix(f"{self.world}: "))
         else:
             self._above(line + "\n")
+
+    def now_and_then(self, line: str, now: float) -> None:
+        """A line about the world that will soon be out of date; `now` is of a monotonic clock."""
+        if self._said_at is None:
+            self._said_at = now
+        if now >= self._said_at + NOW_AND_THEN:
+            self._said_at = now
+            self.note(line)
 
     def problem(self, line: str) -> None:
         """What went wrong with the world as a whole."""
@@ -111,6 +124,14 @@ class Console:
             self.live(live)
 
 
+def starting_line(status: dict[str, Any], total: int) -> str:
+    """What is left to do until a world begins: who has come, and for whom it waits."""
+    here = min(int(status["members"]), total)
+    shown = f"{here:,} of {counted(total, 'member')} here"
+    waiting = [str(name) for name in status["waiting"]]
+    return f"{shown}; waiting for {named_some(waiting, SHOWN_NAMES)}" if waiting else shown
+
+
 def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> str:
     """The line at the bottom of a run."""
     seconds = time.monotonic() - began
@@ -122,7 +143,7 @@ def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> 
         f"{counted(int(status['members']), 'member')}  {seconds:.0f} s"
     )
     if status["waiting"] and status["waited"] >= 0.3:
-        names = ", ".join(status["waiting"])
+        names = named_some(status["waiting"], SHOWN_NAMES)
         shown += f"  waiting for {names} since {status['waited']:.1f} s"
     return shown
 

@@ -85,14 +85,17 @@ class _Reader:
             with table.loading("service"):
                 cls = find_service(service, folder)
             makers = {one: self.maker(one, cls, options) for one in names}
-            return [replace(plain, name=one, make_service=make) for one, make in makers.items()]
+            return [
+                replace(plain, name=one, make_service=make, alike=names[0])
+                for one, make in makers.items()
+            ]
         table.done()
         if command and shutil.which(command[0], path=self._path()) is None:
             table.wrong("command", f"names {command[0]!r}, which is no program")
         with table.loading("agents"):
             classes = tuple(cls for spec in agents for cls in find_agents(spec, folder))
         plain = replace(plain, agents=classes, command=command, folder=folder)
-        return [replace(plain, name=one) for one in names]
+        return [replace(plain, name=one, alike=names[0]) for one in names]
 
     def _path(self) -> str:
         return os.pathsep.join([str(self.path.parent), os.environ.get("PATH", os.defpath)])
@@ -115,6 +118,7 @@ def check_members(
 ) -> list[Participant]:
     """Let each member say hello to the world once, before anything is started.
 
+    Of the processes of one table the first speaks for all: they differ in their names only.
     Raises WorldFileError.
     """
     seen: set[str] = set()
@@ -125,7 +129,7 @@ def check_members(
         seen.add(process.name)
         if process.name == COORDINATOR:
             raise WorldFileError(f"{path}: the name {COORDINATOR} is taken")
-        if not process.command:
+        if not process.command and process.alike in ("", process.name):
             members.append(process.participant())
             reason = objection(members[-1].hello(), vocabulary)
             if reason:

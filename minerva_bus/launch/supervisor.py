@@ -9,10 +9,11 @@ from typing import Any
 from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.bus.profile import MeasuringCoordinator
-from minerva_bus.bus.session import POOL_BYTES
+from minerva_bus.bus.session import POOL_BYTES, expect_links
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch import starters
-from minerva_bus.launch.console import Console, live_line
+from minerva_bus.launch.capacity import make_room
+from minerva_bus.launch.console import Console, live_line, starting_line
 from minerva_bus.launch.ending import how_ended
 from minerva_bus.launch.failures import REPORT_BEGINS
 from minerva_bus.launch.interrupts import caught
@@ -71,6 +72,8 @@ class Supervisor:
     def run(self) -> Summary:
         """Run the world to its end. Raises BusError, and WorldStopped where it had to stop."""
         check_record(self._file)
+        make_room(len(self._members))
+        expect_links(len(self._file.processes))
         self._claim = Claim(self._file.world.name)
         try:
             self._around.shared = self._shares_memory()
@@ -180,7 +183,19 @@ class Supervisor:
     def _on_status(self, **status: Any) -> None:
         world = self._file.world
         self._console.frame = self._coordinator.frame = int(status["frame"])
+        if self._first is None and not status["frame"] and status["waiting"]:
+            self._show_start(status)
+            return
         self._console.live(live_line(world.name, status, world.frames, self._laps.began))
+
+    def _show_start(self, status: dict[str, Any]) -> None:
+        """Show how many have come: in a bar on a terminal, else in a line now and then."""
+        name, total = self._file.world.name, len(self._file.processes)
+        text, now = starting_line(status, total), self._machine.monotonic()
+        if self._console.terminal:
+            self._console.progress(name, min(int(status["members"]), total), total, text)
+        else:
+            self._console.now_and_then(f"{name}: {text}", now)
 
     def _on_first_frame(self, frame: int, at: float) -> None:
         if self._first is None:

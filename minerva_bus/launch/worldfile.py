@@ -35,7 +35,8 @@ class Process:
 
     `elsewhere`: the world waits for it, but it is started on another machine, by hand or by
     whatever runs things there: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and
-    `#id`s of agents in whose name a generator may send events.
+    `#id`s of agents in whose name a generator may send events. `alike`: the first of the processes
+    that the same table describes.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Process:
     on_failure: str = "restart"
     restarts: int = 5
     elsewhere: bool = False
+    alike: str = ""
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
 

@@ -3,14 +3,14 @@
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 from running import PATIENCE, write_world
 
 from minerva_bus.launch.ending import how_ended, next_ended
-from minerva_bus.launch.members import CALM, FIRST_WAIT, LONGEST_WAIT, Watched
+from minerva_bus.launch.members import CALM, CALM_FRAMES, FIRST_WAIT, LONGEST_WAIT, Watched
 from minerva_bus.launch.pipes import Pipes
+from minerva_bus.launch.starters import Child
 from minerva_bus.launch.worldfile import Process
 
 FAILING = """
@@ -54,23 +54,71 @@ def test_a_launcher_that_fails_leaves_nothing(tmp_path):
 
 
 def test_failures_are_counted_and_waited_for_longer_and_longer():
-    watched = Watched(Process("a", restarts=9), started=time.monotonic())
-    waits = [watched.fail() for _ in range(10)]
+    watched = Watched(Process("a", restarts=9))
+    waits = [watched.fail(0) for _ in range(10)]
     assert waits[:3] == [FIRST_WAIT, 2 * FIRST_WAIT, 4 * FIRST_WAIT]
     assert waits[8:] == [LONGEST_WAIT, None]
     assert watched.failures == 10
 
 
-def test_what_was_calm_for_long_has_failed_for_the_first_time():
-    watched = Watched(Process("a"), failures=5, started=time.monotonic() - CALM - 1)
-    assert watched.fail() == FIRST_WAIT
+class Clock:
+    """A machine of which only the time is used."""
+
+    now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+
+def lives(watched, clock, seconds, frames, waited=0.0):
+    """Let a member start, say hello, serve and fail; the seconds until it is started anew."""
+    watched.begin(Child("a", 1, -1))
+    watched.come(7)
+    clock.now += seconds
+    watched.waited = waited
+    return watched.fail(7 + frames)
+
+
+def test_what_has_served_well_for_long_has_failed_for_the_first_time():
+    clock = Clock()
+    watched = Watched(Process("a"), clock, failures=5)
+    assert lives(watched, clock, CALM + 1, CALM_FRAMES) == FIRST_WAIT
     assert watched.failures == 1
+
+
+@pytest.mark.parametrize(("seconds", "frames", "waited"), [
+    (CALM - 1, 1000, 0.0),
+    (1000.0, CALM_FRAMES - 1, 0.0),
+    (1000.0, 1000, 1000.0 - CALM + 1),
+])  # fmt: skip
+def test_what_has_not_served_well_for_long_fails_in_a_row(seconds, frames, waited):
+    clock = Clock()
+    watched = Watched(Process("a"), clock, failures=5)
+    assert lives(watched, clock, seconds, frames, waited) is None
+    assert watched.failures == 6
+
+
+@pytest.mark.parametrize("hard", [0.1, CALM, 10 * CALM])
+def test_what_stops_in_every_frame_is_given_up_whatever_its_deadline(hard):
+    clock = Clock()
+    watched = Watched(Process("a", restarts=3), clock)
+    ends = [lives(watched, clock, hard + 0.2, 1, hard) for _ in range(4)]
+    assert [end is None for end in ends] == [False, False, False, True]
+
+
+def test_what_never_says_hello_is_given_up_whatever_its_deadline():
+    clock = Clock()
+    watched = Watched(Process("a", restarts=2), clock)
+    for left in (True, True, False):
+        watched.begin(Child("a", 1, -1))
+        clock.now += 10 * CALM
+        assert (watched.fail(1000) is not None) == left
 
 
 @pytest.mark.parametrize("policy", ["stop", "ignore"])
 def test_what_is_not_to_be_restarted_is_not(policy):
     watched = Watched(Process("a", on_failure=policy))
-    assert watched.fail() is None
+    assert watched.fail(0) is None
     assert watched.restart_at is None
 
 

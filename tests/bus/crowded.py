@@ -1,0 +1,22 @@
+"""Members of which many start at once, each with some work to do before it can take part."""
+
+import os
+import time
+from pathlib import Path
+
+from minerva_bus import Generator, Primitive, Vocabulary
+
+vocabulary = Vocabulary.of(Primitive("PNothing"))
+
+
+class Busy(Generator):
+    """Notes when its start begins and ends, and computes meanwhile."""
+
+    def __init__(self, seconds=0.0):
+        folder = Path(os.environ.get("MINERVA_RUNTIME_DIR", ".")).parent / "starts"
+        began = time.monotonic()
+        until = time.process_time() + seconds
+        while time.process_time() < until:
+            pass
+        folder.mkdir(exist_ok=True)
+        (folder / str(os.getpid())).write_text(f"{began} {time.monotonic()}")
