@@ -15,6 +15,7 @@ import typer
 from minerva_bus.cli.commands import development, records, runs, studies, worlds
 from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
 from minerva_bus.cli.keying import app as keys
+from minerva_bus.cli.promised import promised
 from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
@@ -34,7 +35,8 @@ def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
     forget_inputs()
     try:
-        app()
+        with promised(sys.argv[1:]):
+            app()
     except MinervaError as error:
         print(f"minerva: {error}", file=sys.stderr)  # noqa: T201
         sys.exit(WRONG)

@@ -36,11 +36,9 @@ def replay_record(
     replay = read_replay(path, world, overrides, begin=begin, speed=speed)
     console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
     supervisor = Supervisor(replay.file, console, began, coordinator=replay.coordinator)
-    try:
-        summary = supervisor.run()
-    except WorldStopped as stopped:
-        tell(f"minerva: {replay.file.world.name}: {stopped}")
-        return FAILED
+    summary = supervisor.run()
+    if not summary.digest:
+        tell(f"minerva: {replay.file.world.name}: {summary.ended}")
     say(json.dumps(summary.plain()) if json_too else "\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 
 import typer
 
 from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
+from minerva_bus.cli.promised import say_summary
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.alone import Alone
@@ -18,6 +18,7 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
 
@@ -62,11 +63,18 @@ def run_world(
             raise
         console.problem(str(error))
         raise typer.Exit(WRONG) from None
-    if json_too or as_json:
-        say(json.dumps(summary.plain()))
-    else:
-        say("\n".join(summary.lines()))
+    _print_summary(summary, console, as_json or json_too)
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
     if failure:
         raise typer.Exit(FAILED)
+
+
+def _print_summary(summary: Summary, console: Console, as_json: bool) -> None:
+    """Print a summary; for people, one without its coordinator's part is no more than its cause."""
+    if not summary.digest:
+        console.problem(summary.ended)
+    if as_json:
+        say_summary(summary.plain())
+    elif summary.digest:
+        say("\n".join(summary.lines()))

@@ -47,7 +47,7 @@ class Summary:
     `before` is how many of the frames ran before this run, which went on from a record or a
     journal. `wall_seconds` is from the end of its first frame to the end of its last one, also
     where another coordinator followed in between. `first_frame_seconds` is None where no frame was
-    completed.
+    completed. `digest` is empty where the world ended without a word of its coordinator.
     """
 
     world: str
@@ -79,7 +79,7 @@ class Summary:
             "world": self.world,
             "frames": self.frames,
             "frames_before": self.before,
-            "digest": self.digest,
+            "digest": self.digest or None,
             "reached": self.reached,
             "wall_seconds": round(self.wall_seconds, 3),
             "frames_per_second": round(self.frames_per_second, 1),

@@ -10,7 +10,6 @@ from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import RAISED, RAISED_BY_CHANCE
 from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.bus.session import POOL_BYTES, expect_links
-from minerva_bus.errors import WorldStopped
 from minerva_bus.launch import starters
 from minerva_bus.launch.capacity import make_room
 from minerva_bus.launch.console import Console, live_line, starting_line
@@ -70,7 +69,7 @@ class Supervisor:
         self._deadline: float | None = None
 
     def run(self) -> Summary:
-        """Run the world to its end. Raises BusError, and WorldStopped where it had to stop."""
+        """Run the world to its end. Raises BusError and MisuseError where it cannot begin."""
         check_record(self._file)
         make_room(len(self._members))
         expect_links(len(self._file.processes))
@@ -376,7 +375,7 @@ class Supervisor:
     def _summary(self) -> Summary:
         ended = self._ended
         if ended is None:
-            raise WorldStopped(self._failure or "the world ended without a word")
+            return self._summary_without_coordinator()
         reason = self._failure or str(ended["reason"])
         first = self._first
         summary = Summary(
@@ -397,6 +396,25 @@ class Supervisor:
         if ended["failed"] and not self._failure:
             self._failure = reason
         return summary
+
+    def _summary_without_coordinator(self) -> Summary:
+        """What the launcher knows by itself; the digest and what members report are lost."""
+        self._failure = self._failure or "the world ended without a word"
+        world, first = self._file.world, self._first
+        return Summary(
+            world=world.name,
+            frames=self._coordinator.frame,
+            digest="",
+            reached=False,
+            ended=self._failure,
+            wall_seconds=max(0.0, self._machine.monotonic() - first.at) if first else 0.0,
+            first_frame_seconds=first.seconds if first else None,
+            members=sum(watched.came_at is not None for watched in self._members),
+            seed=world.seed,
+            startup=self._laps.parts,
+            figures={},
+            before=first.frame if first else world.past.frame,
+        )
 
     @property
     def failure(self) -> str:

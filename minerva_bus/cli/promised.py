@@ -1,0 +1,100 @@
+"""`minerva run --json` prints one JSON object on standard output, however it ends.
+
+What has run prints its own summary. Where nothing could, because the options or the world file are
+wrong, or a signal came before there was a world, the object says why, with the keys of a summary.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from types import FrameType
+from typing import Any, Final
+
+from minerva_bus.cli.saying import say
+from minerva_bus.errors import MinervaError
+
+_NOTHING: Final[Mapping[str, Any]] = {
+    "world": "", "frames": 0, "frames_before": 0, "digest": None, "reached": False,
+    "wall_seconds": 0.0, "frames_per_second": 0.0, "first_frame_seconds": None,
+    "startup_seconds": {}, "members": 0, "seed": None,
+}  # fmt: skip
+_said: list[str] = []
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM or SIGHUP has come while there is no world that could end in order."""
+
+
+def say_summary(plain: Mapping[str, Any]) -> None:
+    """Print a summary, which is the only one of this command."""
+    text = json.dumps(plain)
+    _said.append(text)
+    say(text)
+
+
+@contextmanager
+def promised(words: Sequence[str]) -> Generator[None]:
+    """Run a command of these words; a summary is printed where they promise one."""
+    if not _promise(words):
+        yield
+        return
+    _said.clear()
+    _catch_signals()
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        _say_why(error)
+        raise
+    except SystemExit as error:
+        if error.code not in (0, None):
+            _say_why(error)
+        raise
+    except Exception as error:
+        _say_why(error)
+        raise
+
+
+def _promise(words: Sequence[str]) -> bool:
+    logged = "--log-format=json" in words or ("--log-format", "json") in pairwise(words)
+    return words[:1] == ["run"] and ("--json" in words or logged)
+
+
+def _catch_signals() -> None:
+    """Let signals end the command in order; a supervisor has its own way, for as long as it runs.
+
+    A hang-up that is ignored, as under `nohup`, stays ignored.
+    """
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise Terminated(signal.Signals(number).name)
+
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, end)
+
+
+def _say_why(error: BaseException) -> None:
+    if not _said:
+        say_summary({**_NOTHING, "ended": _why(error)})
+
+
+def _why(error: BaseException | None) -> str:
+    """The first cause that was meant for people: an exit code comes from an error before it."""
+    while error is not None:
+        if isinstance(error, Terminated):
+            return "terminated"
+        if isinstance(error, KeyboardInterrupt):
+            return "interrupted"
+        if isinstance(error, MinervaError):
+            return str(error).partition("\n")[0]
+        told = getattr(error, "format_message", None)  # An error of the command line's words.
+        if told is not None:
+            return str(told())
+        if not isinstance(error, SystemExit) and isinstance(error, OSError | MemoryError):
+            return f"{type(error).__name__}: {error}"
+        error = error.__cause__ or error.__context__
+    return "it failed; standard error says why"
