@@ -85,6 +85,6 @@ def test_starts_are_spoken_of_now_and_then_in_one_line():
             waiting.started(names[tick // 10], now)
         waiting.look(GATHERING, False, names, now)
         unsaid = waiting.unsaid(now)
-        said += [(now, text) for _, text in waiting.told(unsaid, now)] if unsaid else []
+        said += [(now, text) for _, text in waiting.told(unsaid, (), now)] if unsaid else []
     assert said
     assert all(b[0] - a[0] >= STARTS_SAID_EVERY - 1e-9 for a, b in pairwise(said))
