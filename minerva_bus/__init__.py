@@ -4,9 +4,10 @@ The names a user needs; see README.md. Each is imported when it is first asked f
 command line answers before numpy is there.
 """
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # As typing has it, which the command line need not wait for.
 if TYPE_CHECKING:
+    from typing import Any
+
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.batch import Events
     from minerva_bus.grammar.events import Event
@@ -60,7 +61,7 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Import a public name from where it lives."""
     from importlib import import_module
 

@@ -33,8 +33,8 @@ app.add_typer(keys, name="keys")
 
 def main() -> None:
     """Run the command line; errors are one message and an exit code, never a traceback."""
-    forget_inputs()
     try:
+        forget_inputs()
         with promised(sys.argv[1:]):
             app()
     except MinervaError as error:
