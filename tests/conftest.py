@@ -29,10 +29,17 @@ def pytest_configure():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+ON_DEMAND = {
+    "slow": "takes minutes; run it with pytest -m slow",
+    "deploy": "makes machines and containers, as root; run it with pytest -m deploy",
+}
+"""Markers of tests that run when they are asked for, and what is said of them otherwise."""
+
+
 def pytest_collection_modifyitems(config, items):
     """What takes minutes runs when it is asked for."""
-    if "slow" in config.getoption("markexpr"):
-        return
-    for item in items:
-        if item.get_closest_marker("slow"):
-            item.add_marker(pytest.mark.skip(reason="takes minutes; run it with pytest -m slow"))
+    for marker, reason in ON_DEMAND.items():
+        if marker not in config.getoption("markexpr"):
+            for item in items:
+                if item.get_closest_marker(marker):
+                    item.add_marker(pytest.mark.skip(reason=reason))

@@ -79,10 +79,10 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -
 @contextmanager
 def _progress() -> Generator[Callable[[int, int], None]]:
     """A progress bar on standard error, where a person looks at it."""
-    bar = typer.progressbar(
-        length=1, label="λ again", file=sys.stderr, hidden=not sys.stderr.isatty()
-    )
-    with bar:
+    if not sys.stderr.isatty():
+        yield lambda done, last: None
+        return
+    with typer.progressbar(length=1, label="λ again", file=sys.stderr) as bar:
 
         def told(done: int, last: int) -> None:
             bar.length = last

@@ -1,0 +1,64 @@
+"""The compose file by podman-compose: each member in a container of its own, with its own key."""
+
+import os
+import signal
+import sys
+import urllib.request
+
+import pytest
+
+from tests.bus.running import eventually
+from tests.deploy.deployed import COMPOSE, README
+from tests.machines.conftest import ROOT, needs, run
+
+pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
+OURS = [name for name, one in COMPOSE["services"].items() if "profiles" not in one]
+
+
+@pytest.fixture
+def compose(podman, image, tmp_path):
+    """podman-compose for the project, with the keys that the page's commands make."""
+    needs("podman-compose")
+    text = README.partition("## Containers")[2].split("```")[1]
+    script = "\n".join(line for line in text.splitlines() if "minerva keys" in line)
+    assert script.count("minerva keys") == 4
+    minerva = f'minerva() {{ {sys.executable} -m minerva_bus.cli.main "$@"; }}'
+    run("bash", "-ec", f"{minerva}\n{script}", cwd=tmp_path)
+    environment = {**podman.environment, "UID": "10001", "GID": "10001",
+                   "KEYS": str(tmp_path / "keys")}  # fmt: skip
+    for file in (tmp_path / "keys").iterdir():
+        os.chown(file, 10001, 10001)
+
+    def call(*words):
+        return run("podman-compose", "--file", ROOT / "deploy/docker/compose.yaml", *words,
+                   env=environment, cwd=ROOT)  # fmt: skip
+
+    yield call
+    call("down", "--volumes")
+
+
+def ready():
+    try:
+        with urllib.request.urlopen("http://127.0.0.1:9464/ready", timeout=5) as answer:
+            return answer.read().decode()
+    except OSError:
+        return ""
+
+
+def listed(podman):
+    """The state of each member, as `minerva list` in the coordinator's container shows it."""
+    lines = podman("exec", "docker_coordinator_1", "minerva", "list").splitlines()[2:]
+    return {line.split()[0]: line.split()[1] for line in lines}
+
+
+def test_members_in_containers_join_come_back_and_leave(compose, podman):
+    compose("up", "--detach", "--no-build", *OURS)
+    eventually(ready, "all members are there", 120)
+    assert listed(podman) == dict.fromkeys(set(OURS) - {"coordinator"}, "present")
+    inside = podman("inspect", "--format={{.State.Pid}}", "docker_gSpeed_1").strip()
+    os.kill(int(inside), signal.SIGKILL)
+    eventually(lambda: inside != podman("inspect", "--format={{.State.Pid}}", "docker_gSpeed_1"),
+               "it is started anew")  # fmt: skip
+    eventually(lambda: ready() and listed(podman)["gSpeed"] == "present", "it is there again", 60)
+    podman("stop", "--time=20", "docker_robots_1")
+    assert eventually(lambda: listed(podman).get("robots") == "left", "it has left")
