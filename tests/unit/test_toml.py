@@ -52,3 +52,28 @@ def test_it_is_the_standard_librarys_toml(text):
 def test_an_option_of_any_content_is_a_text():
     assert toml_value("[" * 100_000) == "[" * 100_000
     assert toml_value("1" * 5000) == "1" * 5000
+
+
+PARTS = 200_000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a" + ".a" * PARTS + " = 1",
+        '"a"' + '."a"' * PARTS + " = 1",
+        "'a'" + " . 'a'" * PARTS + " = 1",
+        "[a" + ".a" * PARTS + "]",
+        "[[a" + ".a" * PARTS + "]]",
+        "x = {a" + ".a" * PARTS + " = 1}",
+        "x = [{a" + ".a" * PARTS + " = 1}]",
+        "x = " + "1" * PARTS,
+        "x = " + "1_" * PARTS + "1",
+        "x = " + "[" * PARTS,
+        "x = " + "{a = " * PARTS,
+    ],
+    ids=range(11),
+)
+def test_very_many_parts_digits_or_levels_are_refused_before_they_cost_anything(text):
+    with pytest.raises(TomlError):
+        read_toml(text)
