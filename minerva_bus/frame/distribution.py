@@ -60,7 +60,7 @@ class Distribution:
         self.unplaced = {}
         kinds_on: dict[str, set[str]] = {host: set() for host in offers}
         for fragment, node in self._composition.fragments.items():
-            kinds, count = _kinds(node), agents_in(node) if self._most else 1
+            kinds, count = kinds_of(node), agents_in(node) if self._most else 1
             with_room = room.of(_able(kinds, offers), count)
             host = preferred.get(fragment)
             if host not in with_room:
@@ -168,7 +168,7 @@ class Distribution:
             elif on is not None and on in offers:
                 room.take(on, agents_in(node))
         for node in left:
-            kinds, count = _kinds(node), agents_in(node)
+            kinds, count = kinds_of(node), agents_in(node)
             with_room = room.of(_able(kinds, offers), count)
             if not with_room:
                 return False
@@ -255,7 +255,8 @@ def _able(kinds: frozenset[str], offers: Offers) -> list[str]:
     return [one for one, offered in offers.items() if kinds <= offered]
 
 
-def _kinds(node: Fragment) -> frozenset[str]:
+def kinds_of(node: Fragment) -> frozenset[str]:
+    """The kinds that a host must offer for a fragment."""
     if isinstance(node, Columns):
         return frozenset((node.symbol,))
     return frozenset(agent.symbol for agent in agents(Scene((node,))))

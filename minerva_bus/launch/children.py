@@ -21,6 +21,7 @@ from minerva_bus.launch.journaling import Keeping, find_past, next_epoch
 from minerva_bus.launch.profiling import Profiling, profile_of, sampled
 from minerva_bus.launch.recording import Nothing, Recording, recording
 from minerva_bus.launch.reports import Lines, Reports
+from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.record.journal import go_on
 
@@ -84,6 +85,7 @@ class Shift:
         told = self._told = _Told(reports, [one.name for one in file.processes if one.elsewhere])
         past = find_past(file, again=again)
         algorithm = FrameAlgorithm(file.world if past is None else past.world)
+        check_sizes(algorithm.composition.fragments, file.processes)
 
         def say(text: str) -> None:
             reports.tell("said", member="record", text=text)

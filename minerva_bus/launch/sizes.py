@@ -1,0 +1,67 @@
+"""Whether a world's first string fits into the messages that its hosts are given it by.
+
+A host is given all of its fragments in one message. That one is too long is known before anybody
+is started, and shown then: a member that cannot read it fails, and is started anew in vain.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.frame.composition import PART, Fragment
+from minerva_bus.frame.distribution import kinds_of
+from minerva_bus.frame.messages import Fragments
+from minerva_bus.frame.participant import Participant
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.worldfile import Process
+from minerva_bus.protocol.codec import encode
+from minerva_bus.protocol.limits import DEFAULT
+from minerva_bus.wording import counted
+
+LARGEST = DEFAULT.message_bytes
+"""Bytes that a member reads at once."""
+
+
+def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process]) -> None:
+    """Raises WorldFileError where a host would be given a message that it cannot read.
+
+    Fragments of the same kinds are shared by all processes that offer these, so one of them gets
+    an equal share at least. Who may be attached later is not counted on.
+    """
+    offers = [_offered(process) for process in processes if process.agents]
+    for kinds, group in _by_kinds(fragments).items():
+        hosts = sum(kinds <= offered for offered in offers)
+        size = _size(group)
+        if hosts and size > LARGEST * hosts:
+            more = f"Let {-(-size // LARGEST)} processes or more run them, or begin"
+            agents = f"the agents of {', '.join(sorted(kinds))} are"
+            raise WorldFileError(_told(agents, size, f" for {counted(hosts, 'process')}", more))
+        for name in group if hosts and size > LARGEST else ():
+            own = 0 if name.startswith(PART) else _size({name: group[name]})
+            if own > LARGEST:
+                raise WorldFileError(_told(f"the agent {name} with all in it is", own, "", "Begin"))
+
+
+def _offered(process: Process) -> frozenset[str]:
+    hello = Participant(process.name, None, process.agents).hello()
+    return frozenset(kind.name for kind in hello.kinds)
+
+
+def _by_kinds(fragments: Mapping[str, Fragment]) -> Mapping[frozenset[str], dict[str, Fragment]]:
+    found: defaultdict[frozenset[str], dict[str, Fragment]] = defaultdict(dict)
+    for name, node in fragments.items():
+        found[kinds_of(node)][name] = node
+    return found
+
+
+def _size(group: Mapping[str, Fragment]) -> int:
+    return len(encode(Fragments({name: Scene((node,)) for name, node in group.items()})))
+
+
+def _told(what: str, size: int, shared: str, more: str) -> str:
+    return (
+        f"{what} {size:,} bytes on the bus{shared}, and a message has {LARGEST:,} at most."
+        f" {more} with a shorter string"
+    )

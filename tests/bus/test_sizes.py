@@ -1,0 +1,77 @@
+"""A first string that its hosts could not be given is refused once, before anybody is started."""
+
+import subprocess
+import sys
+
+import pytest
+from running import MEMBERS, environment, write_world
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.frame.composition import Composition
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch import sizes
+from minerva_bus.launch.worldfile import Process
+from minerva_bus.world.agent import Agent
+
+
+class Stone(Agent, symbol="AStone"):
+    text: str = ""
+
+
+VOCABULARY = Vocabulary.of(Stone)
+
+
+def fragments(*texts):
+    string = " · ".join(f'AStone#s{i}<text="{text}">' for i, text in enumerate(texts))
+    return Composition(VOCABULARY.read(string)).fragments
+
+
+def hosts(number):
+    return [Process(f"stones-{i}", agents=(Stone,)) for i in range(number)]
+
+
+@pytest.fixture(autouse=True)
+def largest(monkeypatch):
+    monkeypatch.setattr(sizes, "LARGEST", 1000)
+
+
+def test_what_fits_may_begin():
+    sizes.check_sizes(fragments("x" * 800), hosts(1))
+    sizes.check_sizes(fragments("x" * 800, "y" * 800), hosts(2))
+
+
+def test_what_nobody_evolves_is_sent_to_nobody():
+    sizes.check_sizes(fragments("x" * 5000), [Process("other", command=("true",))])
+
+
+def test_too_much_for_all_hosts_together_is_refused_with_their_number():
+    with pytest.raises(
+        WorldFileError, match=r"AStone are 2,\d+ bytes .* for 2 processes, .* Let 3 "
+    ):
+        sizes.check_sizes(fragments(*["x" * 800] * 3), hosts(2))
+
+
+def test_one_agent_that_is_too_long_is_refused_whatever_the_number_of_hosts():
+    with pytest.raises(WorldFileError, match=r"the agent s0 with all in it is 1,\d+ bytes"):
+        sizes.check_sizes(fragments("x" * 1500), hosts(4))
+
+
+SMALL = """
+import minerva_bus.launch.sizes as sizes
+sizes.LARGEST = 50
+from minerva_bus.cli.main import main
+main()
+"""
+
+
+def test_a_world_of_too_long_a_string_ends_at_once(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL, "run", write_world(tmp_path, MEMBERS)], cwd=tmp_path,
+        env=environment(tmp_path), capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "AWalker are" in done.stderr
+    assert "50 at most" in done.stderr
+    assert "restart" not in done.stderr
+    assert "bus at" not in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,49 @@
+"""docs/timeouts.md: its tables are the code's constants, and what it says of two of them holds."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.bus import coordinator, greetings, member, session, waiting
+from minerva_bus.launch import members, starting, supervisor
+
+PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
+ROW = re.compile(r"^\| `((?:bus|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
+
+
+def constant(path):
+    package, module, *names = path.split(".")
+    found = import_module(f"minerva_bus.{package}.{module}")
+    for name in names:
+        found = getattr(found() if isinstance(found, type) else found, name)
+        found = found() if isinstance(found, type) else found
+    return found
+
+
+def test_the_page_has_rows():
+    assert len(ROW.findall(PAGE.read_text())) == PAGE.read_text().count("\n| `") >= 20
+
+
+@pytest.mark.parametrize(("path", "seconds"), ROW.findall(PAGE.read_text()))
+def test_a_row_is_as_in_the_code(path, seconds):
+    assert constant(path) == float(seconds)
+
+
+def test_numbers_in_words_are_as_in_the_code():
+    text = PAGE.read_text()
+    assert (starting.PER_CORE, "four at once on each core" in text) == (4, True)
+    assert (waiting.TIMES_SLOWEST, "ten times the slowest start" in text) == (10.0, True)
+    assert (members.CALM_FRAMES, "10 frames (`CALM_FRAMES`)" in text) == (10, True)
+
+
+def test_timeouts_that_follow_one_another_are_in_order():
+    patience, arrival = waiting.Patience(), member.Arrival()
+    assert patience.soft < patience.hard
+    assert starting.MAKES_ROOM_AFTER < waiting.START
+    assert greetings.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
+    assert session.LEASE < member.BACK_WITHIN < coordinator.BACK_WITHIN
+    assert session.LEASE < member.NAME_FREE_AGAIN < member.BACK_WITHIN
+    assert coordinator.HURRIED_REPORTS_WITHIN < supervisor.GRACE
+    assert members.LONGEST_WAIT < members.CALM
