@@ -481,7 +481,7 @@ class BusCoordinator:
             data = self._encode(instruction.message)
             self._outbox.show(instruction.event_type, data, instruction.to)
         elif isinstance(instruction, s.Stopping):
-            self._watch.stopping()
+            self._watch.stopping(instruction.reason)
         elif isinstance(instruction, s.Say):
             self._say(instruction.member, instruction.text, instruction.details)
         else:

@@ -5,11 +5,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import zenoh
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.protocol.keys import COORDINATOR, is_name, last_part
+
+HERE: Final = zenoh.SampleKind.PUT
+GONE: Final = zenoh.SampleKind.DELETE
+"""What a sample of a token says of it."""
 
 
 def presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
@@ -17,7 +22,7 @@ def presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
 
     Nor that one is gone who cannot have been there, for want of a name.
     """
-    member, there = last_part(str(sample.key_expr)), sample.kind == zenoh.SampleKind.PUT
+    member, there = last_part(str(sample.key_expr)), sample.kind == HERE
     if member == COORDINATOR or not (there or is_name(member)):
         return None
     return s.Appeared(member) if there else s.Vanished(member)
@@ -33,5 +38,5 @@ class Successor:
 def successor(sample: zenoh.Sample) -> Successor | None:
     """What a coordinator's token says of its epoch; nothing where it is gone."""
     epoch = last_part(str(sample.key_expr))
-    there = sample.kind == zenoh.SampleKind.PUT and epoch.isdecimal()
+    there = sample.kind == HERE and epoch.isdecimal()
     return Successor(int(epoch)) if there else None

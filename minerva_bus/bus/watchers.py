@@ -64,7 +64,8 @@ class Watchers:
     idle: Callable[[], None] = field(default=lambda: None)
     """The coordinator goes to wait for others: it has time for what need not be done at once."""
     operated: Callable[[], None] = field(default=lambda: None)
-    stopping: Callable[[], None] = field(default=lambda: None)
+    stopping: Callable[[str], None] = field(default=lambda _: None)
+    """No frame follows, and why."""
     restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
     """What else is declared on the hub's session."""

@@ -170,7 +170,7 @@ class Core:
         self.phase = Phase.STOPPING
         self._parts, self._stranded = {}, set()
         self._pending = {member.name for member in self.roster.here()}
-        self._out.append(s.Stopping())
+        self._out.append(s.Stopping(self._reason))
         self._send(s.EVERYONE, m.Stop(self._reason))
         if not self._pending:
             self._over()

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
@@ -78,6 +79,7 @@ class Participant:
         self.stopped = ""
         self.frame = -1
         self._asked: int | None = None
+        self._initial: Mapping[str, Any] | None = None
         self._ticked: dict[int, tuple[Outgoing, ...]] = {}
         self._evolved: tuple[int, set[int]] = (-1, set())
         self._generates: frozenset[str] = frozenset()
@@ -176,6 +178,7 @@ class Participant:
             raise UserCodeError(handler_name(service.joined), service.joined) from error
         self._generates = frozenset(_generates(service))
         if welcome.saved is not None:
+            self._initial = deepcopy(saved_by(service))
             restore(service, welcome.saved)
 
     def _same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:
@@ -190,8 +193,10 @@ class Participant:
         """Be as it was before a frame; what it said in that frame already, it can say again."""
         if welcome.frame not in self._ticked:
             self._ticked = {welcome.frame - 1: ()}
-            if welcome.saved is not None:
-                restore(service, welcome.saved)
+            # Nothing is saved of a first frame that never ended: back to before it.
+            saved = self._initial if welcome.saved is None else welcome.saved
+            if saved is not None:
+                restore(service, saved)
 
     def _on_refused(self, refused: m.Refused) -> None:
         raise Refusal(f"the world does not take {self.name}: {refused.reason}")

@@ -177,7 +177,9 @@ class FrameDone:
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """No frame follows; members are asked for their reports and go."""
+    """No frame follows, for this reason; members are asked for their reports and go."""
+
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,7 @@ class _Told:
             frame_done=self._frame_done,
             idle=lambda: self.record.help(),
             operated=lambda: self.journal.operated(),
-            stopping=lambda: tell("stopping"),
+            stopping=lambda reason: tell("stopping", reason=reason),
             restart=self._restart,
             opened=self._opened,
         )
@@ -219,5 +219,7 @@ def obey(line: str, coordinator: BusCoordinator) -> None:
         coordinator.inbox.put(Started(rest))
     elif word == "gave_up":
         coordinator.inbox.put(s.GaveUp(rest))
+    elif word == "end":
+        coordinator.inbox.put(s.End(rest))
     elif word == "stop":
         coordinator.inbox.put(s.End("interrupted", hurried=True))

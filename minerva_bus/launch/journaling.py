@@ -93,8 +93,9 @@ class Keeping:
             journal.members(member.name for member in roster.here())
 
     def _note_pace(self, journal: Journal) -> None:
-        pace = self._coordinator.pace
-        journal.pace(pace.rate, pace.left)
+        """The pace, with the frame that is under way among those left: it is not written yet."""
+        pace, begun = self._coordinator.pace, self._coordinator.algorithm.in_frame
+        journal.pace(pace.rate, None if pace.left is None else pace.left + begun)
 
     def _give_up(self, journal: Journal, error: OSError) -> None:
         journal.close(over=True)

@@ -63,7 +63,7 @@ class Supervisor:
         self._last_line = ""
         self._first: FirstFrame | None = None
         self._interrupts = 0
-        self._stopping = False
+        self._stopping, self._why = False, ""
         self._ended: dict[str, Any] | None = None
         self._failure = ""
         self._deadline: float | None = None
@@ -160,6 +160,8 @@ class Supervisor:
     def _tell_again(self) -> None:
         """Tell a coordinator that has followed another one who will not come back."""
         self._note(f"another coordinator is at {self._around.endpoint}")
+        if self._stopping:  # Its journal ends with a frame, before what ended the world.
+            self._coordinator.command(f"end {self._why}")
         for watched in self._members:
             if watched.gave_up or (self._stopping and watched.child is None):
                 self._gave_up(watched)
@@ -237,8 +239,8 @@ class Supervisor:
         self._log(member, "is started anew, as a person wants it")
         watched.restart()
 
-    def _on_stopping(self) -> None:
-        self._stopping = True
+    def _on_stopping(self, reason: str) -> None:
+        self._stopping, self._why = True, reason
 
     def _on_ended(self, **ended: Any) -> None:
         self._ended = ended

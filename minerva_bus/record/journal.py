@@ -58,8 +58,9 @@ class Journaled:
     """What a journal has: where it begins, and what has happened since.
 
     `members` took part, beside those that the world file names; `rate` and `left` are as in
-    `Pace`. `waiting` are events that people sent since the last frame, None: nothing new. `lost`
-    bytes at the end cannot be read: they are damaged, or were written when it was cut off.
+    `Pace`, `left` counting the frames that may follow those in the journal. `waiting` are events
+    that people sent since the last frame, None: nothing new. `lost` bytes at the end cannot be
+    read: they are damaged, or were written when it was cut off.
     """
 
     epoch: int
@@ -101,6 +102,8 @@ class Journal:
     def frame(self, course: Course) -> None:
         """A frame is over."""
         self._put(_plain_course(course))
+        rate, left = self._pace
+        self._pace = rate, left and left - 1
         if self._since > max(LEAST, ANEW_AFTER * self._string):
             self._begin()
 
@@ -112,7 +115,7 @@ class Journal:
             self._put(["members", list(now)])
 
     def pace(self, rate: float, left: int | None) -> None:
-        """People have changed the pace."""
+        """People have changed the pace: so many frames are `left` after those in the journal."""
         if (rate, left) != self._pace:
             self._pace = rate, left
             self._put(["pace", rate, left])
@@ -291,6 +294,7 @@ def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) 
     kind = text(entry[0], "an entry's name")
     if kind == "frame":
         found.courses.append(_course(entry, reader, decoder))
+        found.left = found.left and found.left - 1
         found.waiting = None
     elif kind == "members":
         found.members = frozenset(text(one, "a name") for one in listed(entry[1], "members"))

@@ -82,10 +82,10 @@ def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Bu
         _count(counts, done.events)
         watchers.frame_done(done)
 
-    def stopping() -> None:
+    def stopping(reason: str) -> None:
         told = {"string": str(coordinator.algorithm.scene), "events": counts}
         end.write_text(json.dumps(told), encoding="utf-8")
-        watchers.stopping()
+        watchers.stopping(reason)
 
     watching = replace(watchers, frame_done=frame_done, stopping=stopping)
     coordinator = MeasuringCoordinator(world, watching, **settings)

@@ -1,8 +1,13 @@
 """The coordinator is killed at every step of a run: another one goes on, and the strings are the same."""
 
+from functools import partial
+
 import pytest
+from pond import VOCABULARY, Steps
 from test_any_schedule import FRAMES, SETTINGS, both
 
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import GaveUp
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
@@ -48,3 +53,15 @@ def test_killed_again_and_again(setting, every):
 def test_a_killed_coordinator_is_told_in_a_trace():
     bus, _ = run(SETTINGS["pond"], {30})
     assert "the coordinator was killed" in bus.trace
+
+
+def test_a_member_that_came_anew_amid_the_first_frame_goes_back_to_before_it():
+    """It was given what was saved in a frame that never ended: a successor has nothing for it."""
+    asked = m.TickRequest(0)
+    welcome = partial(m.Welcome, "pond", VOCABULARY, 5, 0.1, 0, "sequential")
+    first, again = Participant("steps", Steps()), Participant("steps", Steps())
+    first.receive(welcome(None))
+    (said,) = first.receive(asked)
+    again.receive(welcome(said.saved))
+    again.receive(welcome(None))
+    assert again.receive(asked) == [said]

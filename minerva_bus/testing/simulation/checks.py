@@ -1,0 +1,119 @@
+"""What must hold of every history, whatever went wrong in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import chain
+
+from minerva_bus.errors import WorldStopped
+from minerva_bus.grammar.events import Event
+from minerva_bus.testing.simulation.observing import Frame, Observed
+from minerva_bus.testing.simulation.operations import wrong_operations
+from minerva_bus.testing.simulation.playing import Played
+from minerva_bus.testing.simulation.reference import cries_in, orders_in, undisturbed
+
+
+def wrong(played: Played) -> list[str]:
+    """What does not hold, each in a line; nothing where all is well."""
+    observed = played.observed
+    return [
+        *observed.problems,
+        *_wrong_end(played),
+        *_wrong_frames(observed),
+        *_wrong_answers(observed),
+        *_wrong_strings(played),
+        *_wrong_cries(observed),
+        *wrong_operations(played),
+    ]
+
+
+def _wrong_end(played: Played) -> Iterator[str]:
+    """A world ends, and leaves nothing behind."""
+    if played.waits:
+        yield f"it hangs: {played.waits}"
+        return
+    if isinstance(played.result, WorldStopped) and not played.listened:
+        return  # Whoever is killed before the world is anywhere ends it.
+    if isinstance(played.result, WorldStopped):
+        yield f"the world stopped: {played.result}"
+    elif played.result is not None:
+        yield from _wrong_summary(played)
+    if played.left:
+        yield f"still alive after the end: {', '.join(played.left)}"
+
+
+def _wrong_summary(played: Played) -> Iterator[str]:
+    result, frames = played.result, played.observed.frames
+    assert result is not None
+    assert not isinstance(result, WorldStopped)
+    stopped = any(one.act.ask == "stop" and one.sent for one in played.observed.asked)
+    if result.frames != played.history.frames and not stopped:
+        yield f"it ended after {result.frames} frames: {result.ended}"
+    if result.frames != len(frames):
+        yield f"its summary has {result.frames} frames, not {len(frames)}"
+    elif frames and result.digest != frames[-1].digest:
+        yield f"its summary's digest is {result.digest[:8]}, not {frames[-1].digest[:8]}"
+
+
+def _wrong_frames(observed: Observed) -> Iterator[str]:
+    """Frames are consecutive, whichever coordinator ended them, and epochs only grow."""
+    numbers = [one.number for one in observed.frames]
+    if numbers != list(range(len(numbers))):
+        yield f"frames are not consecutive: {numbers}"
+    epochs = [one.epoch for one in observed.frames]
+    if epochs != sorted(epochs):
+        yield f"an older coordinator went on: epochs {epochs}"
+
+
+def _wrong_answers(observed: Observed) -> Iterator[str]:
+    """Only answers of the frame count, and each fragment is answered for by one host."""
+    for frame in observed.frames:
+        course = frame.course
+        stale = [
+            one for one in (*course.ticked.values(), *course.replies) if one.frame != frame.number
+        ]
+        for one in stale:
+            yield f"an answer of {one.member} to frame {one.frame} counts in frame {frame.number}"
+        changed = Counter(chain.from_iterable(one.changed for one in course.replies))
+        twice = sorted(name for name, times in changed.items() if times > 1)
+        if twice:
+            yield f"in frame {frame.number} several hosts answered for {', '.join(twice)}"
+
+
+def _wrong_strings(played: Played) -> Iterator[str]:
+    """Strings, events and views are those of the undisturbed run with the same orders."""
+    observed = played.observed
+    if [one.number for one in observed.frames] != list(range(len(observed.frames))):
+        return
+    ordered = ((one.number, orders_in(_single(one))) for one in observed.frames)
+    same = undisturbed(played.history.frames, tuple((n, some) for n, some in ordered if some))
+    for frame in observed.frames:
+        number = frame.number
+        events = tuple(str(one) for one in frame.events if one.type != "eCry")
+        if events != same.events[number]:
+            yield f"frame {number} has the events {_differing(events, same.events[number])}"
+        if frame.digest != same.digests[number]:
+            yield f"frame {number} has another digest, {frame.digest[:8]}"
+            return
+    for number, text in sorted(observed.shown.items()):
+        if text != same.shown.get(number):
+            yield f"the screen has drawn another view of frame {number}"
+
+
+def _differing(events: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+    more, less = Counter(events) - Counter(wanted), Counter(wanted) - Counter(events)
+    told = [f"+{one}" for one in sorted(more)] + [f"-{one}" for one in sorted(less)]
+    return " ".join(told) or "in another order"
+
+
+def _single(frame: Frame) -> Iterator[Event]:
+    return (one for one in frame.events if isinstance(one, Event))
+
+
+def _wrong_cries(observed: Observed) -> Iterator[str]:
+    """What a free-running generator says counts once at most."""
+    cries = Counter(chain.from_iterable(cries_in(_single(one)) for one in observed.frames))
+    for number, times in sorted(cries.items()):
+        if times > 1:
+            yield f"eCry {number} is in {times} frames"

@@ -1,0 +1,83 @@
+"""What goes wrong in a history, done when it is due."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from minerva_bus.launch.journaling import journal_path
+from minerva_bus.testing.simulation.history import Fault
+from minerva_bus.testing.simulation.process import Process
+
+if TYPE_CHECKING:
+    from minerva_bus.testing.simulation.playing import Play
+
+RESET: Final = 0.02
+"""Seconds after which the client of a link that is cut notices."""
+
+
+class Faults:
+    """Carries out the faults of one history."""
+
+    def __init__(self, play: Play) -> None:
+        self._play = play
+        self._timeline = play.timeline
+        self._network = play.network
+        self._journal = journal_path(play.file)
+        play.network.crash = self._crash
+
+    def begin(self, frame: int) -> None:
+        """A frame begins for the first time: what it brings is due after its delay."""
+        for fault in self._play.history.faults:
+            if fault.frame == frame:
+                self._timeline.after(fault.delay, lambda fault=fault: self._do(fault))
+
+    def _do(self, fault: Fault) -> None:
+        self._timeline.note("fault", str(fault).partition(": ")[2])
+        process = self._play.process(fault.target)
+        if fault.kind == "attach":
+            self._play.attach(fault.target)
+        elif fault.kind == "send away":
+            self._play.send_away(fault.target)
+        elif fault.kind == "lose views of":
+            self._network.lossy_until = self._timeline.now + fault.seconds
+        elif process is not None:
+            self._do_to(process, fault)
+
+    def _do_to(self, process: Process, fault: Fault) -> None:
+        if fault.kind == "kill":
+            process.kill()
+        elif fault.kind == "crash":
+            self._network.crash_after[process.name] = fault.count
+        elif fault.kind == "freeze":
+            self._network.freeze(process, fault.seconds)
+        elif fault.kind == "echo":
+            self._network.echoes_until[process.name] = self._timeline.now + fault.seconds
+        else:
+            self._to_link(process, fault)
+
+    def _to_link(self, process: Process, fault: Fault) -> None:
+        for session in [one for one in self._network.clients if one.process is process]:
+            if fault.kind == "cut":
+                self._network.cut(session, (RESET, fault.seconds))
+            elif session.link is not None:
+                session.link.stall(fault.seconds, up=fault.count % 2 == 0, down=True)
+
+    def _crash(self, process: Process) -> None:
+        """Kill a process amid a turn: what it still writes to the journal has not been written."""
+        before = _content(self._journal)
+        process.after_turn = lambda: _restore(self._journal, before)
+        process.kill()
+
+
+def _content(path: Path) -> bytes | None:
+    return path.read_bytes() if path.exists() else None
+
+
+def _restore(path: Path, content: bytes | None) -> None:
+    if _content(path) == content:
+        return
+    if content is None:
+        path.unlink(missing_ok=True)
+    else:
+        path.write_bytes(content)

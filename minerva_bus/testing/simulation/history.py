@@ -1,0 +1,154 @@
+"""A history: a world's length and pace, what goes wrong, and what a person does, from one seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from random import Random
+from typing import Final
+
+from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.testing.simulation.worlds import GUESTS
+
+MEMBERS: Final = ("birds", "clerk", "gulls", "lookout", "marsh", "screen", "tide", "water")
+FRAMES: Final = 3, 9
+RATES: Final = (0.0, 0.0, 50.0, 400.0)
+MOST_FAULTS: Final = 6
+MOST_KILLS: Final = 3
+"""Deaths of one process: fewer than a world file allows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What goes wrong, so many seconds after a frame has begun for the first time (-1: the world).
+
+    `count`: after so many more messages of the target. `seconds`: for how long, as far as it lasts.
+    """
+
+    frame: int
+    delay: float
+    kind: str
+    target: str = ""
+    seconds: float = 0.0
+    count: int = 0
+
+    def __str__(self) -> str:
+        when = "the start" if self.frame < 0 else f"frame {self.frame}"
+        more = f" for {self.seconds:.3f} s" if self.seconds else ""
+        more += f" after {self.count} more messages" if self.kind == "crash" else ""
+        return f"{1000 * self.delay:.2f} ms after {when}: {self.kind} {self.target}{more}"
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """What a person does, so many seconds after the answer to what was done before."""
+
+    wait: float
+    ask: str
+    number: int = 0
+
+    def __str__(self) -> str:
+        return f"{1000 * self.wait:.2f} ms later: {self.ask} {self.number or ''}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What a simulation plays. A person begins to act when frame `acts_from` begins.
+
+    `slow` is the share of messages that are late.
+    """
+
+    seed: int
+    frames: int
+    rate: float
+    slow: float
+    faults: tuple[Fault, ...] = ()
+    acts: tuple[Act, ...] = ()
+    acts_from: int = 0
+
+    def __str__(self) -> str:
+        pace = f"{self.rate:g} frames a second" if self.rate else "as fast as it goes"
+        lines = [f"seed {self.seed}: {self.frames} frames, {pace}, {self.slow:.0%} slow messages"]
+        lines += [f"  {fault}" for fault in self.faults]
+        if self.acts:
+            lines.append(f"  from frame {self.acts_from} on, a person")
+            lines += [f"    {act}" for act in self.acts]
+        return "\n".join(lines)
+
+
+def drawn(seed: int) -> History:
+    """The history of a seed."""
+    chance = Random(f"history {seed}")  # noqa: S311
+    frames = chance.randint(*FRAMES)
+    rate = chance.choice(RATES)
+    span = 1 / rate if rate else 2e-3
+    faults: list[Fault] = []
+    for _ in range(chance.randint(0, MOST_FAULTS)):
+        fault = _fault(chance, frames, span)
+        if _deaths(faults, fault.target) < MOST_KILLS:
+            faults.append(fault)
+    acts = _acts(chance, span) if chance.random() < 0.6 else ()
+    slow = chance.choice((0.0, 0.02, 0.2))
+    begin = chance.randrange(frames)
+    return History(seed, frames, rate, slow, tuple(faults), acts, begin)
+
+
+def _deaths(faults: list[Fault], target: str) -> int:
+    return sum(fault.target == target and fault.kind in ("kill", "crash") for fault in faults)
+
+
+def _fault(chance: Random, frames: int, span: float) -> Fault:
+    frame = chance.randint(-1, frames - 1)
+    delay = chance.uniform(0, 0.03 if frame < 0 else span)
+    kind = chance.choice(_KINDS)
+    target = _target(chance, kind)
+    seconds = 0.0
+    if kind in ("freeze", "stall", "lose views of", "cut", "echo"):
+        seconds = chance.choice((0.003, 0.05, 0.5, 2.0, 6.0)) * chance.uniform(0.5, 1.0)
+    count = chance.randint(0, 30) if kind == "crash" else 0
+    return Fault(frame, delay, kind, target, seconds, count)
+
+
+_KINDS: Final = (
+    *("kill",) * 3,
+    *("crash",) * 4,
+    *("freeze",) * 2,
+    *("stall",) * 2,
+    *("cut",) * 2,
+    *("echo",) * 2,
+    *("attach",) * 2,
+    *("send away",) * 2,
+    "lose views of",
+)
+
+
+def _target(chance: Random, kind: str) -> str:
+    if kind in ("attach", "send away"):
+        return chance.choice(tuple(GUESTS))
+    if kind == "lose views of":
+        return ""
+    if kind in ("stall", "cut", "echo"):
+        return chance.choice((*MEMBERS, *GUESTS))
+    return chance.choice((*MEMBERS, *GUESTS, *(COORDINATOR,) * 4))
+
+
+def _acts(chance: Random, span: float) -> tuple[Act, ...]:
+    acts: list[Act] = []
+    for number in range(1, chance.randint(1, 6) + 1):
+        wait = chance.choice((0.0, span, 10 * span)) * chance.random()
+        ask = chance.choice(_ASKS)
+        acts.append(Act(wait, ask, chance.randint(1, 3) if ask == "step" else number))
+    return tuple(acts)
+
+
+_ASKS: Final = (
+    *("pub eMark",) * 4,
+    *("pub eNote",) * 4,
+    *("pause",) * 3,
+    *("step",) * 4,
+    *("resume",) * 2,
+    "restart tide",
+    "restart birds",
+    "drain birds",
+    *("kill coordinator",) * 3,
+    "stop",
+)

@@ -1,0 +1,104 @@
+"""The real launcher, turn by turn, on a simulated machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, cast
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.profiling import NOTHING
+from minerva_bus.launch.registry import Claim
+from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.supervisor import Supervisor
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.testing.simulation.links import Weather
+from minerva_bus.testing.simulation.machine import SimulatedMachine
+from minerva_bus.testing.simulation.network import Network
+from minerva_bus.testing.simulation.timeline import Alarm, Timeline
+
+SOON: Final = 20e-6, 100e-6
+
+
+class _NoClaim:
+    """There is one world only."""
+
+    def publish(self, endpoint: str) -> None:
+        """Tell nobody where it is."""
+
+
+class Quiet(Console):
+    """Shows nothing; what is said goes to the trace."""
+
+    def __init__(self, timeline: Timeline) -> None:
+        super().__init__(quiet=True)
+        self._timeline = timeline
+
+    def log(self, name: str, line: str, level: str = "info") -> None:
+        """A line about a member."""
+        self._timeline.note(f"launcher ({name})", line.partition("\n")[0])
+
+    def live(self, line: str) -> None:
+        """Nobody looks."""
+
+
+class Launcher(Supervisor):
+    """Runs a world on a simulated machine; `over` when nothing of it runs any more."""
+
+    def __init__(
+        self,
+        file: WorldFile,
+        timeline: Timeline,
+        weather: Weather,
+        make: Callable[..., BusCoordinator],
+    ) -> None:
+        self.network = Network(timeline, weather)
+        self.machine = SimulatedMachine(timeline, self.network, self._wake)
+        super().__init__(file, Quiet(timeline), 0.0, NOTHING, make, self.machine)
+        self._claim = cast("Claim", _NoClaim())
+        self._timeline = timeline
+        self._chance = timeline.stream("launcher")
+        self._next: Alarm | None = None
+        self._in_turn = False
+        self.over = False
+
+    @property
+    def endpoint(self) -> str:
+        """Where the world is; the empty text while it is nowhere."""
+        return self._around.endpoint
+
+    def begin(self) -> None:
+        """Start the world."""
+        self._coordinator.start(self._members.names)
+        self._wake()
+
+    def result(self) -> Summary:
+        """What became of the world."""
+        return self._summary()
+
+    def _wake(self) -> None:
+        if not self._in_turn and not self.over:
+            self._at(self._timeline.now + self._chance.uniform(*SOON))
+
+    def _at(self, time: float) -> None:
+        if self._next is not None:
+            self._next.cancel()
+        self._next = self._timeline.at(time, self._take_turn)
+
+    def _take_turn(self) -> None:
+        self._next = None
+        self._in_turn = True
+        self.machine.pipes().waits = False
+        self._turn()
+        self._in_turn = False
+        if not self._busy():
+            self.over = True
+            self._kill_all()
+            return
+        soon = self._chance.uniform(*SOON)
+        waits = bool(self.machine.ended) or self.machine.pipes().readable()
+        self._at(self._timeline.now + (soon if waits else max(soon, self._patience())))
+
+    def _on_said(self, member: str, text: str, details: str = "") -> Any:
+        self._timeline.note(f"said of {member}", text.partition("\n")[0])
+        super()._on_said(member, text, details)

@@ -1,0 +1,88 @@
+"""The link between a client and the hub: what is said in one direction keeps its order.
+
+A link loses nothing while it is there. What is under way when it is cut is lost; what a process
+has said before it died is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.sessions import Session
+from minerva_bus.testing.simulation.timeline import Timeline
+
+LATENCY: Final = 20e-6, 150e-6
+SLOW: Final = 1e-3, 40e-3
+"""Seconds on the way: as a rule, and where a scheduler or a network has something else to do."""
+
+LEAST: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """How links are: the share of messages that are slow."""
+
+    slow: float = 0.02
+
+
+@dataclass(slots=True)
+class _Way:
+    """One direction: to whom, and when the last message arrives."""
+
+    to: Process
+    last: float = 0.0
+    stalled_until: float = 0.0
+
+
+class Link:
+    """Between a client's session and the hub's; `heard` are the patterns that the hub knows of."""
+
+    def __init__(self, timeline: Timeline, weather: Weather, client: Session, hub: Session) -> None:
+        self.client = client
+        self.hub = hub
+        self.cut = False
+        self.heard: dict[str, None] = {}
+        self.listens: dict[str, bool] = {}
+        self.tokens: list[str] = []
+        self._timeline = timeline
+        self._weather = weather
+        self._up, self._down = _Way(hub.process), _Way(client.process)
+        self._chance = timeline.stream(f"link of {client.process.name}")
+
+    def hears(self, patterns: dict[str, None]) -> None:
+        """The hub learns what the client listens to."""
+        self.heard.update(patterns)
+        self.listens.clear()
+
+    def up(self, call: Callable[[], None]) -> None:
+        """Let something happen at the hub when the word of it arrives."""
+        self._send(self._up, call)
+
+    def down(self, call: Callable[[], None]) -> None:
+        """The same at the client."""
+        self._send(self._down, call)
+
+    def stall(self, seconds: float, *, up: bool, down: bool) -> None:
+        """Let nothing arrive for some time."""
+        for way, stalls in ((self._up, up), (self._down, down)):
+            if stalls:
+                way.stalled_until = self._timeline.now + seconds
+
+    def _send(self, way: _Way, call: Callable[[], None]) -> None:
+        slow = self._chance.random() < self._weather.slow
+        latency = self._chance.uniform(*(SLOW if slow else LATENCY))
+        at = max(self._timeline.now + latency, way.stalled_until + LEAST, way.last + LEAST)
+        way.last = at
+        self._timeline.at(at, lambda: self._arrive(way, call))
+
+    def _arrive(self, way: _Way, call: Callable[[], None]) -> None:
+        if self.cut or not way.to.alive:
+            return
+        later = max(way.stalled_until, way.to.frozen_until)
+        if self._timeline.now < later:
+            self._timeline.at(later, lambda: self._arrive(way, call))
+            return
+        call()

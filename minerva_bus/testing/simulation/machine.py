@@ -1,0 +1,265 @@
+"""A simulated machine for the real launcher: processes, pipes and a clock."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Generator
+from itertools import count
+from typing import Any, Final
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.member import BusMember
+from minerva_bus.launch.children import Coordinating, Joining, Shift, obey
+from minerva_bus.launch.pipes import NOWHERE, Pipes
+from minerva_bus.launch.reports import Lines, Reports
+from minerva_bus.launch.starters import Child
+from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.testing.simulation.network import Network
+from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.timeline import Timeline
+
+PIPE: Final = 20e-6, 200e-6
+"""Seconds until what is written to a pipe is read."""
+
+LAST: Final = 1.0
+"""Seconds within which the death of a killed process is known."""
+
+
+class SimulatedPipes(Pipes):
+    """Pipes in memory. The first wait of a turn only hears what has come; others let time pass."""
+
+    def __init__(self, timeline: Timeline, wake: Callable[[], None]) -> None:
+        self.waits = False
+        self._timeline = timeline
+        self._wake = wake
+        self._numbers = count(1000)
+        self._data: dict[int, bytearray] = {}
+        self._over: dict[int, None] = {}
+        self._hear: dict[int, Callable[[], object]] = {}
+
+    def open(self) -> int:
+        """A new pipe's descriptor."""
+        number = next(self._numbers)
+        self._data[number] = bytearray()
+        return number
+
+    def arrive(self, descriptor: int, data: bytes) -> None:
+        """Something can be read; b"": nothing more will come."""
+        if descriptor not in self._data:
+            return
+        if data:
+            self._data[descriptor] += data
+        else:
+            self._over[descriptor] = None
+        self._wake()
+
+    def listen(self, descriptor: int, hear: Callable[[], object]) -> None:
+        """Let `hear` be called whenever there is something to read, or the end of it."""
+        self._hear[descriptor] = hear
+
+    def wait(self, seconds: float) -> None:
+        """Hear what has come; where the launcher `waits`, let time pass until something has."""
+        if self.waits:
+            self._timeline.run(self._timeline.now + seconds, lambda: bool(self.readable()))
+        self.waits = True
+        for descriptor in self.readable():
+            if descriptor in self._hear:
+                self._hear[descriptor]()
+
+    def wait_for(self, descriptor: int, seconds: float) -> bool:
+        """Whether a pipe has something to read, now."""
+        return descriptor in self.readable()
+
+    def read(self, descriptor: int) -> bytes | None:
+        """What there is to read; None where no more will come."""
+        data = bytes(self._data.get(descriptor, b""))
+        if data or descriptor not in self._over:
+            if data:
+                self._data[descriptor].clear()
+            return data
+        self.forget(descriptor)
+        return None
+
+    def forget(self, descriptor: int) -> None:
+        """Close one, if it is not closed already."""
+        if descriptor != NOWHERE:
+            self._hear.pop(descriptor, None)
+            self._data.pop(descriptor, None)
+            self._over.pop(descriptor, None)
+
+    def close(self) -> None:
+        """Close them all."""
+        self._data.clear()
+        self._hear.clear()
+
+    def readable(self) -> list[int]:
+        """The pipes that have something to read, or have ended."""
+        return [one for one in self._hear if self._data.get(one) or one in self._over]
+
+
+class SimulatedReports(Reports):
+    """Reports of a simulated coordinator."""
+
+    def __init__(self, process: Process, send: Callable[[bytes], None]) -> None:
+        super().__init__(NOWHERE)
+        self._process = process
+        self._send = send
+
+    def tell(self, kind: str, **what: Any) -> None:
+        """Send one report; a dead process sends none."""
+        if self._process.alive:
+            self._send(json.dumps({"kind": kind, **what}).encode() + b"\n")
+
+
+class SimulatedMachine:
+    """A machine whose processes share one thread; `woken` is called when the launcher has news."""
+
+    def __init__(self, timeline: Timeline, network: Network, woken: Callable[[], None]) -> None:
+        self.timeline = timeline
+        self.network = network
+        self.processes: dict[int, Process] = {}
+        self.ended: deque[tuple[int, int]] = deque()
+        self._pipes = SimulatedPipes(timeline, woken)
+        self._woken = woken
+        self._pids = count(100)
+        self._commands: dict[int, Callable[[bytes], None]] = {}
+        self._chance = timeline.stream("pipes")
+        self._arrives: dict[int, float] = {}
+
+    # --- as the launcher sees it ---
+
+    def monotonic(self) -> float:
+        """Simulated seconds."""
+        return self.timeline.now
+
+    def pipes(self) -> SimulatedPipes:
+        """Where pipes are heard."""
+        return self._pipes
+
+    def lifeline(self) -> tuple[int, int]:
+        """The launcher outlives its world here."""
+        return self._pipes.open(), self._pipes.open()
+
+    def close(self, descriptor: int) -> None:
+        """Close a pipe's end."""
+        self._commands.pop(descriptor, None)
+
+    def write(self, descriptor: int, data: bytes) -> None:
+        """Write to a pipe. Raises OSError where its reader is dead."""
+        if descriptor not in self._commands:
+            raise BrokenPipeError
+        self._later(descriptor, lambda: self._command(descriptor, data))
+
+    def _command(self, descriptor: int, data: bytes) -> None:
+        if descriptor in self._commands:
+            self._commands[descriptor](data)
+
+    def start_coordinator(self, work: Coordinating, lifeline: int) -> tuple[Child, int, int]:
+        """Start a coordinator: its process, where to write commands, where to read reports."""
+        commands, reports = self._pipes.open(), self._pipes.open()
+        process, child = self._process(COORDINATOR, (reports,))
+        told = SimulatedReports(process, lambda data: self._written(reports, data))
+        self._commands[commands] = obeyed = _Obeyed(process)
+
+        def life() -> Generator[None, None, int]:
+            shift = Shift(work, told, process.system)
+            obeyed.begin(shift.coordinator)
+            return shift.life()
+
+        process.start(life)
+        return child, commands, reports
+
+    def start_member(self, work: Joining, lifeline: int) -> Child:
+        """Start a member's process."""
+        process, child = self._process(work.process.name, ())
+
+        def life() -> Generator[None, None, int]:
+            participant, said = work.process.participant(), process.said
+            member = BusMember(participant, work.world, work.endpoint, said, system=process.system)
+            return member.life()
+
+        process.start(life)
+        return child
+
+    def cores(self) -> int:
+        """Few enough that members start in turns."""
+        return 1
+
+    def signal(self, pid: int, number: int) -> None:
+        """Stacks are not to be had here."""
+
+    def kill(self, pid: int) -> None:
+        """Kill a process."""
+        self.processes[pid].kill()
+
+    def kill_rest(self, pid: int) -> None:
+        """A simulated process starts no others."""
+
+    def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
+        """A child that has ended, and its exit code; None where there is none."""
+        if wait:
+            self.timeline.run(self.timeline.now + LAST, lambda: bool(self.ended))
+        return self.ended.popleft() if self.ended else None
+
+    # --- how it works ---
+
+    def _process(self, name: str, pipes: tuple[int, ...]) -> tuple[Process, Child]:
+        pid, output = next(self._pids), self._pipes.open()
+
+        def said(line: str) -> None:
+            self.timeline.note(name, line)
+            self._written(output, line.encode() + b"\n")
+
+        def exited(code: int) -> None:
+            self.timeline.note(name, f"ended with {code}")
+            for one in (output, *pipes):
+                self._later(one, lambda one=one: self._pipes.arrive(one, b""))
+            last = max(self._arrives[one] for one in (output, *pipes))
+            self.timeline.at(last, lambda: self._has_ended(pid, code))
+
+        process = Process(name, self.timeline, self.network, exited, said)
+        self.processes[pid] = process
+        return process, Child(name, pid, output)
+
+    def _has_ended(self, pid: int, code: int) -> None:
+        """It is known only when all that it has written can be read."""
+        self.ended.append((pid, code))
+        self._woken()
+
+    def _written(self, descriptor: int, data: bytes) -> None:
+        self._later(descriptor, lambda: self._pipes.arrive(descriptor, data))
+
+    def _later(self, descriptor: int, call: Callable[[], None]) -> None:
+        """A pipe keeps its order."""
+        at = self.timeline.now + self._chance.uniform(*PIPE)
+        at = self._arrives[descriptor] = max(at, self._arrives.get(descriptor, 0.0))
+        self.timeline.at(at, call)
+
+
+class _Obeyed:
+    """The thread that reads a coordinator's commands, once there is a coordinator."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._lines = Lines()
+        self._before: list[bytes] = []
+        self._coordinator: BusCoordinator | None = None
+
+    def __call__(self, data: bytes) -> None:
+        """Some commands have come."""
+        if self._coordinator is None:
+            self._before.append(data)
+        else:
+            self._process.system.call(lambda: self._obey(data))
+
+    def begin(self, coordinator: BusCoordinator) -> None:
+        """Obey what came before, and whatever comes."""
+        self._coordinator = coordinator
+        for data in self._before:
+            self._obey(data)
+
+    def _obey(self, data: bytes) -> None:
+        assert self._coordinator is not None
+        for line in self._lines.feed(data):
+            obey(line, self._coordinator)

@@ -1,0 +1,345 @@
+"""The simulated network of one world: a hub, its clients, and the links between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import Any, Final
+
+from minerva_bus.bus.gate import may_be_awaited
+from minerva_bus.protocol.epochs import stamp
+from minerva_bus.testing.simulation.links import Link, Weather
+from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.sessions import Declared, Query, Session, matches
+from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
+
+LEASE: Final = 3.0
+"""Seconds after which a side that is not heard is given up, as in `bus/session.py`."""
+
+RETRY: Final = 0.02, 0.5
+RESET: Final = 1e-4, 20e-3
+"""Seconds until a side learns that the other one has closed a link."""
+
+TOKENS_FIRST: Final = 0.2
+"""How often a link that comes back tells of tokens before it tells of subscribers."""
+
+ECHO: Final = 1e-4, 2e-2
+"""Seconds after which an answer that comes twice comes again."""
+
+_STAMP: Final = len(stamp(int(EPOCH)))
+LOST: Final = 0.5
+"""Of the messages that may be dropped, so many are while there is no room for them."""
+
+
+class Network:
+    """Carries what sessions say. `graveyard` keeps the lives of killed processes as they were."""
+
+    def __init__(self, timeline: Timeline, weather: Weather) -> None:
+        self.timeline = timeline
+        self.weather = weather
+        self.hub: Session | None = None
+        self.links: list[Link] = []
+        self.clients: list[Session] = []
+        self.graveyard: list[Generator[None, None, int] | None] = []
+        self.crash_after: dict[str, int] = {}
+        self.crash: Callable[[Process], None] = Process.kill
+        self.lossy_until = 0.0
+        self.echoes_until: dict[str, float] = {}
+        self._hubs = 0
+
+    # --- sessions ---
+
+    def open_hub(self, process: Process, listen: str) -> tuple[Any, str]:
+        """A hub's session, and where clients find it."""
+        self._hubs += 1
+        self.hub = Session(self, process, hub=True)
+        return self.hub, listen.replace(":0", ":7447")
+
+    def open_client(self, process: Process) -> Session:
+        """A client's session; it is linked as soon as there is a hub."""
+        session = Session(self, process, hub=False)
+        self.clients.append(session)
+        if self.hub is not None and self._reachable(self.hub):
+            self._link(session, self.hub)
+        else:
+            self._retry(session)
+        return session
+
+    def leave(self, session: Session) -> None:
+        """A session is closed: the other side learns of it, behind all that was said before."""
+        if session.hub:
+            self._close_hub(session)
+        elif session in self.clients:
+            self.clients.remove(session)
+            link = session.link
+            if link is not None and not link.cut:
+                link.up(lambda: self._forget(link))
+
+    def gone(self, process: Process) -> None:
+        """A process has ended."""
+        if self.hub is not None and self.hub.process is process:
+            self._close_hub(self.hub)
+        for session in [one for one in self.clients if one.process is process]:
+            self.leave(session)
+
+    def _close_hub(self, hub: Session) -> None:
+        if self.hub is hub:
+            self.hub = None
+        for link in [one for one in self.links if one.hub is hub]:
+            self.links.remove(link)
+            chance = self.timeline.stream("resets")
+            link.down(lambda link=link: self._lost(link))
+            self.timeline.after(chance.uniform(*RESET), lambda: None)
+
+    # --- links ---
+
+    def _reachable(self, hub: Session) -> bool:
+        return hub.process.alive and self.timeline.now >= hub.process.frozen_until
+
+    def _link(self, session: Session, hub: Session) -> None:
+        link = session.link = Link(self.timeline, self.weather, session, hub)
+        self.links.append(link)
+        chance = self.timeline.stream(f"links of {session.process.name}")
+        steps = [lambda: self._tell_subscribers(session), lambda: self._tell_tokens(session, link)]
+        if chance.random() < TOKENS_FIRST:
+            steps.reverse()
+        for step in steps:
+            step()
+        for watch in session.watches:
+            self.tell_of_tokens(session, watch)
+
+    def _tell_subscribers(self, session: Session) -> None:
+        self.changed(session)
+
+    def _tell_tokens(self, session: Session, link: Link) -> None:
+        for token in session.tokens:
+            link.up(lambda key=token.key: self._seen(link, key, there=True))
+
+    def _retry(self, session: Session) -> None:
+        chance = self.timeline.stream(f"retries of {session.process.name}")
+        self.timeline.after(chance.uniform(*RETRY), lambda: self._link_again(session))
+
+    def _link_again(self, session: Session) -> None:
+        if session not in self.clients or session.link is not None or not session.process.alive:
+            return
+        known = any(link.client is session for link in self.links)
+        frozen = self.timeline.now < session.process.frozen_until
+        if self.hub is None or known or frozen or not self._reachable(self.hub):
+            self._retry(session)
+        else:
+            self._link(session, self.hub)
+
+    def cut(self, session: Session, noticed: tuple[float, float]) -> None:
+        """Cut a client's link; the client and the hub notice after so many seconds."""
+        link = session.link
+        if link is None or link.cut:
+            return
+        link.cut = True
+        client, hub = noticed
+        self._after(client, session.process, lambda: self._lost(link))
+        self._after(hub, link.hub.process, lambda: self._forget(link))
+
+    def _after(self, seconds: float, process: Process, call: Callable[[], None]) -> None:
+        """Let a process notice something; one that is frozen does so later."""
+
+        def notice() -> None:
+            if self.timeline.now < process.frozen_until:
+                self.timeline.at(process.frozen_until, notice)
+            else:
+                call()
+
+        self.timeline.after(seconds, notice)
+
+    def _lost(self, link: Link) -> None:
+        """A client notices that its link is gone: with it go the tokens that it knew."""
+        session = link.client
+        if session.link is not link:
+            return
+        session.link = None
+        known, session.known = list(session.known), {}
+        for key in known:
+            session.see(key, there=False)
+        self._retry(session)
+
+    def _forget(self, link: Link) -> None:
+        """The hub notices that a link is gone: with it go what its client heard, and its tokens."""
+        if link not in self.links:
+            return
+        self.links.remove(link)
+        link.cut = True
+        for key in list(link.tokens):
+            self._unseen(link, key)
+
+    def freeze(self, process: Process, seconds: float) -> None:
+        """Freeze a process: who is not heard for a lease loses its links."""
+        process.freeze(seconds)
+        if seconds <= LEASE:
+            return
+        self.timeline.after(LEASE, lambda: self._lease_over(process))
+
+    def _lease_over(self, process: Process) -> None:
+        if self.timeline.now >= process.frozen_until:
+            return
+        for link in list(self.links):
+            if process in (link.client.process, link.hub.process):
+                self.cut(link.client, (0.0, 0.0))
+
+    # --- tokens ---
+
+    def token(self, session: Session, key: str, *, there: bool) -> None:
+        """A token of a session has come or gone."""
+        if session.hub:
+            self._show_token(session, key, there=there)
+        elif session.link is not None:
+            link = session.link
+            link.up(lambda: self._seen(link, key, there=there))
+
+    def _seen(self, link: Link, key: str, *, there: bool) -> None:
+        if there and key not in link.tokens:
+            before = self._count(link.hub, key)
+            link.tokens.append(key)
+            if not before:
+                self._show_token(link.hub, key, there=True)
+        elif not there and key in link.tokens:
+            self._unseen(link, key)
+
+    def _unseen(self, link: Link, key: str) -> None:
+        link.tokens.remove(key)
+        if not self._count(link.hub, key):
+            self._show_token(link.hub, key, there=False)
+
+    def _count(self, hub: Session, key: str) -> int:
+        own = sum(token.key == key for token in hub.tokens)
+        return own + sum(key in link.tokens for link in self.links if link.hub is hub)
+
+    def _show_token(self, hub: Session, key: str, *, there: bool) -> None:
+        hub.see(key, there=there)
+        for link in list(self.links):
+            if link.hub is hub and any(matches(one.pattern, key) for one in link.client.watches):
+                self._tell_of(link, key, there=there)
+
+    def _tell_of(self, link: Link, key: str, *, there: bool) -> None:
+        session = link.client
+
+        def told() -> None:
+            if session.link is not link or (key in session.known) is there:
+                return
+            if there:
+                session.known[key] = None
+            else:
+                session.known.pop(key)
+            session.see(key, there=there)
+
+        link.down(told)
+
+    def tell_of_tokens(self, session: Session, watch: Declared) -> None:
+        """Tell a new watcher of the tokens that are there."""
+        if session.hub:
+            return  # It is the first in its world.
+        link = session.link
+        if link is not None:
+
+            def asked() -> None:
+                for key in self.tokens_matching(session, watch.pattern):
+                    self._tell_of(link, key, there=True)
+
+            link.up(asked)
+
+    def tokens_matching(self, session: Session, pattern: str) -> list[str]:
+        """The tokens that the hub knows of, sorted; nothing where it cannot be asked."""
+        link = session.link
+        hub = session if session.hub else None if link is None or link.cut else link.hub
+        if hub is None or not self._reachable(hub):
+            return []
+        keys = {token.key for token in hub.tokens}
+        for one in self.links:
+            if one.hub is hub:
+                keys.update(one.tokens)
+        return sorted(key for key in keys if matches(pattern, key))
+
+    # --- messages ---
+
+    def changed(self, session: Session) -> None:
+        """A client hears something else from now on; the hub learns of it."""
+        link = session.link
+        if link is not None and not session.hub:
+            patterns = {one.pattern: None for one in session.subscribers}
+            link.up(lambda: link.hears(patterns))
+
+    def publish(self, session: Session, key: str, data: bytes, *, droppable: bool) -> None:
+        """Carry something to all who listen elsewhere."""
+        if not self._may_speak(session.process):
+            return
+        if session.hub:
+            self._spread(session, None, key, data, droppable=droppable)
+        elif session.link is not None:
+            link = session.link
+            link.up(lambda: self._carried(link, key, data))
+
+    def _carried(self, link: Link, key: str, data: bytes) -> None:
+        link.hub.hear(key, data)
+        self._spread(link.hub, link, key, data, droppable=False)
+        echoes = self.timeline.now < self.echoes_until.get(link.client.process.name, 0.0)
+        if echoes and may_be_awaited(data, _STAMP):
+            chance = self.timeline.stream(f"echoes of {link.client.process.name}")
+            self.timeline.after(chance.uniform(*ECHO), lambda: self._echo(key, data))
+
+    def _echo(self, key: str, data: bytes) -> None:
+        """An answer comes once more, by a way round, to whoever is the hub by then."""
+        if self.hub is not None and self._reachable(self.hub):
+            self.hub.hear(key, data)
+
+    def _spread(
+        self, hub: Session, source: Link | None, key: str, data: bytes, *, droppable: bool
+    ) -> None:
+        for link in list(self.links):
+            if link.hub is hub and link is not source and self._listens(link, key):
+                if droppable and self._drops(link):
+                    continue
+                link.down(lambda link=link: link.client.hear(key, data))
+
+    def _listens(self, link: Link, key: str) -> bool:
+        known = link.listens.get(key)
+        if known is None:
+            known = link.listens[key] = any(matches(pattern, key) for pattern in link.heard)
+        return known
+
+    def _drops(self, link: Link) -> bool:
+        if self.timeline.now >= self.lossy_until:
+            return False
+        return self.timeline.stream(f"room for {link.client.process.name}").random() < LOST
+
+    def _may_speak(self, process: Process) -> bool:
+        """Whether a process is there to speak; one that is to crash may do so on the way."""
+        if not process.alive:
+            return False
+        left = self.crash_after.get(process.name)
+        if left is None:
+            return True
+        if left > 0:
+            self.crash_after[process.name] = left - 1
+            return True
+        del self.crash_after[process.name]
+        self.crash(process)
+        return False
+
+    # --- questions ---
+
+    def ask(
+        self, session: Session, key: str, data: bytes, answered: Callable[[bytes], None]
+    ) -> None:
+        """Put a question to the hub; its answer may come."""
+        link = session.link
+        if link is None:
+            return
+
+        def reply(answer: bytes) -> None:
+            if self._may_speak(link.hub.process):
+                link.down(lambda: answered(answer))
+
+        def asked() -> None:
+            for one in link.hub.queryables:
+                if matches(one.pattern, key):
+                    one.hear(Query(key, data, reply))
+                    return
+
+        link.up(asked)

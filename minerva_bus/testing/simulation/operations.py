@@ -1,0 +1,83 @@
+"""Whether what a person did took effect: exactly once if it was confirmed, else once at most.
+
+One person acts, one act after another. So the orders of operations that could have happened differ
+only in what was not confirmed; where something of that kind could still have an effect, nothing is
+claimed of the pace until it is known again.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import chain, zip_longest
+
+from minerva_bus.grammar.events import Event
+from minerva_bus.testing.simulation.observing import Asked, Observed
+from minerva_bus.testing.simulation.person import SETTLED
+from minerva_bus.testing.simulation.playing import Played
+from minerva_bus.testing.simulation.reference import orders_in
+
+PACE = ("pause", "step", "resume", "stop")
+
+
+def wrong_operations(played: Played) -> Iterator[str]:
+    """What does not hold of a person's operations."""
+    yield from _wrong_orders(played.observed)
+    yield from _wrong_pace(played.observed, played.history.frames)
+
+
+def _wrong_orders(observed: Observed) -> Iterator[str]:
+    events = (
+        orders_in(one for one in frame.events if isinstance(one, Event))
+        for frame in observed.frames
+    )
+    times = Counter(chain.from_iterable(events))
+    last = observed.frames[-1].number if observed.frames else -1
+    for asked in observed.asked:
+        word, _, event_type = asked.act.ask.partition(" ")
+        if word != "pub":
+            continue
+        effects = times.pop((event_type, asked.act.number), 0)
+        answer = asked.answer or {}
+        due = asked.confirmed and int(answer["frame"]) < last
+        at_most = 0 if not asked.sent or "error" in answer else 1
+        if effects > at_most or (due and not effects):
+            yield f"{asked.act.ask} {asked.act.number} took effect {effects} times: {_said(asked)}"
+    for (event_type, number), effects in sorted(times.items()):
+        yield f"{event_type} {number} took effect {effects} times; nobody has sent it"
+
+
+def _said(asked: Asked) -> str:
+    if not asked.sent:
+        return "it was not sent"
+    if asked.answer is None:
+        return "it was not confirmed"
+    if "error" in asked.answer:
+        return f"it was refused, {asked.answer['error']}"
+    return f"it was confirmed in frame {asked.answer['frame']}"
+
+
+def _wrong_pace(observed: Observed, frames: int) -> Iterator[str]:
+    """After a confirmed pause no frame begins; after a confirmed step so many as were asked for.
+
+    A frame that was under way when its coordinator died begins again, which is the same frame.
+    """
+    paced = [one for one in observed.asked if one.act.ask in PACE and one.sent]
+    for asked, then in zip_longest(paced, paced[1:]):
+        until = float("inf") if then is None else then.at
+        before = {frame for at, frame in observed.begun if at <= asked.done}
+        begun = {frame for at, frame in observed.begun if asked.done < at < until} - before
+        ended = {one.number for one in observed.frames if one.time < until}
+        if not asked.confirmed or asked.answer is None:
+            continue
+        name = f"{asked.act.ask} {asked.act.number or ''}".rstrip()
+        if asked.act.ask in ("pause", "stop") and begun:
+            yield f"frames {sorted(begun)} began after {name} was confirmed"
+        if asked.act.ask == "step":
+            follows = int(asked.answer["frame"])
+            over = sorted(frame for frame in ended if frame >= follows)
+            if over:
+                yield f"frames {over} ended after {name}, which was to end before {follows}"
+            settled = then is not None and then.at - asked.done >= SETTLED
+            if settled and follows <= frames and follows - 1 not in ended:
+                yield f"frame {follows - 1} has not ended {SETTLED:g} s after {name}"

@@ -1,0 +1,107 @@
+"""A person who operates a simulated world, one act after another, as commands do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from minerva_bus.bus.asking import question_key
+from minerva_bus.bus.client import ANSWER_WITHIN
+from minerva_bus.protocol.plain import mapped, pack, unpack
+from minerva_bus.testing.simulation.history import Act
+from minerva_bus.testing.simulation.network import Network
+from minerva_bus.testing.simulation.observing import Asked
+from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.sessions import Session
+from minerva_bus.testing.simulation.timeline import Timeline
+from minerva_bus.testing.simulation.worlds import NAME
+
+UNPAUSED: Final = Act(0.5, "resume")
+TRIES: Final = 60
+SETTLED: Final = 20.0
+"""Simulated seconds within which frames that were asked for have ended, whatever goes wrong."""
+
+_HALTING: Final = ("pause", "step")
+
+
+class Person:
+    """Does what a history says; in the end no world stays paused. `heard` gets what came of it."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        network: Network,
+        acts: tuple[Act, ...],
+        heard: Callable[[Asked], None],
+    ) -> None:
+        self._timeline = timeline
+        self._network = network
+        self._heard = heard
+        halted = any(act.ask in _HALTING for act in acts)
+        first = Act(SETTLED, "resume") if acts and acts[-1].ask == "step" else UNPAUSED
+        self._acts = [*acts, *([first, *[UNPAUSED] * TRIES] if halted else ())]
+        self._unpausing = len(acts)
+        self._next = 0
+        self._key = question_key(NAME, None)
+        self._process = Process("person", timeline, network, lambda _: None, lambda _: None)
+        self._session: Session | None = None
+
+    def begin(self) -> None:
+        """Begin with the first act."""
+        self._session = self._network.open_client(self._process)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        if self._next < len(self._acts):
+            act = self._acts[self._next]
+            self._timeline.after(act.wait, lambda: self._do(act))
+
+    def leave(self) -> None:
+        """Be there no more."""
+        self._acts = []
+        if self._session is not None:
+            self._session.close()
+
+    def _do(self, act: Act) -> None:
+        if not self._acts:
+            return
+        self._next += 1
+        at, session = self._timeline.now, self._session
+        self._timeline.note("person", f"{act.ask} {act.number or ''}".rstrip())
+        if act.ask == "kill coordinator":
+            if self._network.hub is not None:
+                self._network.hub.process.kill()
+            self._go_on()
+            return
+        if session is None or session.link is None:
+            self._finish(Asked(act, at, False, at, None))
+            return
+        waits = [True]
+
+        def answered(data: bytes | None) -> None:
+            if not waits:
+                return
+            waits.clear()
+            answer = None if data is None else mapped(unpack(data), "an answer")
+            self._finish(Asked(act, at, True, self._timeline.now, answer))
+
+        self._network.ask(session, self._key, pack(question_of(act)), answered)
+        self._timeline.after(ANSWER_WITHIN, lambda: answered(None))
+
+    def _finish(self, asked: Asked) -> None:
+        said = "no answer" if asked.answer is None else asked.answer.get("error", "done")
+        self._timeline.note("person", f"{asked.act.ask}: {said}")
+        self._heard(asked)
+        if asked.confirmed and self._next > self._unpausing:
+            return
+        self._go_on()
+
+
+def question_of(act: Act) -> Mapping[str, Any]:
+    """How an act is asked for."""
+    word, _, what = act.ask.partition(" ")
+    if word == "pub":
+        return {"ask": "pub", "type": what, "data": {"n": str(act.number)}}
+    if word == "step":
+        return {"ask": "step", "frames": act.number}
+    return {"ask": word, "member": what} if what else {"ask": word}

@@ -1,0 +1,182 @@
+"""Plays a history: a world from its start to its end, with all that goes wrong in it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.bus.coordinator import BusCoordinator
+from minerva_bus.bus.member import BusMember
+from minerva_bus.bus.notices import Leave
+from minerva_bus.errors import WorldStopped
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.participant import Participant
+from minerva_bus.launch.journaling import journal_path
+from minerva_bus.launch.summary import Summary
+from minerva_bus.record.journal import go_on, read_journal
+from minerva_bus.testing.simulation.faults import Faults
+from minerva_bus.testing.simulation.history import History
+from minerva_bus.testing.simulation.launcher import Launcher
+from minerva_bus.testing.simulation.links import Weather
+from minerva_bus.testing.simulation.observing import Asked, Observed, observing
+from minerva_bus.testing.simulation.person import Person
+from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.timeline import Timeline
+from minerva_bus.testing.simulation.worlds import GUESTS, NAME, world_file
+
+LONGEST: Final = 400.0
+"""Simulated seconds within which a world has ended, whatever goes wrong."""
+
+AFTERWARDS: Final = 15.0
+"""Simulated seconds within which nothing is left of a world that has ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What became of a history; `waits` names who was waited for where it did not end."""
+
+    history: History
+    observed: Observed
+    result: Summary | WorldStopped | None
+    waits: str
+    left: tuple[str, ...]
+    trace: list[str]
+    listened: bool
+
+
+class Play:
+    """One history, being played; files go to a folder."""
+
+    def __init__(self, history: History, folder: Path) -> None:
+        self.history = history
+        self.timeline = Timeline(str(history.seed))
+        self.observed = Observed()
+        self._begun: set[int] = set()
+        self._coordinator: BusCoordinator | None = None
+        self.file = world_file(history.frames, history.rate, folder, self.observed.shown)
+        make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
+        self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
+        self.network = self.launcher.network
+        self.guests: dict[str, tuple[Process, BusMember]] = {}
+        self._person = Person(self.timeline, self.network, history.acts, self._on_asked)
+        self._faults = Faults(self)
+        self._checked = history.seed % history.frames
+
+    def run(self) -> Played:
+        """Play it to its end."""
+        self._faults.begin(-1)
+        self.launcher.begin()
+        self.timeline.run(LONGEST, lambda: self.launcher.over)
+        over, waits, left = self.launcher.over, "", ()
+        if over:
+            self._person.leave()
+            self.timeline.run(self.timeline.now + AFTERWARDS, lambda: False)
+            left = tuple(one.name for one in self._processes() if one.alive)
+        else:
+            waits = self._waits()
+        result = self.launcher.result() if over else None
+        self._bury()
+        return Played(
+            self.history,
+            self.observed,
+            result,
+            waits,
+            left,
+            self.timeline.trace,
+            bool(self.launcher.endpoint),
+        )
+
+    # --- processes ---
+
+    def process(self, name: str) -> Process | None:
+        """The process of this name that is alive."""
+        return next((one for one in self._processes() if one.name == name and one.alive), None)
+
+    def _processes(self) -> list[Process]:
+        own = list(self.launcher.machine.processes.values())
+        return [*own, *(process for process, _ in self.guests.values())]
+
+    def attach(self, name: str) -> None:
+        """Let a guest come, if it is not here and there is a world."""
+        if not self.launcher.endpoint or self.launcher.over:
+            return
+        if name in self.guests and self.guests[name][0].alive:
+            return
+
+        def said(line: str) -> None:
+            self.timeline.note(name, line)
+
+        def exited(code: int) -> None:
+            self.timeline.note(name, f"ended with {code}")
+
+        process = Process(name, self.timeline, self.network, exited, said)
+        participant = Participant(name, None, GUESTS[name])
+        endpoint, system = self.launcher.endpoint, process.system
+        member = BusMember(participant, NAME, endpoint, said, system=system)
+        self.guests[name] = process, member
+        process.start(member.life)
+
+    def send_away(self, name: str) -> None:
+        """Let a guest leave of its own will."""
+        if name in self.guests and self.guests[name][0].alive:
+            self.guests[name][1].inbox.put(Leave())
+
+    # --- what happens ---
+
+    def _on_begin(self, frame: int) -> None:
+        if frame in self._begun:
+            return
+        self._begun.add(frame)
+        self._faults.begin(frame)
+        if frame == self.history.acts_from:
+            self._person.begin()
+
+    def _on_end(self, coordinator: BusCoordinator) -> None:
+        self._coordinator = coordinator
+        if coordinator.algorithm.frame == self._checked:
+            self._check_journal(coordinator.algorithm)
+
+    def _check_journal(self, algorithm: FrameAlgorithm) -> None:
+        """Whoever goes on from the journal now has the same string."""
+        past = read_journal(journal_path(self.file), self.file.world)
+        if past is None:
+            self.observed.problems.append(f"there is no journal in frame {algorithm.frame}")
+            return
+        again = FrameAlgorithm(past.world)
+        go_on(again, past, lambda _: None)
+        if (again.frame, again.scene.digest) != (algorithm.frame, algorithm.scene.digest):
+            self.observed.problems.append(
+                f"the journal goes on from frame {again.frame}, {again.scene.digest.hex()[:8]},"
+                f" not {algorithm.frame}, {algorithm.scene.digest.hex()[:8]}"
+            )
+
+    def _on_asked(self, asked: Asked) -> None:
+        self.observed.asked.append(asked)
+
+    def _waits(self) -> str:
+        coordinator = self._coordinator
+        alive = ", ".join(one.name for one in self._processes() if one.alive)
+        if coordinator is None:
+            return f"no frame has ended; alive: {alive}"
+        algorithm = coordinator.algorithm
+        names = ", ".join(algorithm.waiting_for()) or "nobody"
+        paused = ", paused" if coordinator.pace.paused else ""
+        phase = algorithm.phase.value
+        return f"frame {algorithm.frame} ({phase}{paused}) waits for {names}; alive: {alive}"
+
+    def _bury(self) -> None:
+        """Let what was killed tidy up, unseen."""
+        for process in self._processes():
+            process.alive = False
+        lives: list[Generator[None, None, int] | None] = list(self.network.graveyard)
+        lives += [process.life for process in self._processes()]
+        for life in lives:
+            if life is not None:
+                life.close()
+
+
+def play(history: History, folder: Path) -> Played:
+    """Play a history; its journal goes to a folder, which must be empty."""
+    return Play(history, folder).run()

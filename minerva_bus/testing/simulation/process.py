@@ -1,0 +1,230 @@
+"""A simulated process: it takes its turns, and has the clock and the sessions of a `System`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+from minerva_bus.bus.session import Secured
+from minerva_bus.errors import MinervaError
+from minerva_bus.testing.simulation.timeline import EPOCH, Alarm, Timeline
+
+if TYPE_CHECKING:
+    from minerva_bus.testing.simulation.network import Network
+
+FAILED: Final = 70
+KILLED: Final = -9
+TURN: Final = 20e-6, 120e-6
+"""Seconds that a turn takes, at least and at most."""
+
+THREAD: Final = 10e-6, 200e-6
+"""Seconds until a thread has begun."""
+
+
+class Process:
+    """Runs a `life` turn by turn, until it ends or is killed; `exited` is told its exit code.
+
+    One that is frozen takes no turn, and its timers wait. `said` gets what it prints.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        timeline: Timeline,
+        network: Network,
+        exited: Callable[[int], None],
+        said: Callable[[str], None],
+    ) -> None:
+        self.name = name
+        self.alive = True
+        self.frozen_until = 0.0
+        self.timeline = timeline
+        self.system = SimulatedSystem(self)
+        self.network = network
+        self._exited = exited
+        self.said = said
+        self.life: Generator[None, None, int] | None = None
+        self._next: Alarm | None = None
+        self._blocked = False
+        self._wake_at = 0.0
+        self.after_turn: Callable[[], None] | None = None
+        self._chance = timeline.stream(f"turns of {name}")
+
+    def start(self, make: Callable[[], Generator[None, None, int]]) -> None:
+        """Begin a life; one that cannot even begin ends at once."""
+
+        def begin() -> None:
+            if self.alive:
+                self._guarded(lambda: self._begin(make))
+
+        self.timeline.after(self._chance.uniform(1e-3, 8e-3), begin)
+
+    def _begin(self, make: Callable[[], Generator[None, None, int]]) -> None:
+        self.life = make()
+        self.wake()
+
+    # --- turns ---
+
+    def block(self) -> None:
+        """It waits for something to come; until then it takes no turn."""
+        self._blocked = True
+
+    def nap(self, seconds: float) -> None:
+        """It takes no turn for some time."""
+        self._wake_at = self.timeline.now + seconds
+
+    def wake(self) -> None:
+        """Something has come: it may take a turn."""
+        self._blocked = False
+        if self._next is None and self.alive and self.life is not None:
+            at = max(self.timeline.now, self._wake_at) + self._chance.uniform(*TURN)
+            self._next = self.timeline.at(max(at, self.frozen_until), self._turn)
+
+    def _turn(self) -> None:
+        self._next = None
+        if not self.alive:
+            return
+        if self.timeline.now < self.frozen_until:
+            self.wake()
+            return
+        self._guarded(self._take_turn)
+
+    def _take_turn(self) -> None:
+        assert self.life is not None
+        self._blocked = False
+        try:
+            next(self.life)
+        except StopIteration as end:
+            self._end(end.value)
+        finally:
+            if self.after_turn is not None:
+                self.after_turn()
+        if self.alive and not self._blocked:
+            self.wake()
+
+    def _guarded(self, call: Callable[[], None]) -> None:
+        """Let what is raised end the process, as it ends a child of the launcher."""
+        try:
+            call()
+        except MinervaError as error:
+            self.said(str(error))
+            self._end(1)
+        except Exception as error:
+            self.said(f"{type(error).__name__}: {error}")
+            self._end(FAILED)
+
+    def _end(self, code: int) -> None:
+        if self.alive:
+            self.alive = False
+            self.network.gone(self)
+            self._exited(code)
+
+    # --- what happens to it ---
+
+    def kill(self) -> None:
+        """End it at once: whatever it still does is not seen by anybody."""
+        if self.alive:
+            self.network.graveyard.append(self.life)  # It tidies up, unseen, when all is over.
+            self._end(KILLED)
+
+    def freeze(self, seconds: float) -> None:
+        """Stop it for some time."""
+        self.frozen_until = max(self.frozen_until, self.timeline.now + seconds)
+
+
+class SimulatedSystem:
+    """The clock, the timers and the sessions of one simulated process."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._timeline = process.timeline
+
+    @property
+    def lives(self) -> bool:
+        """Whether its process is alive."""
+        return self._process.alive
+
+    def monotonic(self) -> float:
+        """Simulated seconds."""
+        return self._timeline.now
+
+    def time(self) -> float:
+        """The same since 1970."""
+        return EPOCH + self._timeline.now
+
+    def sleep(self, seconds: float) -> None:
+        """Take no turn for some time, once this one is over."""
+        self._process.nap(seconds)
+
+    def later(self, seconds: float, call: Callable[[], object]) -> Alarm:
+        """Call once after some time."""
+        return self._timeline.after(seconds, lambda: self.call(call))
+
+    def every(self, seconds: float, call: Callable[[], object]) -> Repeated:
+        """Call again and again."""
+        return Repeated(self, seconds, call)
+
+    def aside(self, call: Callable[[], object]) -> None:
+        """Call as soon as a thread has begun; it runs to its end without a pause."""
+        chance = self._timeline.stream(f"threads of {self._process.name}")
+        self.later(chance.uniform(*THREAD), call)
+
+    def call(self, call: Callable[[], object]) -> None:
+        """Call something of this process now, or when it is frozen no more."""
+        process = self._process
+        if not process.alive:
+            return
+        if self._timeline.now < process.frozen_until:
+            self._timeline.at(process.frozen_until, lambda: self.call(call))
+            return
+        call()
+
+    def open_hub(
+        self,
+        name: str,
+        listen: str,
+        *,
+        shared: bool = False,
+        secured: Secured | None = None,
+        routers: Sequence[str] = (),
+    ) -> tuple[Any, str]:
+        """The coordinator's session and where it listens."""
+        return self._process.network.open_hub(self._process, listen)
+
+    @contextmanager
+    def client(self, name: str, endpoint: str, **_: Any) -> Generator[Any]:
+        """A member's session."""
+        session = self._process.network.open_client(self._process)
+        try:
+            yield session
+        finally:
+            session.close()
+
+    def obstacle(self, endpoint: str, own: object) -> str:
+        """What is in the way is not looked for."""
+        return f"nobody answers at {endpoint}"
+
+
+class Repeated:
+    """Something that happens every so many seconds until it is cancelled."""
+
+    def __init__(self, system: SimulatedSystem, seconds: float, call: Callable[[], object]) -> None:
+        self._system = system
+        self._seconds = seconds
+        self._call = call
+        self._alarm = system.later(seconds, self._ring)
+
+    def cancel(self) -> None:
+        """Let it not happen again."""
+        self._seconds = math.inf
+        self._alarm.cancel()
+
+    def join(self) -> None:
+        """Nothing runs beside, so nothing is waited for."""
+
+    def _ring(self) -> None:
+        self._call()
+        if self._seconds < math.inf:
+            self._alarm = self._system.later(self._seconds, self._ring)

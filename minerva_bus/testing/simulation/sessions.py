@@ -1,0 +1,293 @@
+"""Sessions as Zenoh's are: subscribers, publishers, queryables and tokens, over simulated links."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+from minerva_bus.bus.inbox import KNOCK
+from minerva_bus.bus.presence import GONE, HERE
+
+if TYPE_CHECKING:
+    from minerva_bus.testing.simulation.links import Link
+    from minerva_bus.testing.simulation.network import Network
+    from minerva_bus.testing.simulation.process import Process
+
+CALLBACK: Final = 5e-6, 300e-6
+"""Seconds until a callback with a thread of its own is called."""
+
+
+@lru_cache(65536)
+def matches(pattern: str, key: str) -> bool:
+    """Whether two key expressions meet; they may have `*`, and the first one `**` at its end."""
+    ours, theirs = pattern.split("/"), key.split("/")
+    if ours[-1] == "**":
+        ours, theirs = ours[:-1], theirs[: len(ours) - 1]
+    return len(ours) == len(theirs) and all(
+        mine in ("*", other) or other == "*" for mine, other in zip(ours, theirs, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Bytes:
+    """A payload."""
+
+    data: bytes = b""
+
+    def to_bytes(self) -> bytes:
+        """Its bytes."""
+        return self.data
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What a subscriber gets."""
+
+    key_expr: str
+    payload: Bytes
+    kind: Any
+
+
+class Query:
+    """A question, which is answered at most once."""
+
+    def __init__(self, key: str, data: bytes, answer: Callable[[bytes], None]) -> None:
+        self.key_expr = key
+        self.payload = Bytes(data)
+        self._answer = answer
+
+    def __enter__(self) -> Query:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def reply(self, key: str, data: bytes) -> None:
+        """Answer it."""
+        self._answer(data)
+
+
+class Channel:
+    """What a process has heard and not yet taken; taking from an empty one is a knock in vain."""
+
+    def __init__(self, process: Process, pattern: str) -> None:
+        self._process = process
+        self._queue: deque[Sample] = deque()
+        self._in_vain = Sample(pattern.replace("*", "coordinator"), Bytes(KNOCK), HERE)
+
+    def put(self, sample: Sample) -> None:
+        """Something has come."""
+        self._queue.append(sample)
+        self._process.wake()
+
+    def recv(self) -> Sample:
+        """The next one."""
+        if self._queue:
+            return self._queue.popleft()
+        self._process.block()
+        return self._in_vain
+
+    def try_recv(self) -> Sample | None:
+        """The next one, if there is one."""
+        return self._queue.popleft() if self._queue else None
+
+    def undeclare(self) -> None:
+        """Hear nothing more."""
+        self._queue.clear()
+
+
+@dataclass(slots=True)
+class Declared:
+    """Somebody hears what matches a pattern; `undo` ends that."""
+
+    pattern: str
+    hear: Callable[[Any], None]
+    session: Session
+    undo: Callable[[Declared], None]
+
+    def undeclare(self) -> None:
+        """Hear nothing more."""
+        self.undo(self)
+
+
+class DeclaredChannel(Declared):
+    """The same with a channel to take from."""
+
+    channel: Channel
+
+    def recv(self) -> Sample:
+        """The next one."""
+        return self.channel.recv()
+
+    def try_recv(self) -> Sample | None:
+        """The next one, if there is one."""
+        return self.channel.try_recv()
+
+
+@dataclass(slots=True)
+class Token:
+    """A liveliness token."""
+
+    key: str
+    session: Session
+
+    def undeclare(self) -> None:
+        """It is there no more."""
+        self.session.drop_token(self)
+
+
+@dataclass(slots=True)
+class Publisher:
+    """Puts on one key: `local` goes nowhere else, `droppable` may be lost on its way."""
+
+    session: Session
+    key: str
+    local: bool
+    droppable: bool
+
+    def put(self, data: bytes) -> None:
+        """Publish something."""
+        if self.local:
+            self.session.hear(self.key, data)
+        else:
+            self.session.publish(self.key, data, droppable=self.droppable)
+
+    def declare_matching_listener(self, _: Any) -> Publisher:
+        """Nobody observes records of frames here."""
+        return self
+
+    def undeclare(self) -> None:
+        """Publish nothing more."""
+
+
+@dataclass(slots=True)
+class Session:
+    """One process's session: a hub's, or a client's with its `link` to the hub, if it has one."""
+
+    network: Network
+    process: Process
+    hub: bool
+    link: Link | None = None
+    subscribers: list[Declared] = field(default_factory=list[Declared])
+    queryables: list[Declared] = field(default_factory=list[Declared])
+    watches: list[Declared] = field(default_factory=list[Declared])
+    tokens: list[Token] = field(default_factory=list[Token])
+    known: dict[str, None] = field(default_factory=dict[str, None])
+    """The tokens of others that a client knows of."""
+
+    # --- as Zenoh's ---
+
+    def declare_subscriber(self, key: str, handler: Any) -> Declared:
+        """Hear what is published: by a callback, or through a channel."""
+        declared = self._declared(key, handler, self.subscribers)
+        self.network.changed(self)
+        return declared
+
+    def declare_publisher(self, key: str, **options: Any) -> Publisher:
+        """Publish on a key."""
+        local = "allowed_destination" in options
+        droppable = "DROP" in str(options.get("congestion_control"))
+        return Publisher(self, key, local, droppable)
+
+    def declare_queryable(self, key: str, handler: Any) -> Declared:
+        """Answer questions."""
+        return self._declared(key, handler, self.queryables)
+
+    def liveliness(self) -> Liveliness:
+        """Tokens, and who looks at them."""
+        return Liveliness(self)
+
+    def close(self) -> None:
+        """Be there no more."""
+        self.network.leave(self)
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- how it works ---
+
+    def _declared(self, key: str, handler: Any, among: list[Declared]) -> Declared:
+        call = getattr(handler, "callback", None)
+        if call is None:
+            channel = Channel(self.process, key)
+            found = DeclaredChannel(key, channel.put, self, among.remove)
+            found.channel = channel
+        else:
+            hear = self._by_thread(call) if handler.indirect else call
+            found = Declared(key, hear, self, among.remove)
+        among.append(found)
+        return found
+
+    def _by_thread(self, call: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A thread of its own calls back: in order, but later than what is read from a channel."""
+        timeline, process = self.process.timeline, self.process
+        chance, last = timeline.stream(f"callbacks of {process.name}"), [0.0]
+
+        def hear(item: Any) -> None:
+            last[0] = max(last[0], timeline.now + chance.uniform(*CALLBACK))
+            timeline.at(last[0], lambda: process.system.call(lambda: call(item)))
+
+        return hear
+
+    def watch(self, key: str, handler: Any, history: bool) -> Declared:
+        """Be told of tokens, with those that are there already."""
+        declared = self._declared(key, handler, self.watches)
+        if history:
+            self.network.tell_of_tokens(self, declared)
+        return declared
+
+    def take_token(self, key: str) -> Token:
+        """Declare a token."""
+        token = Token(key, self)
+        self.tokens.append(token)
+        self.network.token(self, key, there=True)
+        return token
+
+    def drop_token(self, token: Token) -> None:
+        """Declare it no more."""
+        self.tokens.remove(token)
+        self.network.token(self, token.key, there=False)
+
+    def publish(self, key: str, data: bytes, *, droppable: bool) -> None:
+        """Let all hear it who listen, here and elsewhere."""
+        self.hear(key, data)
+        self.network.publish(self, key, data, droppable=droppable)
+
+    def hear(self, key: str, data: bytes) -> None:
+        """Hear what was published."""
+        sample = Sample(key, Bytes(data), HERE)
+        for one in list(self.subscribers):
+            if matches(one.pattern, key):
+                one.hear(sample)
+
+    def see(self, key: str, *, there: bool) -> None:
+        """A token has come or gone."""
+        sample = Sample(key, Bytes(), HERE if there else GONE)
+        for one in list(self.watches):
+            if matches(one.pattern, key):
+                one.hear(sample)
+
+
+class Liveliness:
+    """The tokens of a session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def declare_token(self, key: str) -> Token:
+        """Be seen by a key."""
+        return self._session.take_token(key)
+
+    def declare_subscriber(self, key: str, handler: Any, *, history: bool) -> Declared:
+        """Be told of tokens."""
+        return self._session.watch(key, handler, history)
+
+    def get(self, key: str, *, timeout: float) -> list[str]:
+        """The tokens that match; the hub is asked, and its answer is there at once."""
+        return self._session.network.tokens_matching(self._session, key)

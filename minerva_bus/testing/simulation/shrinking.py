@@ -1,0 +1,54 @@
+"""Shortens a history that fails, while it still does: delta debugging."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Final, TypeVar
+
+from minerva_bus.testing.simulation.history import History
+
+MOST_TRIES: Final = 400
+Item = TypeVar("Item")
+
+
+def shortened(
+    history: History, fails: Callable[[History], bool], most: int = MOST_TRIES
+) -> History:
+    """The shortest history on the way that still `fails`, after so many tries at most.
+
+    It leaves out halves of the faults and acts, then quarters, down to single ones; then frames.
+    """
+    tries = 0
+    shorter: History | None = history
+    while shorter is not None:
+        history, shorter = shorter, None
+        for candidate in _shorter(history):
+            tries += 1
+            if tries > most:
+                return history
+            if fails(candidate):
+                shorter = candidate
+                break
+    return history
+
+
+def _shorter(history: History) -> Iterator[History]:
+    """Histories with less in them, those with much less first."""
+    for faults in _without(history.faults):
+        yield replace(history, faults=faults)
+    for acts in _without(history.acts):
+        yield replace(history, acts=acts)
+    if history.slow:
+        yield replace(history, slow=0.0)
+    for frames in range(1, history.frames):
+        yield replace(history, frames=frames)
+
+
+def _without(items: Sequence[Item]) -> Iterator[tuple[Item, ...]]:
+    """The items without some of them: all, halves, quarters and so on to single ones."""
+    size = len(items)
+    while size:
+        for begin in range(0, len(items), size):
+            yield (*items[:begin], *items[begin + size :])
+        size //= 2

@@ -1,0 +1,75 @@
+"""Simulated time: what happens when, one thing after another."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from random import Random
+from typing import Final
+
+EPOCH: Final = 1_700_000_000.0
+"""What the simulated clock shows at the beginning, seconds since 1970."""
+
+
+@dataclass(slots=True)
+class Alarm:
+    """Something that is to happen; `cancel` lets it not happen."""
+
+    call: Callable[[], object] | None
+
+    def cancel(self) -> None:
+        """Let it not happen."""
+        self.call = None
+
+    def join(self) -> None:
+        """Nothing runs beside, so nothing is waited for."""
+
+
+class Timeline:
+    """A clock that goes from one event to the next; equal times keep the order of asking.
+
+    Streams of chance are keyed by the seed and a name, so that what one of them draws does not
+    depend on what happens elsewhere: a shorter history stays like the longer one.
+    """
+
+    def __init__(self, seed: str) -> None:
+        self.now = 0.0
+        self.trace: list[str] = []
+        self._seed = seed
+        self._heap: list[tuple[float, int, Alarm]] = []
+        self._numbers = count()
+        self._streams: dict[str, Random] = {}
+
+    def stream(self, name: str) -> Random:
+        """The stream of chance of this name."""
+        found = self._streams.get(name)
+        if found is None:
+            found = self._streams[name] = Random(f"{self._seed}/{name}")  # noqa: S311
+        return found
+
+    def at(self, time: float, call: Callable[[], object]) -> Alarm:
+        """Let something happen at a time, or now where that has passed."""
+        alarm = Alarm(call)
+        heapq.heappush(self._heap, (max(time, self.now), next(self._numbers), alarm))
+        return alarm
+
+    def after(self, seconds: float, call: Callable[[], object]) -> Alarm:
+        """Let something happen after some time."""
+        return self.at(self.now + seconds, call)
+
+    def run(self, until: float, over: Callable[[], bool]) -> None:
+        """Let things happen one after another, up to a time or until it is over."""
+        while self._heap and self._heap[0][0] <= until and not over():
+            time, _, alarm = heapq.heappop(self._heap)
+            call, alarm.call = alarm.call, None
+            self.now = time
+            if call is not None:
+                call()
+        if not over():
+            self.now = max(self.now, until)
+
+    def note(self, who: str, text: str) -> None:
+        """Write a line of the trace."""
+        self.trace.append(f"{self.now:11.6f} {who}: {text}")

@@ -1,0 +1,66 @@
+"""Plays histories one after another and looks at each: what tests and the command do."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.testing.simulation.checks import wrong
+from minerva_bus.testing.simulation.history import History, drawn
+from minerva_bus.testing.simulation.playing import Played, play
+from minerva_bus.testing.simulation.shrinking import shortened
+
+LINES: Final = 20
+"""Lines of a failure's report."""
+
+MEMORY: Final = Path("/dev/shm")  # noqa: S108
+"""Where journals are written, if it is there: they are no use afterwards."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A history that was played, and what did not hold of it; `crash` is an error of ours."""
+
+    played: Played | None
+    wrong: tuple[str, ...]
+    history: History
+
+    @property
+    def frames(self) -> int:
+        """How many frames it had."""
+        return 0 if self.played is None else len(self.played.observed.frames)
+
+    @property
+    def trace(self) -> list[str]:
+        """What happened, a line each."""
+        return [] if self.played is None else self.played.trace
+
+
+def tried(history: History) -> Tried:
+    """Play a history and check it. An exception in the launcher is a failure, too."""
+    folder = MEMORY if MEMORY.is_dir() else None
+    with tempfile.TemporaryDirectory(prefix="minerva-simulation-", dir=folder) as name:
+        try:
+            played = play(history, Path(name))
+        except Exception as error:
+            return Tried(None, (f"{type(error).__name__}: {error}",), history)
+    return Tried(played, tuple(wrong(played)), history)
+
+
+def tried_seed(seed: int) -> Tried:
+    """The same for the history of a seed."""
+    return tried(drawn(seed))
+
+
+def shortest(failed: Tried) -> Tried:
+    """A failure with as little in its history as still fails."""
+    return tried(shortened(failed.history, lambda history: bool(tried(history).wrong)))
+
+
+def report(failed: Tried, *, trace: bool = False) -> str:
+    """A failure in words: the history, what is wrong, and the end of what happened."""
+    lines = [*str(failed.history).split("\n"), *(f"! {one}" for one in failed.wrong[:5])]
+    left = len(failed.trace) if trace else max(0, LINES - len(lines))
+    return "\n".join([*lines, *failed.trace[len(failed.trace) - left :]])

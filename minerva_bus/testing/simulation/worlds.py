@@ -1,0 +1,264 @@
+"""The world that is simulated: small, but with one of each kind of member.
+
+Herons stride, call and breed by chance; eels flee and die; a bed of reeds is an agent around
+others. The tide has a memory; the water is coupled and publishes what it sees, of which the lookout
+makes events. A clerk takes people's orders, and gulls cry whenever they like.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache, partial
+from itertools import count
+from pathlib import Path
+from typing import Any, Final
+
+from minerva_bus import (
+    EMPTY,
+    Agent,
+    Device,
+    Event,
+    EventType,
+    Generator,
+    Metres,
+    Moment,
+    Primitive,
+    Scene,
+    Tick,
+    Transformation,
+    View,
+    Vocabulary,
+    on,
+    view,
+)
+from minerva_bus.frame.description import World
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.scene import walk
+from minerva_bus.launch.worldfile import BusSettings, Process, WorldFile
+from minerva_bus.world.order import Order
+from minerva_bus.world.readings import Sighting, Sightings
+from minerva_bus.world.services import Emit
+
+NAME: Final = "shore"
+STRING: Final = """
+    AHeron#h1 · TAt<x=1>(AHeron#h2<x=2> · PDot<x=0>) · AEel#e1 · AReeds#r1(AHeron#h3) · PDot<x=9>
+"""
+
+PDot = Primitive("PDot", x=Metres)
+TAt = Transformation("TAt", x=Metres)
+eTide = EventType("eTide", count=int)
+eCall = EventType("eCall", x=Metres)
+eSeen = EventType("eSeen", figures=int)
+eMark = EventType("eMark", n=int)
+eNote = EventType("eNote", n=int)
+eCry = EventType("eCry", n=int)
+eShow = EventType("eShow", visual=True)
+
+
+class Heron(Agent, symbol="AHeron"):
+    """Strides, calls and breeds by chance; too many calls are its end."""
+
+    x: Metres = 0.0
+    heard: int = 0
+    births: int = 0
+
+    @on("eTide")
+    def stride(self, tide: Event, moment: Moment) -> Scene | None:
+        self.x += moment.random.normal() + 0.001 * tide.count
+        if moment.random.random() < 0.4:
+            moment.emit(eCall(self.x))
+        if moment.random.random() < 0.08:
+            return self.string + self.child(x=self.x)
+        return None
+
+    @on("eCall")
+    def listen(self, call: Event, moment: Moment) -> Scene | None:
+        self.heard += call.sender != self.id
+        return EMPTY if self.heard > 16 else None
+
+    @on("eSeen")
+    def hide(self, seen: Event, moment: Moment) -> None:
+        self.x -= 0.01 * seen.figures
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return TAt(self.x)(PDot(float(self.heard)))
+
+
+class Eel(Agent, symbol="AEel"):
+    """Flees from calls."""
+
+    jumps: int = 0
+    x: Metres = 0.0
+
+    @on("eCall")
+    def flee(self, call: Event, moment: Moment) -> None:
+        self.jumps += 1
+        self.x = call.x + moment.random.random()
+
+    @on("eMark")
+    def note(self, mark: Event, moment: Moment) -> None:
+        self.x += mark.n
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return PDot(self.x)
+
+
+class Reeds(Agent, symbol="AReeds"):
+    """Stands around other agents."""
+
+    total: int = 0
+
+    @on("eTide")
+    def sway(self, tide: Event, moment: Moment) -> None:
+        self.total += 1 + len(self.scope)
+
+    @on("eNote")
+    def note(self, note: Event, moment: Moment) -> None:
+        self.total = 3 * self.total + note.n
+
+    @view("eShow")
+    def picture(self, event: Event) -> Scene:
+        return TAt(1.0)(self.scope)
+
+
+class Tide(Generator, events=("eTide",)):
+    """Has a memory that a successor must inherit."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        self.count += int(tick.random.integers(1, 4))
+        return (eTide(self.count),)
+
+    def save(self) -> Mapping[str, Any]:
+        return {"count": self.count}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self.count = saved["count"]
+
+
+class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
+    """Draws the view into its own state, and publishes what can be seen of it."""
+
+    every = 1
+    publishes = ("sight",)
+
+    def __init__(self) -> None:
+        self.figures = 0
+        self.ripples = 0
+
+    def show(self, view: View) -> None:
+        self.figures = sum(1 for opens, _ in walk(view.scene) if opens)
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        self.ripples += self.figures
+        seen = (Sighting("figure", float(self.ripples), 0.0),)
+        tick.publish("sight", Sightings(NAME, seen, tick.time))
+        return ()
+
+    def save(self) -> Mapping[str, Any]:
+        return {"ripples": self.ripples}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        self.ripples = saved["ripples"]
+
+
+class Lookout(Generator, events=("eSeen",)):
+    """Makes events of what the water publishes."""
+
+    topics = ("sight",)
+
+    def generate(self, tick: Tick) -> Iterable[Event]:
+        return [
+            eSeen(int(one.distance))
+            for reading in tick.readings
+            if isinstance(reading, Sightings)
+            for one in reading.seen
+        ]
+
+
+class Clerk(Generator, events=("eMark",)):
+    """Makes events of what people order."""
+
+    def takes_orders(self) -> tuple[str, ...]:
+        return ("eMark",)
+
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        return tick.orders
+
+
+class Gulls(Generator, events=("eCry",), lockstep=False):
+    """Cry when they have come, each cry with a number of its own."""
+
+    def __init__(self, numbers: Iterator[int], cries: int = 3) -> None:
+        self.cries = [next(numbers) for _ in range(cries)]
+
+    def run(self, emit: Emit, stop: threading.Event) -> None:
+        for number in self.cries:
+            emit(eCry(number))
+
+
+class Screen(Device, draws=("eShow",)):
+    """An observer that keeps what it was shown of each frame in `shown`."""
+
+    def __init__(self, shown: dict[int, str]) -> None:
+        self._shown = shown
+
+    def show(self, view: View) -> None:
+        self._shown[view.frame] = str(view.scene)
+
+
+VOCABULARY: Final = Vocabulary.of(
+    PDot, TAt, eTide, eCall, eSeen, eMark, eNote, eCry, eShow, Heron, Eel, Reeds
+)
+ORDERS: Final = {one.name: one for one in (eMark, eNote)}
+"""The event types that people send: one through the clerk, one by themselves."""
+
+GUESTS: Final[Mapping[str, tuple[type[Agent], ...]]] = {
+    "egret": (Heron, Eel),
+    "stork": (Heron, Eel, Reeds),
+}
+"""Hosts that come by from elsewhere, and what they host."""
+
+
+def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, ...]:
+    """The processes of the world file."""
+    return (
+        Process("birds", agents=(Heron, Eel)),
+        Process("clerk", Clerk),
+        Process("gulls", partial(Gulls, numbers)),
+        Process("lookout", Lookout),
+        Process("marsh", agents=(Reeds, Heron, Eel)),
+        Process("screen", partial(Screen, shown)),
+        Process("tide", Tide),
+        Process("water", Water),
+    )
+
+
+def world(frames: int) -> World:
+    """The world, of so many frames."""
+    return World(
+        NAME,
+        _scene(),
+        VOCABULARY,
+        order=Order(("eTide", "eSeen", "eCall", "eMark", "eNote", "eCry")),
+        frames=frames,
+        seed=5,
+        expected=frozenset(one.name for one in processes({}, count())),
+    )
+
+
+@cache
+def _scene() -> Scene:
+    return VOCABULARY.read(STRING)
+
+
+def world_file(frames: int, rate: float, folder: Path, shown: dict[int, str]) -> WorldFile:
+    """The world file, with its journal in a folder; `shown` is what its screen draws."""
+    bus = BusSettings(journal=str(folder))
+    numbers = count(1)
+    return WorldFile(folder / f"{NAME}.toml", world(frames), rate, processes(shown, numbers), bus)

@@ -1,0 +1,108 @@
+"""An engine that is broken on purpose is caught, and the history that catches it gets shorter."""
+
+from dataclasses import replace
+
+import pytest
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.participant import Participant
+from minerva_bus.record.journal import Journal
+from minerva_bus.testing.simulation.history import drawn
+from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
+
+MOST = 1000
+
+
+def lose_frames(patch):
+    """One frame of the journal is lost."""
+    whole = Journal.frame
+
+    def frame(self, course):
+        if course.frame != 2:
+            whole(self, course)
+
+    patch.setattr(Journal, "frame", frame)
+
+
+def repeat_orders(patch):
+    """A generator that is asked for a frame again obeys its orders once more."""
+    whole = Participant._ordered
+
+    def ordered(self, frame):
+        events = whole(self, frame)
+        self._obeyed = {}
+        self._orders[frame + 1] = events
+        return events
+
+    patch.setattr(Participant, "_ordered", ordered)
+
+
+def take_stale_answers(patch):
+    """An answer to an earlier frame, or to a coordinator before, counts for this one."""
+    on_tick, on_evolve = FrameAlgorithm._on_tick_reply, FrameAlgorithm._on_evolve_reply
+
+    def tick(self, reply):
+        on_tick(self, replace(reply, frame=self.frame))
+
+    def evolve(self, reply):
+        on_evolve(self, replace(reply, frame=self.frame))
+
+    patch.setattr(FrameAlgorithm, "_on_tick_reply", tick)
+    patch.setattr(FrameAlgorithm, "_on_evolve_reply", evolve)
+
+
+def forget_orders(patch):
+    """What people have sent, and was confirmed, is not written down."""
+    patch.setattr(Journal, "waiting", lambda self, events: None)
+
+
+def step_twice(patch):
+    """Of a step too many frames are made."""
+    whole = Pace.step
+    patch.setattr(Pace, "step", lambda self, frames: whole(self, frames + 1))
+
+
+def leave_pauses_out(patch):
+    """A successor does not know that its world is paused."""
+    patch.setattr(Journal, "pace", lambda self, rate, left: None)
+
+
+ENGINES = [
+    lose_frames,
+    repeat_orders,
+    take_stale_answers,
+    forget_orders,
+    step_twice,
+    leave_pauses_out,
+]
+
+
+def first_failure():
+    return next((one for seed in range(MOST) if (one := tried_seed(seed)).wrong), None)
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("breaking", ENGINES, ids=lambda one: one.__name__)
+def test_a_broken_engine_is_caught(breaking, monkeypatch):
+    breaking(monkeypatch)
+    failed = first_failure()
+    assert failed is not None
+    print(breaking.__name__, report(failed))
+
+
+def test_a_history_that_fails_is_shortened_to_what_it_takes(monkeypatch):
+    """One order counts twice whatever else happens, so nothing else is left."""
+    repeat_orders(monkeypatch)
+    wanted = next(one for one in map(drawn, range(MOST)) if "pub eMark" in asks(one))
+    failed = tried(replace(wanted, acts_from=0, frames=6))
+    assert failed.wrong
+    short = shortest(failed)
+    assert short.wrong
+    assert not short.history.faults
+    assert [act.ask for act in short.history.acts] == ["pub eMark"]
+    assert len(report(short).splitlines()) <= LINES
+
+
+def asks(history):
+    return [act.ask for act in history.acts]

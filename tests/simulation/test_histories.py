@@ -1,0 +1,54 @@
+"""Whole worlds under faults: what must hold of every history holds of some thousand."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.testing.simulation.history import drawn
+from minerva_bus.testing.simulation.trying import report, tried, tried_seed
+from minerva_bus.testing.simulation.writing import read_back, written
+
+HISTORIES = 1000
+SHARE = 25
+FAILED = Path(__file__).with_name("failed.jsonl")
+"""Histories that failed once, each with what was wrong then."""
+
+
+@pytest.mark.parametrize("first", range(0, HISTORIES, SHARE))
+def test_histories_go_well(first):
+    for seed in range(first, first + SHARE):
+        again = tried_seed(seed)
+        assert not again.wrong, report(again)
+
+
+@pytest.mark.parametrize("line", FAILED.read_text().splitlines())
+def test_histories_that_failed_once_go_well(line):
+    history, reason = read_back(line)
+    again = tried(history)
+    assert not again.wrong, f"{reason}\n{report(again)}"
+
+
+def test_a_history_is_read_back_as_it_was_written():
+    assert read_back(written(drawn(3), "why")) == (drawn(3), "why")
+
+
+TRACES = """
+from minerva_bus.testing.simulation.trying import tried_seed
+for seed in (1, 2, 3, 5, 8):
+    print(*tried_seed(seed).trace, sep="\\n")
+"""
+
+
+def test_a_history_is_the_same_each_time_and_in_each_process():
+    """Order in sets of texts depends on the hash seed: none of it may reach a history."""
+    traces = [
+        subprocess.run(
+            [sys.executable, "-c", TRACES], env={**os.environ, "PYTHONHASHSEED": number},
+            capture_output=True, text=True, timeout=120, check=True,
+        ).stdout
+        for number in ("1", "2")
+    ]  # fmt: skip
+    assert traces[0].splitlines() == traces[1].splitlines()
