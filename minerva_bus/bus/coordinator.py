@@ -342,6 +342,9 @@ class BusCoordinator:
             return
         room = self.guard.gate.has_room(self._name_of(member), len(data))
         answer = may_be_awaited(data, len(self._stamp))
+        if room and data and not self.algorithm.roster.knows(member):
+            self.tell(m.Leaving(member))  # It is a stranger's, whatever it says.
+            return
         if not data or (answer and self.algorithm.awaits(member)):
             self._heard_in_full(member, data)
         elif not (room and self._has_work(member, data)):
@@ -370,9 +373,6 @@ class BusCoordinator:
                     self._pass_late(member)
                 return
             body = data[len(self._stamp) :]
-            if not roster.knows(member):
-                self.tell(m.Leaving(member))  # It is a stranger's, whatever it says.
-                return
             if len(body) > LARGE or self._large.behind(member):
                 if self._large.behind(member) < MOST_BEHIND:
                     self._large.add(Letter(member, roster.get(member).joins, body))
