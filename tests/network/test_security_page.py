@@ -1,0 +1,86 @@
+"""docs/security.md on two machines: the commands of its first chapter and of families, literally."""
+
+import re
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from hosts import Network, needs_hosts
+from typist import Typist
+
+pytest.importorskip("cryptography")
+pytestmark = needs_hosts
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+HERE, THERE = "lab.example", "hostA"
+
+
+def blocks(title):
+    """The shell blocks of a chapter, each as its commands without comments."""
+    chapter = re.search(rf"^#+ {title}\n(.*?)^#", PAGE, re.S | re.M)[1]
+    texts = re.findall(r"^```sh\n(.*?)^```", re.sub(r"\s+# .*", "", chapter), re.S | re.M)
+    return [text.splitlines() for text in texts]
+
+
+@pytest.fixture
+def typist(tmp_path):
+    """Two machines, each with the world's files, and somebody who types there."""
+    with Network(tmp_path) as network:
+        typist = Typist(tmp_path, network, (HERE, THERE))
+        for host in typist.hosts.values():
+            for file in (ROOT / "examples" / "meadow").glob("meadow.*"):
+                shutil.copy(file, host.folder)
+        yield typist
+
+
+def carry(typist, *names):
+    """What goes to the other machine "by a way that you trust"."""
+    source, target = (typist.hosts[name].folder / "keys" for name in (HERE, THERE))
+    target.mkdir(exist_ok=True)
+    for name in names:
+        shutil.copy(source / name, target)
+
+
+def type_all(typist, host, lines):
+    for line in lines:
+        done = typist.types(host, line)
+        assert done is None or done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+def test_the_first_chapter_joins_two_machines(typist):
+    here, there = blocks("In five lines")
+    assert len(here) == 4
+    assert len(there) == 1
+    type_all(typist, HERE, here)
+    carry(typist, "ca.pem", "hostA.pem", "hostA.key")
+    typist.until(HERE, "minerva list", "foxes")
+    type_all(typist, THERE, there)
+    typist.until(HERE, "minerva list | grep hostA | grep AFox", "present")
+    carry(typist, "ann.pem", "ann.key")
+    asks = "minerva list --connect tls/lab.example:7447 --world meadow --keys keys/ann.pem"
+    typist.until(THERE, asks, "hostA")
+    orders = asks.replace("list", "pause")
+    refused = typist.types(THERE, orders.replace("ann", "hostA"))
+    assert refused.returncode != 0, "a host of agents gives no orders"
+    assert "Traceback" not in refused.stderr
+    type_all(typist, THERE, [orders, orders.replace("pause", "resume")])
+    (_, _), (_, attached) = typist.stay
+    attached.send_signal(signal.SIGTERM)
+    assert attached.wait(40) == 0, typist.logs()
+    typist.until(HERE, "minerva list | grep hostA", "left")
+    typist.stay.pop()
+    assert typist.ends() == [130], typist.logs()
+    assert "Traceback" not in typist.logs()
+
+
+def test_a_member_of_a_family_joins_by_its_own_name(typist):
+    issue, attach = blocks("Families")[0]
+    here, _ = blocks("In five lines")
+    type_all(typist, HERE, [*here[:-1], issue, here[-1]])
+    carry(typist, "ca.pem", "hosts.pem", "hosts.key")
+    typist.until(HERE, "minerva list", "foxes")
+    type_all(typist, THERE, [attach])
+    typist.until(HERE, "minerva list | grep hosts-7d9f8b6c5-x2x7k", "present")
+    assert typist.ends() == [0, 130], typist.logs()

@@ -1,0 +1,68 @@
+"""Somebody who types what a page says, on machines of a network."""
+
+import signal
+import subprocess
+import sys
+
+from hosts import environment, eventually
+
+PROGRAMS = {
+    "minerva": f'exec {sys.executable} -m minerva_bus.cli.main "$@"',
+    "ssh": 'cd "{folder}/$1" && shift && exec "$@"',
+    "scp": 'for last; do :; done; place="{folder}/${{last%%:*}}/${{last#*:}}"\n'
+    'while [ $# -gt 1 ]; do cp "$1" "$place"; shift; done',
+}
+"""What the shell finds: of ssh and scp as much as the chapter needs."""
+
+
+class Typist:
+    """Somebody at the keyboards of machines with these names."""
+
+    def __init__(self, folder, network, names):
+        self.hosts = {name: network.host(name) for name in names}
+        self.stay = []
+        programs = folder / "programs"
+        programs.mkdir()
+        for name, text in PROGRAMS.items():
+            file = programs / name
+            file.write_text(f"#!/bin/sh\n{text.format(folder=folder)}\n")
+            file.chmod(0o755)
+        self.path = f"{programs}:/usr/sbin:/usr/bin:/sbin:/bin"
+
+    def types(self, name, line):
+        """A line; what stays is left running, everything else must end well."""
+        host = self.hosts[name]
+        words = [*host.inside, "bash", "-c", f"exec {line}"]
+        there = {"cwd": host.folder, "env": environment(host.folder) | {"PATH": self.path}}
+        if line.startswith(("minerva run", "minerva attach")):
+            with (host.folder / "log").open("w") as log:
+                self.stay.append((host, subprocess.Popen(words, stdout=log, stderr=log, **there)))
+            return None
+        return subprocess.run(words, capture_output=True, text=True, timeout=60, **there)
+
+    def until(self, name, line, words):
+        """Type it again and again until it says something."""
+
+        def said():
+            done = self.types(name, line)
+            return done.returncode == 0 and words in done.stdout
+
+        try:
+            eventually(said, f"{line!r} says {words!r}")
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.logs()}") from None
+
+    def logs_say(self, words):
+        """Wait until somebody has said something."""
+        eventually(lambda: words in self.logs(), f"somebody says {words!r}")
+
+    def logs(self):
+        return "\n".join((host.folder / "log").read_text() for host, _ in self.stay)
+
+    def ends(self):
+        """Ctrl-C everywhere, the last one first; the exit codes."""
+        codes = []
+        for _, process in reversed(self.stay):
+            process.send_signal(signal.SIGINT)
+            codes.append(process.wait(40))
+        return codes
