@@ -173,8 +173,8 @@ def floor_of(kind: str, metres: float, seed: int) -> OccupancyMap:
 def of_others() -> Iterator[Named]:
     """The maps of ROS and of MovingAI; none where they are not here.
 
-    MovingAI's cells are taken as 0.1 m (rooms), 0.15 m (maze) and 0.4 m (Berlin), and cut to what a
-    robot can explore in minutes.
+    MovingAI's cells are taken as 0.8 m (rooms, whose doors are one cell wide), 0.15 m (maze) and
+    0.4 m (Berlin), and cut to what a robot can explore in minutes.
     """
     for path in ("ros_maps/depot.yaml", "ros_maps/turtlebot3/map.yaml"):
         if (DATA / path).is_file():
@@ -182,7 +182,7 @@ def of_others() -> Iterator[Named]:
                 path.split("/")[-2] if "turtle" in path else "depot", load_map(DATA / path), False
             )
     for name, side, cells in (
-        ("32room_000", 0.1, 256),
+        ("32room_000", 0.8, 66),
         ("maze512-8-0", 0.15, 128),
         ("Berlin_0_256", 0.4, 128),
     ):
