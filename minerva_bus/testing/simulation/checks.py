@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import chain
 
-from minerva_bus.errors import WorldStopped
 from minerva_bus.grammar.events import Event
 from minerva_bus.testing.simulation.observing import Frame, Observed
 from minerva_bus.testing.simulation.operations import wrong_operations
@@ -33,10 +32,10 @@ def _wrong_end(played: Played) -> Iterator[str]:
     if played.waits:
         yield f"it hangs: {played.waits}"
         return
-    if isinstance(played.result, WorldStopped) and not played.listened:
+    if played.failure and not played.listened:
         return  # Whoever is killed before the world is anywhere ends it.
-    if isinstance(played.result, WorldStopped):
-        yield f"the world stopped: {played.result}"
+    if played.failure:
+        yield f"the world stopped: {played.failure}"
     elif played.result is not None:
         yield from _wrong_summary(played)
     if played.left:
@@ -46,7 +45,6 @@ def _wrong_end(played: Played) -> Iterator[str]:
 def _wrong_summary(played: Played) -> Iterator[str]:
     result, frames = played.result, played.observed.frames
     assert result is not None
-    assert not isinstance(result, WorldStopped)
     stopped = any(one.act.ask == "stop" and one.sent for one in played.observed.asked)
     if result.frames != played.history.frames and not stopped:
         yield f"it ended after {result.frames} frames: {result.ended}"

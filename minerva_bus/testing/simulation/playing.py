@@ -10,7 +10,6 @@ from typing import Final
 from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.bus.member import BusMember
 from minerva_bus.bus.notices import Leave
-from minerva_bus.errors import WorldStopped
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.journaling import journal_path
@@ -35,11 +34,16 @@ AFTERWARDS: Final = 15.0
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What became of a history; `waits` names who was waited for where it did not end."""
+    """What became of a history; `waits` names who was waited for where it did not end.
+
+    `failure` is why the launcher ended the world, `left` who was alive afterwards, `listened`
+    whether the world could be reached at all.
+    """
 
     history: History
     observed: Observed
-    result: Summary | WorldStopped | None
+    result: Summary | None
+    failure: str
     waits: str
     left: tuple[str, ...]
     trace: list[str]
@@ -82,6 +86,7 @@ class Play:
             self.history,
             self.observed,
             result,
+            self.launcher.failure,
             waits,
             left,
             self.timeline.trace,
