@@ -4,7 +4,7 @@
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Mapping
+from collections.abc import Collection, Generator, Mapping, Sequence
 from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import replace
 from typing import Any, cast
@@ -29,7 +29,7 @@ from minerva_bus.bus.shortcut import nothing_to
 from minerva_bus.bus.system import REAL, System, run_through
 from minerva_bus.bus.totals import Totals
 from minerva_bus.bus.turned_away import TurnedAway
-from minerva_bus.bus.waiting import Deadlines, Waits
+from minerva_bus.bus.waiting import FEW, Deadlines, Waits
 from minerva_bus.bus.watchers import Asked, Printed, Started, Status, Watchers
 from minerva_bus.errors import BusError, Followed, MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
@@ -46,6 +46,7 @@ from minerva_bus.protocol.keys import COORDINATOR, Keys, who_asks
 from minerva_bus.protocol.limits import DEFAULT, Limits, check
 from minerva_bus.protocol.plain import mapped, on_screen, pack, unpack
 from minerva_bus.protocol.weighing import name_in
+from minerva_bus.wording import named_some
 
 STATUS_EVERY = 0.1
 NAP = 0.01
@@ -577,16 +578,24 @@ class BusCoordinator:
     def _wait_for_reports(self, now: float) -> None:
         """Log whose report is missing after the last frame; after the time-out go on without it."""
         left = self._reports_within - self.waited
-        for name in self._waits.unsaid(now):
-            self._say(name, f"the world has ended; waiting for its last output for {left:.0f} s")
+        waiting = f"the world has ended; waiting for {{}} for {left:.0f} s"
+        self._say_of(self._waits.unsaid(now), waiting, "its last output", "the last output")
         if left > 0:
             return
-        for name in self.algorithm.waiting_for():
-            self._say(
-                name, "did not finish in time after the last frame; its output may be missing"
-            )
+        late = sorted(self.algorithm.waiting_for())
+        for name in late:
             self._watch.stalled(name, self.waited)
+        missing = "after the last frame, {} did not come in time and may be missing"
+        self._say_of(late, missing, "its output", "the output")
         self.tell(s.End("no report in time"))
+
+    def _say_of(self, names: Sequence[str], text: str, its: str, the: str) -> None:
+        """Log a text about each of a few members, or about many together."""
+        if len(names) > FEW:
+            self._say(COORDINATOR, text.format(f"{the} of {named_some(names, FEW)}"))
+            return
+        for name in names:
+            self._say(name, text.format(its))
 
     def _wait_no_longer(self, name: str, then: str, now: float) -> None:
         waited = self._waits.since(name, now)

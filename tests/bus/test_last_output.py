@@ -24,6 +24,15 @@ def test_whose_last_output_is_awaited_is_said(tmp_path):
         assert run.ends() == 0
 
 
+def test_the_last_output_of_many_is_awaited_in_one_line(tmp_path):
+    many = "".join(PAINTER.replace("painter", f"painter{n}") + "drawing = 1.5\n" for n in range(5))
+    path = write_world(tmp_path, MEMBERS + many.replace("yard:painter", "yard:Painter"), frames=3)
+    with Run(tmp_path, "run", path) as run:
+        run.says("waiting for the last output of painter0, painter1, painter2 and 2 more for")
+        assert run.ends() == 0
+    assert run.text.count("waiting for") == 1
+
+
 def test_ctrl_c_does_not_wait_for_a_slow_view(tmp_path):
     path = write_world(tmp_path, MEMBERS + PAINTER + "drawing = 30.0\n", frames=0)
     with World(path) as world:
@@ -38,7 +47,7 @@ def test_a_view_that_does_not_finish_is_named(tmp_path):
     with World(path) as world:
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         world.kill(signal.SIGINT)
-        world.says("painter │ did not finish in time after the last frame")
+        world.says("painter │ after the last frame, its output did not come in time")
         world.ends(patience=5)
 
 
