@@ -149,11 +149,28 @@ class Events:
         if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
             return self
         hashes = self._hashes()
-        hashes.sort()
-        if (hashes[1:] != hashes[:-1]).all():
+        order = np.argsort(hashes, kind="stable")
+        same = np.concatenate(([False], hashes[order[1:]] == hashes[order[:-1]], [False]))
+        doubtful = np.sort(order[same[1:] | same[:-1]])
+        if not len(doubtful):
             return self
-        rows = {event: row for row, event in reversed(list(enumerate(self)))}
-        return self.take(np.sort(np.array(list(rows.values()), np.intp)))
+        kept = np.ones(self.count, np.bool_)
+        kept[doubtful[self.take(doubtful)._again()]] = False
+        return self if kept.all() else self.take(np.flatnonzero(kept))
+
+    def _again(self) -> NDArray[np.bool_]:
+        """Which of them are the same as an earlier one, shape (n,)."""
+        ids = [one.spelled for one in (self.senders, self.receivers) if one is not None]
+        arrays = [*[bits(column.array) for column in self.columns], *ids]
+        codes = [np.unique(array, return_inverse=True)[1] for array in arrays]
+        codes.append(np.zeros(self.count, np.intp))  # An event may have no data at all.
+        order = np.lexsort(codes)
+        same = np.ones(self.count - 1, np.bool_)
+        for code in codes:
+            same &= code[order[1:]] == code[order[:-1]]
+        again = np.zeros(self.count, np.bool_)
+        again[order[1:]] = same
+        return again
 
     def _hashes(self) -> NDArray[np.uint64]:
         found = np.zeros(self.count, np.uint64)
