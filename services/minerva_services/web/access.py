@@ -22,7 +22,8 @@ from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.runtime_folder import make_runtime_folder, open_private
+from minerva_bus.launch.runtime_folder import make_runtime_folder
+from minerva_bus.outputs import open_itself
 
 _LOCAL: Final = frozenset(("localhost", "127.0.0.1", "::1"))
 _WILDCARDS: Final = ("0.0.0.0", "::")  # noqa: S104
@@ -97,7 +98,7 @@ def token_for(port: int) -> str:
     new = secrets.token_urlsafe(_TOKEN_BYTES)
     try:
         path = make_runtime_folder() / f"page-{port}.token"
-        with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "r+", encoding="utf-8") as file:
+        with os.fdopen(open_itself(path, os.O_RDWR | os.O_CREAT), "r+", encoding="utf-8") as file:
             kept = file.read(200).strip()
             if kept:
                 return kept
