@@ -18,7 +18,7 @@ After=basic.target dbus.service
 Type=oneshot
 WorkingDirectory=/work
 ExecStart=/bin/bash /trial
-StandardOutput=truncate:/trial.log
+StandardOutput=append:/trial.log
 StandardError=inherit
 ExecStopPost=/bin/systemctl poweroff --force
 """
