@@ -11,6 +11,7 @@ with a new version.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -138,8 +139,12 @@ def _text(values: Mapping[str, Mapping[str, str]]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description="golden values of the shipped worlds")
     parser.add_argument("--record", action="store_true", help="write tests/golden/worlds.toml")
+    parser.add_argument("--json", action="store_true", help="print the values instead")
     arguments = parser.parse_args()
     values = {name: golden_values(name) for name in WORLDS} | {"samples": sample_values()}
+    if arguments.json:
+        print(json.dumps(values))
+        return 0
     if arguments.record:
         GOLDEN.write_text(_text(values), encoding="utf-8")
         return 0

@@ -34,6 +34,7 @@ def test_it_knows_all_extras():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     assert set(doctoring.EXTRAS) == set(project["optional-dependencies"]) - {
         "all",
+        "audit",
         "dev",
         "mutation",
     }

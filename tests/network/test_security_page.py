@@ -4,6 +4,7 @@ import re
 import shutil
 import signal
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hosts import Network, needs_hosts
@@ -25,10 +26,13 @@ def blocks(title):
 
 
 @pytest.fixture
-def typist(tmp_path):
-    """Two machines, each with the world's files, and somebody who types there."""
-    with Network(tmp_path) as network:
-        typist = Typist(tmp_path, network, (HERE, THERE))
+def typist():
+    """Two machines, each with the world's files, and somebody who types there.
+
+    The path of a socket has 100 bytes at most, and pytest's folders are long.
+    """
+    with TemporaryDirectory() as name, Network(Path(name)) as network:
+        typist = Typist(Path(name), network, (HERE, THERE))
         for host in typist.hosts.values():
             for file in (ROOT / "examples" / "meadow").glob("meadow.*"):
                 shutil.copy(file, host.folder)

@@ -8,6 +8,7 @@ import pytest
 
 from minerva_bus.grammar.batch import single
 from minerva_bus.record import channels as c
+from minerva_bus.record import chunks
 from minerva_bus.record.description import encode_description
 from minerva_bus.record.errors import RecordError
 from minerva_bus.record.messages import encode_frame
@@ -60,10 +61,9 @@ def test_any_string_can_be_had(name, flush_every, tmp_path):
 def test_seeking_does_not_begin_at_the_beginning(tmp_path, monkeypatch):
     strings = strings_of("meadow")
     with record_of(bytes_of("meadow", 1), tmp_path) as record:
-        read = []
-        records = record._chunks._records
+        read, unpacked = [], chunks._unpacked
         monkeypatch.setattr(
-            record._chunks, "_records", lambda place: read.append(1) or records(place)
+            chunks, "_unpacked", lambda file, place: read.append(1) or unpacked(file, place)
         )
         assert record.string(len(strings) - 1) == strings[-1]
         assert len(read) < len(strings) / 2

@@ -281,8 +281,8 @@ def test_a_member_of_another_protocol_is_refused():
         > old appeared
             old ← greet
         > old: hello, generator
-            says old: may not join: it speaks protocol 0, this world 6
-            old ← refused: it speaks protocol 0, this world 6
+            says old: may not join: it speaks protocol 0, this world 6: install the same version of Minerva Bus on both sides
+            old ← refused: it speaks protocol 0, this world 6: install the same version of Minerva Bus on both sides
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>

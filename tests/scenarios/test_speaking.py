@@ -120,8 +120,8 @@ def test_it_speaks_for_agents_in_columns():
 
 def test_a_record_has_it():
     world = begun(rain=("ACounter",)).world
-    read = decode_description(encode_description(Description(world))).world
-    assert read.speaks_for == {"rain": ("ACounter",)}
+    read, _ = decode_description(encode_description(Description(world)))
+    assert read.world.speaks_for == {"rain": ("ACounter",)}
 
 
 FILE = """
