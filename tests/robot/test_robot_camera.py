@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from robots import after, changed, robot
+from robot_steps import after, changed, robot
 
 from minerva_agents.robot.knowledge import FREE, MARKER, SEEN, UNKNOWN
 from minerva_agents.robot.looking import forget_looks, frontier, look, out_of_view

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from robots import PAPER, after, changed, emitted, robot
+from robot_steps import PAPER, after, changed, emitted, robot
 
 from minerva_agents.robot.ground import blocked, cell_of, is_clear, room_of, sees, straightened
 from minerva_agents.robot.knowledge import FREE, MARKER, obstacles

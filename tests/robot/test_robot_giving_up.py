@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from floor_simulator import Simulator
-from robots import after, robot
+from robot_steps import after, robot
 
 from minerva_agents.robot.giving_up import FAILURES, SEARCHES
 from minerva_agents.robot.knowledge import FREE, SEEN

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from robots import after, changed, robot
+from robot_steps import after, changed, robot
 
 from minerva_agents.robot.knowledge import (
     FREE,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import PAPER, after, changed, robot
+from robot_steps import PAPER, after, changed, robot
 
 from minerva_agents.robot.vocabulary import eCollision, eObjective, eReached, eSpeed
 from minerva_bus import EventType

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import robot
+from robot_steps import robot
 
 from minerva_agents.robot.knowledge import MARKER
 from minerva_agents.robot.motion import Move, action_of
