@@ -168,23 +168,3 @@ def test_news_ahead_is_in_the_cameras_view():
     what = known(grid, row=80.5, column=80.5)
     assert news_ahead(what, (80, 80), 0.0) == pytest.approx(math.pi * 25 / 6, rel=0.2)
     assert news_ahead(what, (80, 80), 180.0) == 0
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    row=st.floats(60.0, 61.0, exclude_max=True),
-    column=st.floats(60.0, 61.0, exclude_max=True),
-    angle=st.floats(-180.0, 180.0),
-    fov=st.sampled_from([40.0, 60.0, 120.0, 180.0, 250.0, 360.0]),
-)
-def test_all_of_a_cell_that_a_look_marks_is_in_view(row, column, angle, fov):
-    """A marker anywhere in a cell that counts as seen was in view: the robot never looks again."""
-    grid, sight = np.full((121, 121), FREE, np.int16), 50.0
-    look(grid, Pose(row, column, angle), fov, sight)
-    cells = np.argwhere(grid == SEEN)
-    assert len(cells) > 0.8 * math.pi * sight * sight * fov / 360.0
-    for corner in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        down, across = (cells + corner - (row, column)).T
-        assert (np.hypot(down, across) <= sight + 1e-9).all()
-        apart = np.degrees(np.arctan2(across, down)) - angle
-        assert (np.abs((apart + 180.0) % 360.0 - 180.0) <= fov / 2 + 1e-9).all()

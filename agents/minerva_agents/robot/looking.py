@@ -7,7 +7,6 @@ looks for a marker remembers which free cells its camera has had in view.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +15,9 @@ from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Mask, free
 from minerva_agents.robot.motion import Pose
 from minerva_bus import Cells, portable
 
-Reals = NDArray[np.floating[Any]]
-
 
 def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
-    """Mark the free cells ahead as seen: `fov` degrees wide, `reach` cells far, up to a wall.
-
-    Only a cell that lies in view with all of its area counts: in one that the edge of the view
-    cuts, a marker may stay out of view, and the robot would never look there again.
-    """
+    """Mark the free cells ahead as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
     rays = 2 + int(math.radians(fov) * reach)
     headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
     steps = np.arange(int(reach) + 1, dtype=np.float64)
@@ -35,26 +28,8 @@ def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
     cells = grid.reshape(-1)
     codes = cells[flat]
     ends = (codes != FREE) & (codes < SEEN) | ~inside
-    is_new = ~np.logical_or.accumulate(ends, axis=1) & (codes == FREE)
-    is_whole = _in_view(rows[is_new] - pose.row, columns[is_new] - pose.column, pose, fov, reach)
-    cells[flat[is_new][is_whole]] = SEEN
-
-
-def _in_view(down: Reals, across: Reals, pose: Pose, fov: float, reach: float) -> Mask:
-    """Whether all of each cell is in view; `down` and `across` lead to its first corner, (n,)."""
-    far_down, far_across = np.maximum(-down, down + 1.0), np.maximum(-across, across + 1.0)
-    is_near = far_down * far_down + far_across * far_across <= reach * reach
-    if fov >= 360.0:
-        return is_near
-    left, right = (_beside(down, across, pose.angle, side * fov / 2) for side in (-1.0, 1.0))
-    return is_near & (left & right if fov <= 180.0 else left | right)
-
-
-def _beside(down: Reals, across: Reals, angle: float, edge: float) -> Mask:
-    """Whether all of each cell lies on the inner side of an edge that is so far off the angle."""
-    sign, heading = math.copysign(1.0, edge), math.radians(angle + edge)
-    sin, cos = sign * portable.sin(heading), sign * portable.cos(heading)
-    return down * sin - across * cos + min(sin, 0.0) - max(cos, 0.0) >= 0.0
+    open_cells = flat[~np.logical_or.accumulate(ends, axis=1) & (codes == FREE)]
+    cells[open_cells] = SEEN
 
 
 def forget_looks(grid: Cells) -> None:
