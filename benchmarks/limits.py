@@ -79,6 +79,10 @@ class Steps(Generator, events=("eStep",)):
 VOCABULARY = Vocabulary.of(eStep, eNear, eShow, Fox)
 
 
+Flood = Callable[[zenoh.Session, Keys, bytes, float], None]
+"""Sends messages of an epoch until a time."""
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """Something that a member sends: `data` once, or `flood` for some seconds."""
@@ -86,7 +90,7 @@ class Case:
     hello: dict[str, Any] = field(default_factory=dict[str, Any])
     data: Callable[[int], bytes] | None = None
     answers: str = ""
-    flood: Callable[[zenoh.Session, Keys, bytes, float], None] | None = None
+    flood: Flood | None = None
 
 
 def single(name: str, frame: int = 0, **more: Any) -> bytes:
@@ -139,22 +143,18 @@ def evolved(frame: int) -> bytes:
     return pack(["evolved", frame, 0, changed, emitted, {}])
 
 
-def hellos(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
-    data = epoch + pack(["hello", hello()])
-    out = session.declare_publisher(
-        keys.sent_by("stranger"), congestion_control=zenoh.CongestionControl.BLOCK
-    )
-    while time.monotonic() < until:
-        out.put(data)
+def flood_of(sender: str, message: list[Any]) -> Flood:
+    """Send one message as `sender`, again and again."""
 
+    def flood(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
+        data = epoch + pack(message)
+        out = session.declare_publisher(
+            keys.sent_by(sender), congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        while time.monotonic() < until:
+            out.put(data)
 
-def hellos_of_a_member(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
-    data = epoch + pack(["hello", hello()])
-    out = session.declare_publisher(
-        keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
-    )
-    while time.monotonic() < until:
-        out.put(data)
+    return flood
 
 
 def questions(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
@@ -162,16 +162,6 @@ def questions(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) ->
     while time.monotonic() < until:
         session.get(keys.control, lambda reply: None, payload=asked, timeout=10.0)
         time.sleep(0.001)
-
-
-def messages(session: zenoh.Session, keys: Keys, epoch: bytes, until: float) -> None:
-    """As many small events as there may be, and more."""
-    data = epoch + pack(["emitted", [["eNear", [1.0, "x"]]] * 15])
-    out = session.declare_publisher(
-        keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
-    )
-    while time.monotonic() < until:
-        out.put(data)
 
 
 LOCKSTEP = {"lockstep": True}
@@ -213,9 +203,9 @@ CASES = {
         hello=hello(generates=[], draws=["eShow"],
                     kinds=[[f"AX{n}", [], [], [], []] for n in range(200_000)])
     ),
-    "flood of hellos": Case({}, flood=hellos_of_a_member),
-    "flood of strangers": Case({}, flood=hellos),
-    "flood of events": Case({}, flood=messages),
+    "flood of hellos": Case({}, flood=flood_of("large", ["hello", hello()])),
+    "flood of strangers": Case({}, flood=flood_of("stranger", ["hello", hello()])),
+    "flood of events": Case({}, flood=flood_of("large", ["emitted", [["eNear", [1.0, "x"]]] * 15])),
     "flood of questions": Case({}, flood=questions),
 }  # fmt: skip
 
@@ -251,7 +241,13 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
         )
         BusCoordinator(
             world,
-            Watchers(said, lambda _: None, listening, lambda *_: None, done),
+            Watchers(
+                said=said,
+                status=lambda _: None,
+                listening=listening,
+                stalled=lambda *_: None,
+                frame_done=done,
+            ),
             rate=RATE,
         ).run()
 

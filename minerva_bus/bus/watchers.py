@@ -49,7 +49,7 @@ class Asked:
     later: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Watchers:
     """Whom the coordinator tells what happens; each is called in its main thread."""
 
