@@ -30,9 +30,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from random import Random
 
-from minerva_bus.bus.client import Client
-from minerva_bus.bus.session import open_client
 from minerva_bus.errors import MinervaError
+from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.session import open_client
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 HERE = Path(__file__).resolve().parent.parent

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from minerva_bus.bus.member import BusMember
 from minerva_bus.frame.participant import Participant
+from minerva_bus.runtime.member import BusMember
 
 ENDED_WITHIN = 10.0
 

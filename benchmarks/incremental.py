@@ -36,13 +36,13 @@ from benchmarks.forked import Members
 from benchmarks.models.events import Clock, eStep
 from benchmarks.plot import Line, plotted
 from minerva_bus import Agent, Cells, Event, Moment, Primitive, Scene, Vocabulary, on
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.watchers import Watchers
 
 WARM_UP: Final = 20
 ACTIVE: Final = 10

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from minerva_bus.bus.client import Client
+from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import MemberStatus
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]

@@ -38,13 +38,13 @@ from minerva_bus import (
     on,
     view,
 )
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.session import open_client, open_hub
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.session import open_client, open_hub
+from minerva_bus.runtime.watchers import Watchers
 
 WARM_UP = 50
 PAUSE = 0.002

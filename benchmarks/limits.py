@@ -36,20 +36,20 @@ import zenoh
 
 from benchmarks.latency import forked
 from minerva_bus import Agent, Event, EventType, Generator, Moment, Tick, Vocabulary, on
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.session import open_client
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.roster import PROTOCOL_VERSION
-from minerva_bus.protocol.codec import Decoder
-from minerva_bus.protocol.epochs import stamped
-from minerva_bus.protocol.keys import Keys
-from minerva_bus.protocol.limits import DEFAULT
-from minerva_bus.protocol.plain import pack
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.session import open_client
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.wire.codec import Decoder
+from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.plain import pack
 
 NAME, RATE, AGENTS = "limits", 20.0, 200
 CALM, SETTLED = 1.0, 30.0

@@ -25,10 +25,10 @@ from pathlib import Path
 from benchmarks.forked import Members
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.watchers import Watchers
 
 ALONE = "--minerva"
 WARM_UP = 100

@@ -20,8 +20,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from minerva_bus.bus.client import Client
 from minerva_bus.errors import BusError
+from minerva_bus.runtime.client import Client
 
 ROOT = Path(__file__).parents[1]
 MEADOW = ROOT / "examples/meadow/meadow.toml"

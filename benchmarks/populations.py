@@ -35,14 +35,14 @@ from benchmarks.forked import Members
 from benchmarks.models import MODELS, Model, counted, cycle, load
 from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.columns import size
 from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.order import Order
 
 WARM_UP: Final = 3

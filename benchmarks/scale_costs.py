@@ -20,14 +20,14 @@ import zenoh
 
 from benchmarks.models import plain, wealth
 from benchmarks.scale_model import Costs, Kind
-from minerva_bus.bus.session import open_client, open_hub
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.inprocess import InProcess
-from minerva_bus.protocol.codec import Decoder, encode
+from minerva_bus.runtime.session import open_client, open_hub
+from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.world.order import Order
 
 FRAMES, WARM_UP = 12, 4

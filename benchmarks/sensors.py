@@ -25,13 +25,13 @@ import numpy as np
 
 from benchmarks.latency import forked
 from minerva_bus import Agent, Event, EventType, Generator, Metres, Moment, Tick, Vocabulary, on
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.types import Degrees
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.readings import Image, Scan
 from minerva_bus.world.services import Emit
 from minerva_services.laser import Laser

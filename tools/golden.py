@@ -29,7 +29,7 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
-from minerva_bus.protocol.codec import encode
+from minerva_bus.wire.codec import encode
 
 ROOT = Path(__file__).resolve().parents[1]
 GOLDEN = ROOT / "tests" / "golden" / "worlds.toml"

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from minerva_bus.bus.client import Client
-from minerva_bus.bus.credentials import Credentials
 from minerva_bus.cli.places import client, identity, place
 from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
@@ -17,7 +15,9 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
-from minerva_bus.protocol.plain import on_screen
+from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
@@ -142,9 +142,9 @@ def _echo_view(
 ) -> None:
     import os
 
-    from minerva_bus.bus.member import BusMember
     from minerva_bus.cli.attaching import leave_on_signals
     from minerva_bus.frame.participant import Participant
+    from minerva_bus.runtime.member import BusMember
     from minerva_bus.world.services import Device, View
 
     class Echo(Device):

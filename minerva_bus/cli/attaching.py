@@ -9,10 +9,6 @@ from types import FrameType
 from typing import Final
 
 from minerva_bus.blame import report
-from minerva_bus.bus.diagnosis import check_reachable
-from minerva_bus.bus.endpoints import check_endpoint
-from minerva_bus.bus.member import BACK_WITHIN, BusMember
-from minerva_bus.bus.session import REACHED_WITHIN, end_at_once
 from minerva_bus.cli.exit_codes import FAILED
 from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
@@ -30,6 +26,10 @@ from minerva_bus.launch.specs import (
     find_world,
     load,
 )
+from minerva_bus.runtime.diagnosis import check_reachable
+from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.runtime.member import BACK_WITHIN, BusMember
+from minerva_bus.runtime.session import REACHED_WITHIN, end_at_once
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
+from minerva_bus.log.conversation import Exchange, check_drawable, exchange_of
+from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output, write_output
-from minerva_bus.record.conversation import Exchange, check_drawable, exchange_of
-from minerva_bus.record.reader import Record
 
 
 def show_conversation(file: Path, conversation: str, output: Path | None, json_too: bool) -> None:
@@ -34,7 +34,7 @@ def show_conversation(file: Path, conversation: str, output: Path | None, json_t
 
 
 def _write(output: Path, exchange: Exchange) -> None:
-    from minerva_bus.record.sequence import draw
+    from minerva_bus.log.sequence import draw
 
     text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
     write_output(output, text.encode(), "conversation")

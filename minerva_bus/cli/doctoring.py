@@ -88,7 +88,7 @@ def _tried(what: str, deed: Callable[[], str]) -> Finding:
 
 def _exchange() -> str:
     """Open a hub and a client of it, as a world does."""
-    from minerva_bus.bus.session import open_client, open_hub
+    from minerva_bus.runtime.session import open_client, open_hub
 
     hub, endpoint = open_hub("doctor")
     with hub, open_client("patient", endpoint):

@@ -119,12 +119,12 @@ def router(
     dir: Dir = _HERE,
 ) -> None:
     """Print a configuration for zenohd: a router that lets in whom the world itself would."""
-    from minerva_bus.bus.access import access_control
-    from minerva_bus.bus.credentials import ROUTER
-    from minerva_bus.bus.endpoints import check_listening
-    from minerva_bus.bus.session import router_config
     from minerva_bus.errors import KeysError
-    from minerva_bus.protocol.keys import Keys as WorldKeys
+    from minerva_bus.runtime.access import access_control
+    from minerva_bus.runtime.credentials import ROUTER
+    from minerva_bus.runtime.endpoints import check_listening
+    from minerva_bus.runtime.session import router_config
+    from minerva_bus.wire.keys import Keys as WorldKeys
 
     check_listening(listen, keys=True, insecure=False)
     keys = _keys(dir)
@@ -154,7 +154,7 @@ _TITLES = _Row(("name", "roles", "state", "until", "for"))
 
 
 def _plain(one: Issued, now: datetime) -> dict[str, Any]:
-    from minerva_bus.bus.credentials import FAMILY
+    from minerva_bus.runtime.credentials import FAMILY
 
     rights = one.rights
     return {

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 
-from minerva_bus.bus.client import Client
 from minerva_bus.cli.places import client
 from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.loglines import Entry
+from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import LogLine
 
 LOOK_EVERY = 0.1

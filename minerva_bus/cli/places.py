@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from minerva_bus.bus.client import Client
-from minerva_bus.bus.credentials import Credentials
 from minerva_bus.launch.registry import find
+from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.credentials import Credentials
 
 
 @dataclass(slots=True)

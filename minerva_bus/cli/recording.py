@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 
 from minerva_bus.cli.saying import say, tell
+from minerva_bus.log.comparison import compare
+from minerva_bus.log.info import info_of
+from minerva_bus.log.looking import frames_after, moment_of, written
+from minerva_bus.log.reader import Record
+from minerva_bus.log.recovering import recover, recovered_name
 from minerva_bus.outputs import check_output
-from minerva_bus.record.comparison import compare
-from minerva_bus.record.info import info_of
-from minerva_bus.record.looking import frames_after, moment_of, written
-from minerva_bus.record.reader import Record
-from minerva_bus.record.recovering import recover, recovered_name
 
 
 def show_info(file: Path, check: bool, json_too: bool) -> None:
@@ -60,7 +60,7 @@ def recover_record(file: Path, output: Path | None, json_too: bool) -> None:
 
 def draw_plot(file: Path, output: Path | None) -> None:
     """Draw a record into a picture. Raises RecordError and MisuseError."""
-    from minerva_bus.record.plot import plot
+    from minerva_bus.log.plot import plot
 
     into = output or file.with_suffix(".png")
     check_output(into, "picture")

@@ -11,10 +11,6 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from minerva_bus.blame import blamed, report, whole
-from minerva_bus.bus.control import answer
-from minerva_bus.bus.notices import Outlet, Published
-from minerva_bus.bus.operating import AskingOperator
-from minerva_bus.bus.totals import Totals
 from minerva_bus.errors import BusError, MinervaError, UserCodeError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -29,6 +25,10 @@ from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.control import answer
+from minerva_bus.runtime.notices import Outlet, Published
+from minerva_bus.runtime.operating import AskingOperator
+from minerva_bus.runtime.totals import Totals
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator, Service
 

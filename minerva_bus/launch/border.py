@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.bus.credentials import Rights, family_start, rights_of
-from minerva_bus.bus.endpoints import check_endpoint, check_listening
-from minerva_bus.bus.guard import LOCAL_KIND, Security
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.table import Table
-from minerva_bus.protocol.keys import COORDINATOR
-from minerva_bus.protocol.limits import DEFAULT, Limits
+from minerva_bus.runtime.credentials import Rights, family_start, rights_of
+from minerva_bus.runtime.endpoints import check_endpoint, check_listening
+from minerva_bus.runtime.guard import LOCAL_KIND, Security
+from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.limits import DEFAULT, Limits
 
 LONGEST_PATH: Final = 100
 """Bytes of a socket's path: systems take from 104 to 108, and Zenoh adds a lock beside it."""

@@ -8,11 +8,6 @@ from collections.abc import Callable, Collection, Generator
 from dataclasses import dataclass
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import STARTED_HERE, BusMember
-from minerva_bus.bus.overhearing import overhear
-from minerva_bus.bus.system import REAL, System, run_through
-from minerva_bus.bus.watchers import Printed, Started, Status, Watchers
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.border import security
@@ -23,7 +18,12 @@ from minerva_bus.launch.recording import Nothing, Recording, recording
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.record.journal import go_on
+from minerva_bus.log.journal import go_on
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import STARTED_HERE, BusMember
+from minerva_bus.runtime.overhearing import overhear
+from minerva_bus.runtime.system import REAL, System, run_through
+from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
 
 
 @dataclass(frozen=True, slots=True)

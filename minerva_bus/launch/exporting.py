@@ -14,10 +14,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
-from minerva_bus.bus.totals import read_totals
 from minerva_bus.errors import BusError, MinervaError, MisuseError
 from minerva_bus.launch.health import Health, live, ready
-from minerva_bus.protocol.status import read_status
+from minerva_bus.runtime.totals import read_totals
+from minerva_bus.wire.status import read_status
 from minerva_bus.world.operator import WorldStatus
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from minerva_bus.bus.member import RAISED
 from minerva_bus.launch.worldfile import Process
+from minerva_bus.runtime.member import RAISED
 
 REPORT_BEGINS: Final = re.compile(r"failed(?: in frame \d+)?: ")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.roster import Attending
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.record.journal import Journal, Journaled, read_journal
+from minerva_bus.log.journal import Journal, Journaled, read_journal
+from minerva_bus.runtime.coordinator import BusCoordinator
 
 
 def journal_path(file: WorldFile) -> Path:

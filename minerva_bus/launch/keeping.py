@@ -7,7 +7,7 @@ from typing import Final
 
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.table import Table
-from minerva_bus.protocol.keys import checked_name
+from minerva_bus.wire.keys import checked_name
 
 ALL: Final = "*"
 

@@ -15,17 +15,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.bus.credentials import (
-    FAMILY,
-    HUB,
-    ROLES,
-    SERVERS,
-    Credentials,
-    Rights,
-    covers,
-    family_start,
-    overlap,
-)
 from minerva_bus.errors import KeysError, MisuseError, nearest
 from minerva_bus.launch.keys_certificates import (
     Authority,
@@ -39,7 +28,18 @@ from minerva_bus.launch.keys_certificates import (
     read_key,
     read_revoked,
 )
-from minerva_bus.protocol.keys import COORDINATOR, checked_name, is_name
+from minerva_bus.runtime.credentials import (
+    FAMILY,
+    HUB,
+    ROLES,
+    SERVERS,
+    Credentials,
+    Rights,
+    covers,
+    family_start,
+    overlap,
+)
+from minerva_bus.wire.keys import COORDINATOR, checked_name, is_name
 
 AUTHORITY_DAYS: Final = 3650
 _AUTHORITY, _REVOKED = "ca", "crl"

@@ -16,8 +16,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.bus.credentials import FAMILY, SERVERS, Rights
 from minerva_bus.errors import KeysError
+from minerva_bus.runtime.credentials import FAMILY, SERVERS, Rights
 
 try:
     from cryptography import x509

@@ -16,7 +16,7 @@ from minerva_bus.launch.ending import kill, kill_rest, next_ended
 from minerva_bus.launch.pipes import Pipes
 from minerva_bus.launch.reports import Reports
 from minerva_bus.launch.starters import Child, command, fork
-from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.wire.keys import COORDINATOR
 
 
 class Machine(Protocol):

@@ -16,7 +16,7 @@ from prometheus_client.core import (
     Metric,
 )
 
-from minerva_bus.bus.totals import BOUNDS, Durations, Totals
+from minerva_bus.runtime.totals import BOUNDS, Durations, Totals
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 _MICRO = 1e-6

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from minerva_bus.bus.waiting import THEN, Patience
 from minerva_bus.launch.table import Table
+from minerva_bus.runtime.waiting import THEN, Patience
 
 KEYS = ("soft", "hard", "late")
 

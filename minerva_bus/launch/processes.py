@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.bus.waiting import Patience
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.roster import objection
@@ -20,7 +19,8 @@ from minerva_bus.launch.patience import KEYS, read_patience
 from minerva_bus.launch.specs import bind, find_agents, find_service
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process
-from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.runtime.waiting import Patience
+from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.world.services import Service
 
 MOST_PROCESSES: Final = 1000

@@ -16,8 +16,8 @@ from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
 
 if TYPE_CHECKING:
-    from minerva_bus.record.description import Description
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.description import Description
+    from minerva_bus.log.reader import Record
 
 
 class Recording(Protocol):
@@ -84,9 +84,9 @@ class InFile:
         say: Callable[[str], None],
         again: bool,
     ) -> None:
-        from minerva_bus.record.description import Description
-        from minerva_bus.record.errors import RecordError
-        from minerva_bus.record.reader import Record
+        from minerva_bus.log.description import Description
+        from minerva_bus.log.errors import RecordError
+        from minerva_bus.log.reader import Record
 
         self._algorithm = algorithm
         self._say = say
@@ -116,7 +116,7 @@ class InFile:
         *,
         keep_old: bool = True,
     ) -> None:
-        from minerva_bus.record.recorder import Recorder
+        from minerva_bus.log.recorder import Recorder
 
         self._began = time.monotonic() - (time.time_ns() - told.began) / 1e9
         self._recorder = Recorder(
@@ -197,7 +197,7 @@ def recording(
     """
     if not file.record.path:
         return Nothing()
-    from minerva_bus.record.errors import RecordError
+    from minerva_bus.log.errors import RecordError
 
     try:
         return InFile(file, algorithm, say, again)
@@ -211,6 +211,6 @@ def recording(
 def check_record(file: WorldFile) -> None:
     """Raises MisuseError where a record is wanted that cannot be made here."""
     if file.record.path:
-        from minerva_bus.record.extra import check_installed
+        from minerva_bus.log.extra import check_installed
 
         check_installed()

@@ -12,8 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from minerva_bus.bus.profile import MeasuringCoordinator
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -31,14 +29,16 @@ from minerva_bus.launch.resuming import (
     kinds_in,
 )
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.protocol.keys import checked_name
-from minerva_bus.protocol.plain import whole
+from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.wire.keys import checked_name
+from minerva_bus.wire.plain import whole
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.kinds import Kinds
 
 if TYPE_CHECKING:
-    from minerva_bus.record.comparison import Difference
-    from minerva_bus.record.description import Description
+    from minerva_bus.log.comparison import Difference
+    from minerva_bus.log.description import Description
 
 _REFUSED = ("pub", "order", "restart")
 
@@ -57,8 +57,8 @@ class ReplayCoordinator(MeasuringCoordinator):
     def __init__(
         self, path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **how: Any
     ) -> None:
-        from minerva_bus.record.film import RecordFilm
-        from minerva_bus.record.reader import Record
+        from minerva_bus.log.film import RecordFilm
+        from minerva_bus.log.reader import Record
 
         told = watchers.listening
 
@@ -97,8 +97,8 @@ def read_replay(
     `world` names its world file, if that has moved. Raises RecordError and WorldFileError, and
     MinervaError where the world file is of another world or there is no such frame.
     """
-    from minerva_bus.record.film import RecordFilm
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.film import RecordFilm
+    from minerva_bus.log.reader import Record
 
     if not 0 <= speed < float("inf"):
         raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
@@ -135,8 +135,8 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
 
     Raises RecordError and WorldFileError, and ActivityError where user code raised.
     """
-    from minerva_bus.record.reader import Record
-    from minerva_bus.record.recomputing import recompute
+    from minerva_bus.log.reader import Record
+    from minerva_bus.log.recomputing import recompute
 
     with Record(path) as record:
         file = world_file_of(path, world, record.description, Overrides())

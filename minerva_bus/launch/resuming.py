@@ -26,15 +26,15 @@ from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.protocol.alphabet import plain_vocabulary
+from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.views import visualize
 
 if TYPE_CHECKING:
-    from minerva_bus.record.description import Description
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.description import Description
+    from minerva_bus.log.reader import Record
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
     Raises RecordError, WorldFileError and SceneError, and MinervaError where the world file is of
     another world, or the run is over.
     """
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.reader import Record
 
     with Record(path) as record:
         told = record.description
@@ -210,7 +210,7 @@ def kinds_in(file: WorldFile) -> Kinds:
 
 def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[str, LastView]:
     """What the coupled devices of a world have been shown last, by visual event type."""
-    from minerva_bus.record.errors import RecordError
+    from minerva_bus.log.errors import RecordError
 
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
     found: dict[str, LastView] = {}

@@ -16,8 +16,8 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.worldfile import Process
-from minerva_bus.protocol.codec import encode
-from minerva_bus.protocol.limits import DEFAULT
+from minerva_bus.wire.codec import encode
+from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wording import counted
 
 LARGEST = DEFAULT.message_bytes

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.launch.machine import Coordinating
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines, parsed
 from minerva_bus.launch.starters import FAILED, Child
 from minerva_bus.launch.surroundings import Surroundings
+from minerva_bus.runtime.coordinator import BusCoordinator
 
 MOST_SUCCESSIONS = 100
 MOST_FAILURES = 3

@@ -6,10 +6,6 @@ import signal
 from collections.abc import Callable
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import RAISED, RAISED_BY_CHANCE
-from minerva_bus.bus.profile import MeasuringCoordinator
-from minerva_bus.bus.session import POOL_BYTES, expect_links
 from minerva_bus.launch import starters
 from minerva_bus.launch.capacity import make_room
 from minerva_bus.launch.console import Console, live_line, starting_line
@@ -28,7 +24,11 @@ from minerva_bus.launch.summary import FirstFrame, Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
+from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.session import POOL_BYTES, expect_links
+from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import counted
 
 GRACE = 1.0

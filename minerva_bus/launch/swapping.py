@@ -28,8 +28,8 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator
 
 if TYPE_CHECKING:
-    from minerva_bus.record.comparison import Difference
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.comparison import Difference
+    from minerva_bus.log.reader import Record
 
 SIDES: Final = ("the record", "this run")
 PLAYERS: Final = ("record", "recorded", "~record")
@@ -85,7 +85,7 @@ def replay_swapped(
     Raises RecordError and WorldFileError; MisuseError where the member or what shall replace it
     cannot be; WorldStopped where user code failed.
     """
-    from minerva_bus.record.reader import Record
+    from minerva_bus.log.reader import Record
 
     if into and Path(into).resolve() == path.resolve():
         raise MisuseError(f"--record {into}: it is the record that is replayed; name another file")
@@ -110,7 +110,7 @@ def replay_swapped(
 
 def _members(record: Record, file: WorldFile, swap: Swap) -> Iterator[Participant]:
     """All hosts of agents, the new member, and one who says what was recorded of others."""
-    from minerva_bus.record.played import Played
+    from minerva_bus.log.played import Played
 
     old = _replaced(file, swap.member)
     others = [one for one in file.processes if one not in old]
@@ -221,7 +221,7 @@ class _Rerun:
 
     def run(self) -> Swapped:
         """Run it to its end."""
-        from minerva_bus.record.comparison import Difference
+        from minerva_bus.log.comparison import Difference
 
         runner, algorithm = self._runner, self._algorithm
         said: list[str] = []
@@ -272,7 +272,7 @@ class _Rerun:
             self._progress(told.frame + 1, self._last)
 
     def _compare(self, done: s.FrameDone) -> None:
-        from minerva_bus.record.comparison import apart, same_events
+        from minerva_bus.log.comparison import apart, same_events
 
         if self._difference is not None:
             return

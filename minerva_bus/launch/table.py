@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, Final, NoReturn, cast
 
 from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
-from minerva_bus.protocol.keys import checked_name
+from minerva_bus.wire.keys import checked_name
 
 MOST: Final = (1 << 63) - 1
 """The greatest whole number that messages carry."""

@@ -19,12 +19,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.bus.waiting import Deadlines, Patience
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.border import Border
 from minerva_bus.launch.keeping import RecordSettings
 from minerva_bus.launch.watching import WatchSettings
+from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 

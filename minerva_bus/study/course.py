@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.record.style import FAINT, INK
+from minerva_bus.log.style import FAINT, INK
 from minerva_bus.study.evolution import Evolution
 from minerva_bus.study.style import BEST, COLORS, draw
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.record.style import FAINT, INK
+from minerva_bus.log.style import FAINT, INK
 from minerva_bus.study.evolution import Evolution, Individual
 from minerva_bus.study.style import BEST, PALE, draw
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log.style import DOTS, STYLE, write_figure
 from minerva_bus.outputs import check_output
-from minerva_bus.record.style import DOTS, STYLE, write_figure
 
 PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"

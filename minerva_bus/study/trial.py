@@ -12,9 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.profile import MeasuringCoordinator
-from minerva_bus.bus.watchers import Watchers
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
@@ -25,6 +22,9 @@ from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.watching import WatchSettings
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.study.outcome import Outcome
 
 LOCAL = "tcp/127.0.0.1:0"

@@ -15,9 +15,9 @@ from minerva_bus.cli.conversing import show_conversation
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.description import World
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.record.conversation import MOST
-from minerva_bus.record.description import Description
-from minerva_bus.record.errors import RecordError
+from minerva_bus.log.conversation import MOST
+from minerva_bus.log.description import Description
+from minerva_bus.log.errors import RecordError
 from minerva_bus.world.acl import MESSAGES, eMessage
 from tests.acl.auction import WORLD, auction
 
@@ -54,7 +54,7 @@ def record(tmp_path):
     """Writes a record of these events, each with its frame."""
 
     def write(events):
-        from minerva_bus.record.writer import RecordWriter
+        from minerva_bus.log.writer import RecordWriter
 
         vocabulary = Vocabulary.of(*MESSAGES, eStep, Rock)
         world = World("quarry", scene=vocabulary.read("ARock#boss"), vocabulary=vocabulary)

@@ -12,7 +12,7 @@ from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, Wo
 from minerva_services.keyboard import Keyboard
 from minerva_services.keyboard.keys import Keys
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MINERVA, World, environment
 from running import eventually as patiently
 

@@ -8,12 +8,14 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
+from tests.bus.running import here
+
 from minerva_agents.robot.vocabulary import eCamera
 from minerva_bus import Frame, Tick, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.specs import find_world
-from minerva_bus.record.reader import Record
+from minerva_bus.log.reader import Record
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_services.camera import Camera
@@ -21,7 +23,6 @@ from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.steering import Limits
 from minerva_services.ros2.stepping import NANO, is_rounding, phases
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
-from tests.bus.running import here
 
 EXACT = ("--clock", "--laser-yaw", "0", "--acceleration", "inf", "--turn-acceleration", "inf")
 DEVICE = """[process.physics]

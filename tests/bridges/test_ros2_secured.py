@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("cryptography")
 import zenoh
+from tests.bus.running import eventually
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.keys import Keys
@@ -17,7 +18,6 @@ from minerva_services.ros2 import messages as types
 from minerva_services.ros2.messages import messages
 from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.session import Session
-from tests.bus.running import eventually
 
 
 def keys_in(folder):

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from tests.bus.running import World, eventually
 
 cv2 = pytest.importorskip("cv2")

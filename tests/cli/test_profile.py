@@ -2,8 +2,9 @@
 
 import json
 
-from minerva_bus.bus.profile import Tally
 from tests.bus.running import MEMBERS, minerva, summary, write_world
+
+from minerva_bus.runtime.profile import Tally
 
 SAMPLER = '''
 class Profiler:

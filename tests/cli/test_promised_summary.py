@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "bus"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "runtime"))
 
 from running import World, alive, environment, eventually, here, minerva, write_world
 

@@ -6,11 +6,11 @@ import shutil
 import signal
 
 import pytest
+from tests.bus.running import Run, World, eventually
 
-from minerva_bus.bus.client import Client
 from minerva_bus.launch.keys import Keys
 from minerva_bus.launch.keys_certificates import Wanted
-from tests.bus.running import Run, World, eventually
+from minerva_bus.runtime.client import Client
 from tests.deploy.deployed import PODS
 
 pytest.importorskip("prometheus_client")

@@ -6,11 +6,11 @@ import subprocess
 
 import pytest
 import yaml
-
-from minerva_bus.bus.credentials import covers
-from minerva_bus.launch.keys import Keys
-from minerva_bus.protocol.keys import is_name
 from tests.bus.running import here
+
+from minerva_bus.launch.keys import Keys
+from minerva_bus.runtime.credentials import covers
+from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
 from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
 

@@ -7,12 +7,12 @@ from urllib.error import HTTPError
 
 import pytest
 
-from minerva_bus.bus.totals import BOUNDS, Durations, Totals, read_totals
 from minerva_bus.errors import BusError, MisuseError, ProtocolError
 from minerva_bus.launch.exporting import Exporter, address
 from minerva_bus.launch.health import live, ready
-from minerva_bus.protocol.plain import pack, unpack
-from minerva_bus.protocol.status import plain_status
+from minerva_bus.runtime.totals import BOUNDS, Durations, Totals, read_totals
+from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.status import plain_status
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 pytest.importorskip("prometheus_client")

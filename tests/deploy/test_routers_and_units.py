@@ -7,8 +7,8 @@ import subprocess
 
 import pytest
 import zenoh
-
 from tests.bus.running import here
+
 from tests.deploy.commands import DEPLOY
 from tests.deploy.deployed import UNITS
 

@@ -11,7 +11,7 @@ ELSEWHERE = {
     "docs/geometries.md": "tests/examples/test_ascii.py",
     "docs/messages.md": "tests/acl/test_messages_document.py",
     "docs/populations.md": "tests/examples/test_populations_doc.py",
-    "docs/records.md": "tests/record/test_document.py",
+    "docs/records.md": "tests/log/test_document.py",
     "examples/crowd/README.md": "tests/examples/test_crowd.py",
     "examples/meadow/README.md": "tests/examples/test_meadow.py",
     "examples/plants/README.md": "tests/examples/test_plants.py",

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.bus import coordinator, greetings, member, session, waiting
 from minerva_bus.launch import members, starting, supervisor
+from minerva_bus.runtime import coordinator, greetings, member, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
 ROW = re.compile(r"^\| `((?:bus|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
-from minerva_bus.bus.waiting import Deadlines, Patience, Waits
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame import membership
 from minerva_bus.frame.composition import Composition
@@ -24,6 +23,7 @@ from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.types import Type
+from minerva_bus.runtime.waiting import Deadlines, Patience, Waits
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, ids
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-sys.path += [str(Path(__file__).parents[1] / "bus"), str(Path(__file__).parents[2] / "services")]
+sys.path += [str(Path(__file__).parents[1] / "runtime"), str(Path(__file__).parents[2] / "services")]
 sys.path.append(str(Path(__file__).parents[2] / "agents"))
 import yard
 
@@ -33,12 +33,12 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.protocol.codec import Decoder
-from minerva_bus.protocol.plain import unpack
-from minerva_bus.protocol.status import read_lines, read_status
-from minerva_bus.record.errors import RecordError
-from minerva_bus.record.journal import go_on, read_journal
-from minerva_bus.record.reader import Record
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.journal import go_on, read_journal
+from minerva_bus.log.reader import Record
+from minerva_bus.wire.codec import Decoder
+from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.status import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.carmen.log import open_log
 from minerva_services.mqtt.pattern import Pattern

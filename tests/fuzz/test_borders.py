@@ -16,7 +16,7 @@ from minerva_agents.robot.maps import load_map
 from minerva_services.laser import Laser
 from minerva_services.mqtt.pattern import Pattern
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
 from running import here, write_world
 
@@ -30,8 +30,8 @@ from minerva_bus.errors import (
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.protocol.codec import Decoder, encode
-from minerva_bus.protocol.keys import checked_name
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.keys import checked_name
 from minerva_bus.world.readings import Battery, Image, Odometry, Scan
 
 DECODER = Decoder(yard.vocabulary)

@@ -31,10 +31,10 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.patch import Patch, difference, patched
 from minerva_bus.grammar.turnover import Turnover
-from minerva_bus.protocol.columns import plain_columns, plain_patch
-from minerva_bus.protocol.limits import Limits
-from minerva_bus.protocol.values import Reader
-from minerva_bus.record.edits import edit_between, edited
+from minerva_bus.log.edits import edit_between, edited
+from minerva_bus.wire.columns import plain_columns, plain_patch
+from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.values import Reader
 from minerva_bus.world.chance import Chances, hash_of
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.moment import Frame

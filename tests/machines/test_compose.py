@@ -6,8 +6,8 @@ import sys
 import urllib.request
 
 import pytest
-
 from tests.bus.running import eventually
+
 from tests.deploy.deployed import COMPOSE, README
 from tests.machines.conftest import ROOT, needs, run
 

@@ -4,7 +4,6 @@ import json
 import re
 
 import pytest
-
 from tests.bus.running import eventually, here, summary
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import Run, World, environment, eventually
 
 _numbers = itertools.count(1)

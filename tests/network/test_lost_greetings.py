@@ -3,15 +3,15 @@
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
-from minerva_bus.bus.greetings import GREETED_AGAIN, Greetings
-from minerva_bus.bus.session import open_client
 from minerva_bus.frame import messages as m
-from minerva_bus.protocol.codec import Decoder
-from minerva_bus.protocol.epochs import stamped
-from minerva_bus.protocol.keys import Keys
+from minerva_bus.runtime.greetings import GREETED_AGAIN, Greetings
+from minerva_bus.runtime.session import open_client
+from minerva_bus.wire.codec import Decoder
+from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.keys import Keys
 
 
 def test_who_does_not_answer_is_named_once_until_it_is_greeted_again():

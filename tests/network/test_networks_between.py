@@ -8,7 +8,7 @@ import pytest
 from hosts import Network, needs_hosts
 from spread import PORT, THERE, Spread
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import Run, World, eventually, here, summary, write_world
 
 from minerva_bus.testing.proxy import Proxy, slow_line

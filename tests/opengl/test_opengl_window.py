@@ -14,9 +14,9 @@ from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import ePicture
 from minerva_agents.robot.world import scene, vocabulary
-from minerva_bus.bus.client import Client
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch import registry
+from minerva_bus.runtime.client import Client
 from minerva_bus.semantics.picture import Lists
 from minerva_bus.world.views import visualize
 from minerva_services.opengl.painter import GLPainter

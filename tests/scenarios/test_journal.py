@@ -10,9 +10,9 @@ from test_any_schedule import SETTINGS
 from minerva_bus.errors import Followed
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import FrameDone, Order
-from minerva_bus.record import journal as j
-from minerva_bus.record.checkpoints import Kept, encode_checkpoint
-from minerva_bus.record.errors import RecordError
+from minerva_bus.log import journal as j
+from minerva_bus.log.checkpoints import Kept, encode_checkpoint
+from minerva_bus.log.errors import RecordError
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 

@@ -6,9 +6,9 @@ from street import eFine
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.protocol.limits import DEFAULT
-from minerva_bus.protocol.values import Reader
-from minerva_bus.record.norms import plain_norm, read_norms
+from minerva_bus.log.norms import plain_norm, read_norms
+from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.values import Reader
 from minerva_bus.world.norms import Norm, Then
 
 WORLD = """

@@ -7,11 +7,11 @@ from pond import Steps, counters, eAdd, service
 from test_orders import Taker, taking
 
 from minerva_bus import EventType, Of, Primitive, Vocabulary, parse
-from minerva_bus.bus.control import refusal_of_order
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.people import unknown_value
+from minerva_bus.runtime.control import refusal_of_order
 
 
 def refusal(bus, event_type):

@@ -12,7 +12,7 @@ from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.record.description import Description, decode_description, encode_description
+from minerva_bus.log.description import Description, decode_description, encode_description
 
 MANY = 100
 

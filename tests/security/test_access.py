@@ -4,9 +4,9 @@ import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.bus.access import access_control
-from minerva_bus.bus.credentials import HUB, ROLES, ROUTER, Rights
-from minerva_bus.protocol.keys import COORDINATOR, Keys, asking_key, control_key
+from minerva_bus.runtime.access import access_control
+from minerva_bus.runtime.credentials import HUB, ROLES, ROUTER, Rights
+from minerva_bus.wire.keys import COORDINATOR, Keys, asking_key, control_key
 
 KEYS = Keys("w")
 MEMBERS = sorted(set(ROLES) - {HUB, ROUTER})

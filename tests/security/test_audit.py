@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
 from running import ALL_KINDS, Run, here, put, write_world
 from secured import (
@@ -25,14 +25,14 @@ from secured import (
     status,
 )
 
-from minerva_bus.bus.audit import DEEDS, TOO_LARGE, Audit, Denied, read_ruling
-from minerva_bus.bus.gate import STRANGERS
-from minerva_bus.bus.session import open_client
 from minerva_bus.errors import BusError
 from minerva_bus.launch.border import BorderOverrides
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.protocol.keys import Keys as WorldKeys
+from minerva_bus.runtime.audit import DEEDS, TOO_LARGE, Audit, Denied, read_ruling
+from minerva_bus.runtime.gate import STRANGERS
+from minerva_bus.runtime.session import open_client
+from minerva_bus.wire.keys import Keys as WorldKeys
 
 # --- lines of a log, as Zenoh 1.10.2 has written them ---
 

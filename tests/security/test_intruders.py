@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
 from running import below, here, minerva, put, summary
 from secured import (
@@ -32,11 +32,11 @@ from secured import (
     stolen,
 )
 
-from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.session import open_client
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
 from minerva_bus.launch.keys_certificates import now
+from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.session import open_client
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
 LIMITS = "[limits]\nmessages = 500\nmessage_bytes = 4194304\n"

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import zenoh
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
 from running import Run, here
 from secured import Client, Joined, World, eventually, goes_on, keyed_world, present
 
-from minerva_bus.bus.session import listening_at, open_client
 from minerva_bus.errors import BusError
+from minerva_bus.runtime.session import listening_at, open_client
 
 LISTEN = "tls/127.0.0.1:0"
 ISSUED = {

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import here
 from secured import stolen
 
-from minerva_bus.bus.access import access_control
-from minerva_bus.bus.session import Secured, listening_at, open_client, open_hub
-from minerva_bus.bus.turned_away import NOTHING, reason_in
 from minerva_bus.errors import BusError
 from minerva_bus.launch.keys import Keys
 from minerva_bus.launch.keys_certificates import Wanted, now
-from minerva_bus.protocol.keys import Keys as WorldKeys
+from minerva_bus.runtime.access import access_control
+from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
+from minerva_bus.runtime.turned_away import NOTHING, reason_in
+from minerva_bus.wire.keys import Keys as WorldKeys
 
 GENERATOR = Wanted(("generator",))
 ANYWHERE = "tls/127.0.0.1:0"

@@ -7,7 +7,7 @@ import pytest
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.participant import Participant
-from minerva_bus.record.journal import Journal
+from minerva_bus.log.journal import Journal
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
 

@@ -18,9 +18,9 @@ from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import visualize
-from minerva_bus.bus.client import Client
 from minerva_bus.frame.core import Phase
 from minerva_bus.grammar.batch import single
+from minerva_bus.runtime.client import Client
 from minerva_bus.semantics.picture import Lists
 from minerva_services.sprites.painter import SpritePainter
 from minerva_services.window.painter import Sight

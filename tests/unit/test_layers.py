@@ -14,14 +14,14 @@ ORDER = [
     "semantics",
     "world",
     "frame",
-    "protocol",
-    "bus",
-    "record",
+    "wire",
+    "log",
+    "runtime",
     "launch",
     "study",
     "cli",
 ]
-ONLY = {"zenoh": "bus", "typer": "cli", "msgpack": "protocol", "mcap": "record"}
+ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "record"}
 
 
 def imports(path):
@@ -90,4 +90,4 @@ def test_the_command_line_answers_before_anything_heavy_is_there():
     names = {name.split(".")[0] for name in done.stdout.split()}
     assert not names & {"numpy", "zenoh", "msgpack", "mcap", "cryptography"}
     packages = {name.split(".")[1] for name in done.stdout.split() if "minerva_bus." in name}
-    assert not packages & (set(ORDER) - {"bus", "cli"})
+    assert not packages & (set(ORDER) - {"runtime", "cli"})

@@ -19,8 +19,8 @@ pytest.importorskip("viser")
 playwright = pytest.importorskip("playwright.sync_api")
 
 from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
-from minerva_bus.bus.client import Client  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
+from minerva_bus.runtime.client import Client  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
 from minerva_services.web.camera import FIELD, bounds_of, outlook  # noqa: E402
 

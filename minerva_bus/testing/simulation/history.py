@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Final
 
-from minerva_bus.protocol.keys import COORDINATOR
 from minerva_bus.testing.simulation.worlds import GUESTS
+from minerva_bus.wire.keys import COORDINATOR
 
 MEMBERS: Final = ("birds", "clerk", "gulls", "lookout", "marsh", "screen", "tide", "water")
 FRAMES: Final = 3, 9

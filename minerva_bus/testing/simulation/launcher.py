@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, cast
 
-from minerva_bus.bus.coordinator import BusCoordinator
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.profiling import NOTHING
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.testing.simulation.links import Weather
 from minerva_bus.testing.simulation.machine import SimulatedMachine
 from minerva_bus.testing.simulation.network import Network

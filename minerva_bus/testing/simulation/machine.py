@@ -8,16 +8,16 @@ from collections.abc import Callable, Generator
 from itertools import count
 from typing import Any, Final
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
 from minerva_bus.launch.children import Coordinating, Joining, Shift, obey
 from minerva_bus.launch.pipes import NOWHERE, Pipes
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.starters import Child
-from minerva_bus.protocol.keys import COORDINATOR
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import BusMember
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.timeline import Timeline
+from minerva_bus.wire.keys import COORDINATOR
 
 PIPE: Final = 20e-6, 200e-6
 """Seconds until what is written to a pipe is read."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import Any, Final
 
-from minerva_bus.bus.gate import may_be_awaited
-from minerva_bus.protocol.epochs import stamp
+from minerva_bus.runtime.gate import may_be_awaited
 from minerva_bus.testing.simulation.links import Link, Weather
 from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.sessions import Declared, Query, Session, matches
 from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
+from minerva_bus.wire.epochs import stamp
 
 LEASE: Final = 3.0
 """Seconds after which a side that is not heard is given up, as in `bus/session.py`."""

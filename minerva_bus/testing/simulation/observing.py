@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.profile import MeasuringCoordinator
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
 from minerva_bus.frame.course import Course
 from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.profile import MeasuringCoordinator
 from minerva_bus.testing.simulation.history import Act
 from minerva_bus.testing.simulation.process import SimulatedSystem
 from minerva_bus.testing.simulation.timeline import Timeline

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from minerva_bus.bus.asking import question_key
-from minerva_bus.bus.client import ANSWER_WITHIN
-from minerva_bus.protocol.plain import mapped, pack, unpack
+from minerva_bus.runtime.asking import question_key
+from minerva_bus.runtime.client import ANSWER_WITHIN
 from minerva_bus.testing.simulation.history import Act
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.observing import Asked
@@ -15,6 +14,7 @@ from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.sessions import Session
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import NAME
+from minerva_bus.wire.plain import mapped, pack, unpack
 
 UNPAUSED: Final = Act(0.5, "resume")
 TRIES: Final = 60

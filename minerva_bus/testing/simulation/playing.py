@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.bus.coordinator import BusCoordinator
-from minerva_bus.bus.member import BusMember
-from minerva_bus.bus.notices import Leave
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import Summary
-from minerva_bus.record.journal import go_on, read_journal
+from minerva_bus.log.journal import go_on, read_journal
+from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.notices import Leave
 from minerva_bus.testing.simulation.faults import Faults
 from minerva_bus.testing.simulation.history import History
 from minerva_bus.testing.simulation.launcher import Launcher

@@ -7,8 +7,8 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.bus.session import Secured
 from minerva_bus.errors import MinervaError
+from minerva_bus.runtime.session import Secured
 from minerva_bus.testing.simulation.timeline import EPOCH, Alarm, Timeline
 
 if TYPE_CHECKING:

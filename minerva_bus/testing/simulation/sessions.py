@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.bus.inbox import KNOCK
-from minerva_bus.bus.presence import GONE, HERE
+from minerva_bus.runtime.inbox import KNOCK
+from minerva_bus.runtime.presence import GONE, HERE
 
 if TYPE_CHECKING:
     from minerva_bus.testing.simulation.links import Link

@@ -1,0 +1,228 @@
+"""What is in the chunks of a record: its messages, as far as they are intact.
+
+A chunk whose checksum is wrong is left out as a whole, and said; nothing is unpacked that is larger
+than it says, or than a record can be.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from bisect import bisect
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any, Final
+
+from minerva_bus.log.channels import OWN, PROFILE
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.extra import check_installed
+from minerva_bus.log.scanning import (
+    CHANNEL,
+    MAGIC,
+    Damage,
+    Place,
+    read_summary,
+    scan,
+    split,
+)
+from minerva_bus.outputs import note_read
+
+_MESSAGE: Final = 0x05
+_MESSAGE_BEGIN: Final = struct.Struct("<HIQQ")
+FEWEST_MESSAGES: Final = 100
+MESSAGES_PER_BYTE: Final = 4
+"""A chunk has at most so many messages, and so many for each of its packed bytes: times differ."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message as it is in the file; times are in nanoseconds."""
+
+    channel_id: int
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+class Chunks:
+    """The chunks of one file of ours. Raises RecordError where it is none.
+
+    `complete`: it was finished; otherwise its world was killed or its disk was full, and what is
+    missing is at most what came after the last flush; `cut` bytes at its end are then of no whole
+    chunk. `indexed`: its summary is as it was written. `size` is in bytes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        check_installed()
+        self.path = path
+        try:
+            self._file = path.open("rb")
+            note_read(path)
+            self.size = path.stat().st_size
+        except OSError as error:
+            raise RecordError(f"{path}: {error.strerror}") from None
+        self._damage: dict[int, Damage] = {}
+        try:
+            self._scan()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @property
+    def damage(self) -> list[Damage]:
+        """What is damaged, in order: all outside of chunks, and chunks that were read so far."""
+        return sorted(self._damage.values(), key=lambda one: one.begin)
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, Message]]:
+        """Topic and message, in order, of some topics; those of damaged chunks are left out."""
+        for chunk in range(len(self.places)):
+            yield from self.messages_in(chunk, topics) or ()
+
+    def messages_in(self, chunk: int, topics: Collection[str]) -> list[tuple[str, Message]] | None:
+        """Topic and message, in order, of some topics, in this chunk; None where it is damaged."""
+        wanted = {number: topic for number, topic in self.topics.items() if topic in topics}
+        place = self.places[chunk]
+        if place.begin in self._damage:
+            return None
+        known = self._summary.channels.get(place.begin)
+        if known is not None and known.isdisjoint(wanted):
+            return []
+        try:
+            data = _unpacked(self._file, place)
+            return list(_messages(data, wanted, place))
+        except Exception as error:  # whatever decompressors raise
+            self._note(Damage(place.begin, place.end, _why(error)))
+            return None
+
+    def torn(self, chunk: int) -> bool:
+        """Whether a chunk may be lost between this one and the one before.
+
+        The summary knows where all of them lay; without it, any damaged bytes may have been one.
+        """
+        return chunk in self._torn
+
+    # --- the file ---
+
+    def _scan(self) -> None:
+        self._check_beginning()
+        found = scan(self._file, self.size)
+        _check_profile(self.path, found.header)
+        for one in found.damage:
+            self._note(one)
+        if not found.places:
+            raise RecordError(f"{self.path}: it was cut off before anything was in it")
+        self._summary = read_summary(self._file, self.size)
+        self.places, self.indexed = found.places, self._summary.sound
+        self.complete = found.complete or self.indexed
+        self.cut = 0 if self.complete else found.cut
+        if found.cut and self.complete:
+            self._note(Damage(self.size - found.cut, self.size, "no record of an MCAP file"))
+        begins = [place.begin for place in self.places]
+        lay = self._summary.channels.keys() - {*begins} if self.indexed else self._damage.keys()
+        self._torn = {bisect(begins, at) for at in lay}
+        self.topics = self._topics()
+
+    def _check_beginning(self) -> None:
+        """Complain of what never was a record; the beginning of one that was may be damaged."""
+        begin = self._file.read(256)
+        self._file.seek(max(0, self.size - len(MAGIC)))
+        known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
+        if not known and (begin.strip(b"\0") or not begin):
+            raise RecordError(f"{self.path}: this is no MCAP file")
+
+    def _topics(self) -> dict[int, str]:
+        """All channels are in the first chunk and in the summary; ours always have the same ids."""
+        try:
+            data = _unpacked(self._file, self.places[0])
+            first = _channels(data)
+        except Exception as error:  # whatever decompressors raise
+            self._note(Damage(self.places[0].begin, self.places[0].end, _why(error)))
+            first = {}
+        return {**self._summary.topics, **first} or dict(enumerate(OWN, 1))
+
+    def _note(self, one: Damage) -> None:
+        self._damage[one.begin] = one
+
+
+def _check_profile(path: Path, header: bytes) -> None:
+    """Complain of a file of others; a header of ours may be damaged."""
+    size = int.from_bytes(header[:4], "little")
+    profile = header[4 : 4 + size].decode("utf-8", "replace")
+    if header and profile != PROFILE and b"minerva" not in header:
+        raise RecordError(
+            f"{path}: an MCAP file, but no record of Minerva Bus: its profile is"
+            f" {profile[:40]!r}, not {PROFILE!r}"
+        )
+
+
+def _why(error: Exception) -> str:
+    return str(error) if isinstance(error, ValueError) else f"its data is wrong: {error}"[:120]
+
+
+# --- a chunk ---
+
+
+def _unpacked(file: IO[bytes], place: Place) -> bytes:
+    """What is in a chunk. Raises ValueError, and what decompressors raise."""
+    file.seek(place.data)
+    packed = file.read(place.size)
+    data = _decompressed(packed, place)
+    if len(data) > place.unpacked:
+        raise ValueError("it unpacks to more than it says")
+    if place.crc and zlib.crc32(data) != place.crc:
+        raise ValueError("its checksum is wrong")
+    return data
+
+
+def _decompressed(packed: bytes, place: Place) -> bytes:
+    """At most one byte more than the chunk says that there is."""
+    most = place.unpacked + 1
+    if place.packing == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(packed) as stream:
+            return stream.read(most)
+    if place.packing == "lz4":
+        frames: Any = import_module("lz4.frame")
+        return frames.LZ4FrameDecompressor().decompress(packed, most)
+    return packed
+
+
+def _messages(data: bytes, wanted: dict[int, str], place: Place) -> Iterator[tuple[str, Message]]:
+    left = FEWEST_MESSAGES + MESSAGES_PER_BYTE * place.size
+    for opcode, begin, end in split(data):
+        left -= 1
+        if left < 0:
+            raise ValueError("it has more messages than a chunk of its size can have")
+        if opcode != _MESSAGE:
+            continue
+        if end - begin < _MESSAGE_BEGIN.size:
+            raise ValueError("a message in it is too short")
+        channel, sequence, log, publish = _MESSAGE_BEGIN.unpack_from(data, begin)
+        topic = wanted.get(channel)
+        if topic is not None:
+            body = data[begin + _MESSAGE_BEGIN.size : end]
+            yield topic, Message(channel, sequence, log, publish, body)
+
+
+def _channels(data: bytes) -> dict[int, str]:
+    """The topics of the channels that are in a chunk, by their numbers."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Channel
+
+    found: dict[int, str] = {}
+    for opcode, begin, end in split(data):
+        if opcode == _MESSAGE:
+            break  # All channels come before.
+        if opcode == CHANNEL:
+            channel: Any = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
+            found[channel.id] = channel.topic
+    return found

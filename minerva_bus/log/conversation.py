@@ -1,0 +1,171 @@
+"""Who said what to whom in a run: the messages of a record, and as a sequence diagram in Mermaid.
+
+How Mermaid is written: https://mermaid.js.org/syntax/sequenceDiagram.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from minerva_bus.errors import nearest
+from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.events import Event
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.reader import Record
+from minerva_bus.world.acl.message import NEVER, eMessage
+
+EVERYBODY: Final = "everybody"
+NOBODY: Final = "somebody outside"
+MOST: Final = 400
+"""Messages that fit into a picture in which one still finds something."""
+
+NAMED: Final = 8
+LONGEST: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A message that was heard in a frame."""
+
+    frame: int
+    sender: str
+    receivers: tuple[str, ...]
+    act: str
+    content: str
+    protocol: str
+    conversation: str
+    reply_by: int
+
+    @staticmethod
+    def of(frame: int, event: Event) -> Said:
+        """What an event of the type `eMessage` says."""
+        return Said(
+            frame,
+            event.sender or NOBODY,
+            event.receivers or (EVERYBODY,),
+            event.performative,
+            event.content,
+            event.protocol,
+            event.conversation_id,
+            event.reply_by,
+        )
+
+    @property
+    def label(self) -> str:
+        """The act, its content cut to what fits, and its deadline."""
+        content = " ".join(self.content.split())
+        if len(content) > LONGEST:
+            content = content[: LONGEST - 1] + "…"
+        by = f" (by frame {self.reply_by})" if self.reply_by != NEVER else ""
+        return f"{self.act}{': ' if content else ''}{content}{by}"
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object."""
+        return {
+            "frame": self.frame,
+            "sender": self.sender,
+            "receivers": list(self.receivers),
+            "performative": self.act,
+            "content": self.content,
+            "protocol": self.protocol,
+            "conversation": self.conversation,
+            "reply_by": self.reply_by,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Messages in their order; `title` says of which world and conversation."""
+
+    title: str
+    said: tuple[Said, ...]
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Who takes part, in the order in which they first speak or are spoken to."""
+        names = [name for one in self.said for name in (one.sender, *one.receivers)]
+        return tuple(dict.fromkeys(names))
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object."""
+        return {
+            "title": self.title,
+            "agents": list(self.agents),
+            "messages": [one.plain() for one in self.said],
+        }
+
+    def mermaid(self) -> str:
+        """As a sequence diagram in Mermaid."""
+        return "\n".join(self._lines()) + "\n"
+
+    def _lines(self) -> Iterator[str]:
+        ids = {name: f"a{number}" for number, name in enumerate(self.agents)}
+        yield "sequenceDiagram"
+        for name, id in ids.items():
+            yield f"    participant {id} as {_escaped(name)}"
+        first, last = ids[self.agents[0]], ids[self.agents[-1]]
+        over = first if first == last else f"{first},{last}"
+        frame = None
+        for one in self.said:
+            if one.frame != frame:
+                frame = one.frame
+                yield f"    Note over {over}: frame {frame}"
+            for receiver in one.receivers:
+                yield f"    {ids[one.sender]}->>{ids[receiver]}: {_escaped(one.label)}"
+
+
+def exchange_of(record: Record, conversation: str = "") -> Exchange:
+    """The messages of a record, or those of one conversation.
+
+    Raises RecordError where there are none.
+    """
+    said = [
+        Said.of(frame.number, event)
+        for frame in record.frames()
+        for event in single(frame.events)
+        if event.type == eMessage.name
+    ]
+    if not said:
+        raise RecordError(f"{record.path}: no agent says anything: there is no {eMessage.name}")
+    world = record.description.world.name
+    if not conversation:
+        return Exchange(world, tuple(said))
+    chosen = tuple([one for one in said if one.conversation == conversation])
+    if not chosen:
+        known = _conversations(said)
+        near = nearest(conversation, known)
+        raise RecordError(
+            f"{record.path}: there is no conversation {conversation!r}{near}; {_named(known)}"
+        )
+    protocol = chosen[0].protocol
+    return Exchange(f"{world}: {conversation}{protocol and f', {protocol}'}", chosen)
+
+
+def check_drawable(record: Record, exchange: Exchange) -> None:
+    """Raises RecordError where one picture cannot show it all."""
+    count = len(exchange.said)
+    if count > MOST:
+        known = _conversations(list(exchange.said))
+        choose = f"; choose one with --conversation: {_named(known)}" if len(known) > 1 else ""
+        raise RecordError(
+            f"{record.path}: {count:,} messages are too many for one picture, which shows {MOST}"
+            f" at most{choose}, or take all with --json"
+        )
+
+
+def _conversations(said: list[Said]) -> list[str]:
+    return [one for one in dict.fromkeys(one.conversation for one in said) if one]
+
+
+def _named(known: list[str]) -> str:
+    if not known:
+        return "no message names one"
+    more = f" and {len(known) - NAMED:,} more" if len(known) > NAMED else ""
+    return f"there are {', '.join(known[:NAMED])}{more}"
+
+
+def _escaped(text: str) -> str:
+    """A text in which nothing means anything to Mermaid; its entities are of the form #NN;."""
+    return "".join([f"#{ord(one)};" if one in "#;<>&%\"'`{}\\" else one for one in text])

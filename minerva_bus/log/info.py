@@ -1,0 +1,188 @@
+"""What is in a record: `minerva info`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.losses import Losses
+from minerva_bus.log.messages import Frame
+from minerva_bus.log.reader import Record
+from minerva_bus.log.sensing import Dropped
+from minerva_bus.wording import counted
+from minerva_bus.world.norms import SOURCE
+
+
+@dataclass(frozen=True, slots=True)
+class Info:
+    """A record in figures.
+
+    `seconds` are the world's, `wall_seconds` the clock's; `missing` counts frames that were left
+    out, `topics` readings by topic, `dropped` messages on topics that could not be kept.
+    `first_agents` and `last_agents` say how many agents of each kind there were,
+    `broken` how often norms have been broken. `checked`: all
+    digests have been compared. `losses` say what is damaged.
+    """
+
+    world: str
+    seed: int
+    size: int
+    complete: bool
+    frames: int
+    missing: int
+    seconds: float
+    wall_seconds: float
+    digest: str
+    events: Mapping[str, int]
+    first_agents: Mapping[str, int]
+    last_agents: Mapping[str, int]
+    broken: Mapping[str, int]
+    log_lines: int
+    topics: Mapping[str, int]
+    dropped: int
+    timings: Mapping[str, float]
+    options: Mapping[str, str]
+    versions: Mapping[str, str]
+    checked: bool
+    losses: Losses
+
+    def plain(self) -> dict[str, Any]:
+        """As one JSON object."""
+        shown = {name: _plain(getattr(self, name)) for name in self.__slots__ if name != "losses"}
+        return shown | self.losses.plain()
+
+    def lines(self) -> list[str]:
+        """As a person reads it."""
+        state = "complete" if self.complete else "cut off: its world did not end as it should"
+        first, last = self.first_agents, self.last_agents
+        kinds = {
+            kind: f"{first.get(kind, 0):,} → {last.get(kind, 0):,}"
+            for kind in sorted({*first, *last})
+        }
+        options = {name: value for name, value in self.options.items() if value}
+        rows = {
+            "": f"{self.size:,} bytes, {state}",
+            "frames": f"{self.frames:,}" + (f", {self.missing:,} missing" if self.missing else ""),
+            "time": f"{self.seconds:.2f} s of the world, {self.wall_seconds:.2f} s by the clock",
+            "agents": _pairs(kinds),
+            "events": _pairs({name: f"{count:,}" for name, count in self.events.items()}),
+            "norms": _pairs({name: f"{count:,}" for name, count in self.broken.items()}),
+            "topics": _pairs({name: f"{count:,}" for name, count in self.topics.items()})
+            + (f" ({self.dropped:,} messages dropped)" if self.dropped else ""),
+            "a frame": _pairs({one: f"{1000 * s:.2f} ms" for one, s in self.timings.items()}),
+            "log": counted(self.log_lines, "line") if self.log_lines else "",
+            "options": _pairs(options),
+            "written by": _pairs(self.versions),
+            "damaged": self.losses.damaged,
+            "lost": self.losses.frames,
+            "digest": self.digest + ("  (all digests are right)" if self.checked else ""),
+        }
+        shown = [f"  {name:10}  {text}" for name, text in rows.items() if name and text]
+        if self.losses.damage:
+            shown.append("  minerva recover writes all that is intact into a new record")
+        return [f"{self.world}, seed {self.seed}: {rows['']}", *shown]
+
+
+def info_of(record: Record, check: bool = False) -> Info:
+    """Read all of a record. Raises RecordError; with `check` also where a digest is wrong."""
+    world = record.description.world
+    events: Counter[str] = Counter()
+    count = 0
+    last: Frame | None = None
+    scene = world.scene
+    for frame, scene in record.strings(check):  # noqa: B007
+        count, last = count + 1, frame
+        events.update(_counted(frame))
+    topics, dropped = _sensed(record)
+    reached = last.number + 1 if last is not None else 0
+    return Info(
+        world=world.name,
+        seed=world.seed,
+        size=record.size,
+        complete=record.complete,
+        frames=count,
+        missing=reached - count,
+        seconds=reached * world.dt,
+        wall_seconds=last.seconds if last is not None else 0.0,
+        digest=(last.digest if last is not None else scene.digest).hex(),
+        events=dict(sorted(events.items())),
+        first_agents=kinds_in(world.scene),
+        last_agents=kinds_in(scene),
+        broken=_broken(record),
+        log_lines=sum(1 for _ in record.log()),
+        topics=topics,
+        dropped=dropped,
+        timings=_means(record.timings()),
+        options=record.description.options,
+        versions=record.description.versions,
+        checked=check,
+        losses=record.losses(),
+    )
+
+
+def _broken(record: Record) -> dict[str, int]:
+    """How often each norm of a world has been broken."""
+    if not record.description.world.norms:
+        return {}
+    try:
+        saved = record.end()[0].saved
+    except RecordError:  # it has no checkpoints
+        return {}
+    return dict(saved.get(SOURCE, {}).get("broken", {}))
+
+
+def _counted(frame: Frame) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    for event in frame.events:
+        counts[event.type] += len(event) if isinstance(event, Events) else 1
+    return counts
+
+
+def _sensed(record: Record) -> tuple[dict[str, int], int]:
+    """How many readings there are by topic, and how many messages were dropped."""
+    counts: Counter[str] = Counter()
+    dropped = 0
+    for _, told in record.sensed():
+        if isinstance(told, Dropped):
+            dropped += told.count
+        else:
+            counts[told.topic] += len(told.readings)
+    return dict(sorted(counts.items())), dropped
+
+
+def kinds_in(scene: Scene) -> dict[str, int]:
+    """How many agents of each kind are in a string."""
+    counts: Counter[str] = Counter()
+    for piece in scene.pieces:
+        if not isinstance(piece, Columns):
+            counts.update(agent.symbol for agent in agents(Scene((piece,))))
+        elif piece.ids is not None:
+            counts[piece.symbol] += piece.count
+    return dict(sorted(counts.items()))
+
+
+def _means(timings: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    sums: dict[str, float] = {}
+    count = 0
+    for one in timings:
+        count += 1
+        for name, seconds in one.items():
+            sums[name] = sums.get(name, 0.0) + seconds
+    return {name: total / count for name, total in sums.items() if name not in _NO_TIMING}
+
+
+_NO_TIMING = frozenset(("frame", "seconds"))
+
+
+def _pairs(values: Mapping[str, str]) -> str:
+    return ", ".join([f"{name} {value}" for name, value in values.items()])
+
+
+def _plain(value: Any) -> Any:
+    return dict(value) if isinstance(value, Mapping) else value  # pyright: ignore

@@ -1,0 +1,150 @@
+"""Raw sensor data in a record: ours, which loses nothing, and what other tools show of it.
+
+    topic = ["topic", name, member, frame, [reading, ...]]      as on the bus (PROTOCOL.md)
+          | ["dropped", count]                                  so many more could not be kept
+
+`frame` is that of whom measures in step with the frames, and -1 from those who run freely.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.messages import Readings
+from minerva_bus.log.description import LIMITS
+from minerva_bus.log.showing import GROUND, pose_of, time_stamp
+from minerva_bus.wire.plain import listed, pack, text, unpack, whole
+from minerva_bus.wire.readings import plain_reading, read_reading
+from minerva_bus.world.readings import Image, Mount, Odometry, Position, Reading, Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """So many messages on topics came faster than they could be written."""
+
+    count: int
+
+
+def encode_readings(told: Readings) -> bytes:
+    """What came on a topic, as bytes."""
+    readings = [plain_reading(one) for one in told.readings]
+    return pack(["topic", told.topic, told.member, told.frame, readings])
+
+
+def encode_dropped(count: int) -> bytes:
+    """That so many messages are not in the record, as bytes."""
+    return pack(["dropped", count])
+
+
+def decode_sensed(data: bytes) -> Readings | Dropped:
+    """A message of the channel of topics. Raises ProtocolError."""
+    items = listed(unpack(data, LIMITS), "a message of a topic")
+    if items[:1] == ["dropped"] and len(items) == 2:
+        return Dropped(whole(items[1], "a count"))
+    if items[:1] != ["topic"] or len(items) != 5:
+        raise ProtocolError("a message of a topic has 5 items and begins with its name")
+    readings = tuple([read_reading(one) for one in listed(items[4], "readings")])
+    return Readings(
+        text(items[2], "a member"),
+        text(items[1], "a topic"),
+        whole(items[3], "the frame", -1),
+        readings,
+    )
+
+
+# --- what others show ---
+
+
+def shown_readings(told: Readings, time: int) -> Iterator[tuple[str, bytes]]:
+    """The schema and the message in JSON for each reading of which other tools know the kind."""
+    for reading in told.readings:
+        shown = _shown(reading, time)
+        if shown is not None:
+            schema, plain = shown
+            yield schema, json.dumps(plain, separators=(",", ":"), allow_nan=False).encode()
+
+
+def encode_transform(robot: str, time: int, x: float, y: float, angle: float) -> bytes:
+    """Where a robot is, so that what its sensors say can be shown there: degrees and metres."""
+    pose = pose_of(x, y, angle)
+    plain = {
+        "timestamp": time_stamp(time),
+        "parent_frame_id": GROUND,
+        "child_frame_id": robot,
+        "translation": pose["position"],
+        "rotation": pose["orientation"],
+    }
+    return json.dumps(plain, separators=(",", ":")).encode()
+
+
+def _shown(reading: Reading, time: int) -> tuple[str, dict[str, Any]] | None:
+    about: dict[str, Any] = {"timestamp": time_stamp(time), "frame_id": reading.robot or GROUND}
+    if isinstance(reading, Scan):
+        return "foxglove.LaserScan", about | _scan(reading)
+    if isinstance(reading, Image):
+        return _image(reading, about)
+    if isinstance(reading, Odometry):
+        about["frame_id"] = f"{reading.robot}/odometry"
+        about["pose"] = pose_of(reading.x, reading.y, reading.angle)
+        return "foxglove.PoseInFrame", about
+    if isinstance(reading, Position):
+        return "foxglove.LocationFix", about | _location(reading)
+    return None
+
+
+_UNKNOWN, _APPROXIMATED = 0, 1
+"""Types of a position's covariance in foxglove.LocationFix."""
+
+
+def _location(position: Position) -> dict[str, Any]:
+    """A position; the schema has no unknown altitude, so that is 0 there."""
+    return {
+        "latitude": position.latitude,
+        "longitude": position.longitude,
+        "altitude": position.altitude or 0.0,
+        "position_covariance": _covariance(position.accuracy or 0.0),
+        "position_covariance_type": _UNKNOWN if position.accuracy is None else _APPROXIMATED,
+    }
+
+
+def _covariance(accuracy: float) -> Sequence[float]:
+    variance = accuracy * accuracy
+    return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+
+
+def _scan(scan: Scan) -> dict[str, Any]:
+    last = scan.first + scan.step * (len(scan.ranges) - 1)
+    ranges: list[float] = scan.ranges.astype("f8").tolist()
+    return {
+        "pose": _mounted(Mount(scan.mount_x, scan.mount_y, scan.mount_angle)),
+        "start_angle": math.radians(scan.first),
+        "end_angle": math.radians(last),
+        "ranges": [one if math.isfinite(one) else 0.0 for one in ranges],
+        "intensities": [],
+    }
+
+
+def _mounted(mount: Mount) -> Mapping[str, Any]:
+    return pose_of(mount.x, mount.y, mount.angle)
+
+
+_STEPS: Final = {"rgb8": 3, "mono8": 1}
+
+
+def _image(image: Image, about: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    about["data"] = base64.b64encode(image.data).decode()
+    step = _STEPS.get(image.encoding)
+    if step is None:
+        return "foxglove.CompressedImage", about | {"format": image.encoding}
+    return "foxglove.RawImage", about | {
+        "width": image.width,
+        "height": image.height,
+        "encoding": image.encoding,
+        "step": step * image.width,
+    }

@@ -1,0 +1,133 @@
+"""A sequence diagram as SVG: lifelines of agents, and an arrow from each who speaks.
+
+What goes to several agents is one arrow with a head at each of them, so that a call to twenty takes
+as much room as a call to one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final
+from xml.sax.saxutils import escape
+
+from minerva_bus.log.conversation import Exchange, Said
+from minerva_bus.world.acl.acts import Act
+
+COLUMN, ROW, FRAME_ROW = 150, 34, 12
+LEFT, TOP, MARGIN = 84, 92, 28
+BOX_WIDTH, BOX_HEIGHT = 124, 30
+LETTER: Final = 6.6
+"""Width of a letter, about, in pixels."""
+
+INK, FAINT, PAPER = "#2b2b33", "#b9bcc6", "#ffffff"
+SAYS, DENIES, SETTLES = "#2f6f8f", "#b3205f", "#4f8049"
+_COLORS: Final = {
+    **dict.fromkeys(
+        (Act.REFUSE, Act.REJECT_PROPOSAL, Act.FAILURE, Act.NOT_UNDERSTOOD, Act.CANCEL), DENIES
+    ),
+    **dict.fromkeys((Act.AGREE, Act.ACCEPT_PROPOSAL, Act.INFORM, Act.CONFIRM), SETTLES),
+}
+# What XML 1.0 cannot hold, not even escaped.
+_UNWRITABLE: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_STYLE: Final = (
+    f"text {{ font-family: 'DejaVu Sans', Helvetica, sans-serif; font-size: 11px; fill: {INK} }}"
+    " .title { font-size: 16px; font-weight: bold } .frame { fill: #80848f; text-anchor: end }"
+    " .name { text-anchor: middle; font-weight: bold }"
+    f" .said {{ paint-order: stroke; stroke: {PAPER}; stroke-width: 4px }}"
+)
+
+
+def draw(exchange: Exchange) -> str:
+    """The diagram as the text of an SVG file."""
+    rows = list(_rows(exchange))
+    columns = {name: LEFT + COLUMN * (n + 0.5) for n, name in enumerate(exchange.agents)}
+    right = max(_right_end(said, columns) for said, _, _ in rows)
+    width = max(LEFT + COLUMN * len(columns), right, _wide(exchange.title, 10)) + MARGIN
+    height = rows[-1][1] + 2 * MARGIN
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"'
+        f' width="{width:.0f}" height="{height:.0f}">',
+        f"<title>{_text(exchange.title)}</title>",
+        f"<style>{_STYLE}</style>",
+        f'<rect width="100%" height="100%" fill="{PAPER}"/>',
+        f'<text class="title" x="{MARGIN}" y="32">{_text(exchange.title)}</text>',
+    ]
+    for name, x in columns.items():
+        lines += _lifeline(name, x, height - MARGIN)
+    for said, y, begins in rows:
+        if begins:
+            lines.append(
+                f'<text class="frame" x="{LEFT - 16}" y="{y + 4:.0f}">frame {said.frame}</text>'
+            )
+        lines += _arrow(said, y, columns)
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _rows(exchange: Exchange) -> Iterator[tuple[Said, float, bool]]:
+    """Each message with its height, and whether a frame begins with it."""
+    y, frame = float(TOP), None
+    for said in exchange.said:
+        begins = said.frame != frame
+        y += ROW + (FRAME_ROW if begins else 0)
+        frame = said.frame
+        yield said, y, begins
+
+
+def _lifeline(name: str, x: float, bottom: float) -> Iterator[str]:
+    top, shown = TOP - BOX_HEIGHT - 8, _cut(name, BOX_WIDTH - 8)
+    yield (
+        f'<line x1="{x:.0f}" y1="{top + BOX_HEIGHT}" x2="{x:.0f}" y2="{bottom:.0f}"'
+        f' stroke="{FAINT}" stroke-dasharray="3 4"/>'
+    )
+    yield (
+        f'<rect x="{x - BOX_WIDTH / 2:.0f}" y="{top}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}"'
+        f' rx="6" fill="#f2f4f7" stroke="{INK}"/>'
+    )
+    yield f'<text class="name" x="{x:.0f}" y="{top + 19}">{_text(shown)}</text>'
+
+
+def _arrow(said: Said, y: float, columns: dict[str, float]) -> Iterator[str]:
+    x, color = columns[said.sender], _COLORS.get(Act(said.act), SAYS)
+    ends = [columns[name] for name in said.receivers]
+    dashes = ' stroke-dasharray="5 3"' if color == DENIES else ""
+    for end in sorted({min([x, *ends]), max([x, *ends])} - {x}):
+        yield (
+            f'<line x1="{x:.0f}" y1="{y:.0f}" x2="{end:.0f}" y2="{y:.0f}" stroke="{color}"'
+            f' stroke-width="1.6"{dashes}/>'
+        )
+    for end in ends:
+        back = 7 if end < x else -7
+        if end == x:
+            yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="4" fill="{color}"/>'
+            continue
+        yield (f'<path d="M {end:.0f} {y:.0f} l {back} -4 l 0 8 z" fill="{color}"/>')
+    yield f'<circle cx="{x:.0f}" cy="{y:.0f}" r="2.5" fill="{color}"/>'
+    yield f'<text class="said" x="{_label_at(said, columns):.0f}" y="{y - 6:.0f}">'
+    yield f"<title>{_text(said.content)}</title>{_text(said.label)}</text>"
+
+
+def _text(text: str) -> str:
+    """A text as XML character data, whatever is in it."""
+    return escape(_UNWRITABLE.sub("\ufffd", text))
+
+
+def _label_at(said: Said, columns: dict[str, float]) -> float:
+    """The left end of a label: beside the sender, above the arrow."""
+    x, ends = columns[said.sender], [columns[name] for name in said.receivers]
+    if max(ends) >= x:
+        return x + 8
+    return max(min(ends) + 10, x - 8 - _wide(said.label))
+
+
+def _right_end(said: Said, columns: dict[str, float]) -> float:
+    return _label_at(said, columns) + _wide(said.label)
+
+
+def _wide(text: str, letter: float = LETTER) -> float:
+    return letter * len(text)
+
+
+def _cut(text: str, width: float) -> str:
+    most = int(width / LETTER)
+    return text if len(text) <= most else text[: most - 1] + "…"

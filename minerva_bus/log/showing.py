@@ -1,0 +1,148 @@
+"""What other tools show of a record: poses, the map and the log, in Foxglove's JSON messages."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.forms import Raster, Shape
+from minerva_bus.grammar.scene import EMPTY, FigureNode, Piece, Scene
+from minerva_bus.grammar.slots import fill_slots
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.log.channels import NANO
+from minerva_bus.log.places import Places
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.semantics.plane import PlaneGeometry, Pose, resolve
+
+GROUND: Final = "world"
+"""The frame of reference of all that is shown."""
+
+_POSES: Final = '{"timestamp":{"sec":%d,"nsec":%d},"frame_id":"%s","poses":[%s]}'
+_POSE: Final = (
+    '{"position":{"x":%.4f,"y":%.4f,"z":0},"orientation":{"x":0,"y":0,"z":%.6f,"w":%.6f}}'
+)
+"""Written out, since a population has very many of them."""
+
+_UINT8: Final = 1
+_INFO, _WARNING = 2, 3
+_FIELDS: Final = [
+    {"name": name, "offset": place, "type": _UINT8}
+    for place, name in enumerate(("red", "green", "blue", "alpha"))
+]
+
+
+def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
+    """A line of the log: `foxglove.Log`."""
+    level = _WARNING if warning else _INFO
+    plain = {"timestamp": time_stamp(time), "level": level, "message": text, "name": member}
+    return _json(plain | {"file": "", "line": 0})
+
+
+def encode_poses(time: int, some: Places) -> bytes:
+    """Where agents of a kind are: `foxglove.PosesInFrame`."""
+    half = np.radians(some.angle) / 2
+    rows = np.column_stack((some.x, some.y, np.sin(half), np.cos(half))).tolist()
+    poses = ",".join([_POSE % tuple(row) for row in rows])
+    return (_POSES % (time // NANO, time % NANO, GROUND, poses)).encode()
+
+
+def encode_maps(scene: Scene, vocabulary: Vocabulary) -> Iterator[bytes]:
+    """The rasters that stand in a string outside of all agents: `foxglove.Grid`."""
+    maps = _Maps(vocabulary)
+    interpret(without_agents(scene), maps)
+    return (_json(one) for one in maps.found)
+
+
+def without_agents(scene: Scene) -> Scene:
+    """What is left of a string where all agents are gone."""
+    made: list[Piece] = []
+    for piece in scene.pieces:
+        if isinstance(piece, Columns | FigureNode):
+            made += [] if isinstance(piece, Columns) and piece.ids is not None else [piece]
+        else:
+            made += fill_slots(Scene((piece,)), lambda _: EMPTY).pieces
+    return Scene(tuple(made))
+
+
+class _Maps(PlaneGeometry):
+    """A geometry in which rasters are grids and everything else is nothing."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        super().__init__(vocabulary)
+        self.found: list[dict[str, Any]] = []
+
+    def shape(self, shape: Shape, figure: FigureNode) -> None:
+        if isinstance(shape, Raster):
+            self.found.append(_grid(shape, figure, self.pose))
+
+
+def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
+    parameters = figure.parameters
+    corner = corner_of(raster, figure, at)
+    cell, cells = resolve(raster.cell, parameters), parameters[raster.cells]
+    return {
+        "timestamp": time_stamp(0),
+        "frame_id": GROUND,
+        "pose": pose_of(corner.x, corner.y, corner.angle),
+        "column_count": cells.shape[0],
+        "cell_size": {"x": cell, "y": cell},
+        "row_stride": 4 * cells.shape[0],
+        "cell_stride": 4,
+        "fields": _FIELDS,
+        "data": base64.b64encode(painted(raster, cells).swapaxes(0, 1).tobytes()).decode(),
+    }
+
+
+def corner_of(raster: Raster, figure: FigureNode, at: Pose) -> Pose:
+    """Where the outer corner of a raster's cell (0, 0) lies, and how the raster is turned."""
+    parameters = figure.parameters
+    return at.then(
+        resolve(raster.x, parameters),
+        resolve(raster.y, parameters),
+        resolve(raster.turn, parameters),
+        0.0,
+    )
+
+
+def painted(raster: Raster, cells: Any) -> Any:
+    """The colours of a raster's cells, (rows, columns, 4), red to alpha from 0 to 255."""
+    painted = np.zeros((*cells.shape, 4), np.uint8)
+    for least, color in raster.colors:
+        painted[cells >= least] = _rgba(color, raster.opacity)
+    return painted
+
+
+def _rgba(color: str, opacity: float) -> tuple[int, int, int, int]:
+    if not color:
+        return 0, 0, 0, 0
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red, green, blue, round(255 * opacity)
+
+
+def time_stamp(nanoseconds: int) -> dict[str, int]:
+    """A time as Foxglove's messages have it."""
+    return {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}
+
+
+def pose_of(x: float, y: float, angle: float) -> dict[str, dict[str, float]]:
+    """A pose in the plane, metres and degrees, as Foxglove's messages have it."""
+    half = math.radians(angle) / 2
+    return _pose(x, y, math.sin(half), math.cos(half))
+
+
+def _pose(x: float, y: float, sine: float, cosine: float) -> dict[str, dict[str, float]]:
+    """Sine and cosine are those of half the angle, about the z axis."""
+    return {
+        "position": {"x": x, "y": y, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": sine, "w": cosine},
+    }
+
+
+def _json(plain: dict[str, Any]) -> bytes:
+    return json.dumps(plain, separators=(",", ":")).encode()

@@ -1,0 +1,87 @@
+"""Asking and watching a running world from outside: what `list`, `pub` and `echo` do."""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any, Self
+
+import zenoh
+
+from minerva_bus.errors import BusError, ProtocolError, SceneError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.asking import ask, question_key
+from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.runtime.inbox import Watch
+from minerva_bus.runtime.operating import AskingOperator
+from minerva_bus.runtime.session import not_let_in, open_client
+from minerva_bus.wire.alphabet import read_vocabulary
+from minerva_bus.wire.codec import Decoder
+from minerva_bus.wire.keys import COORDINATOR, Keys
+
+ANSWER_WITHIN = 5.0
+
+
+class Client:
+    """A connection to the world of some name at an endpoint; without a name, to the one there.
+
+    `own` shows who asks. Raises BusError where nobody answers.
+    """
+
+    def __init__(self, endpoint: str, world: str = "", own: Credentials | None = None) -> None:
+        self._endpoint = endpoint
+        self._own = own
+        self._session = open_client("client" if own is None else own.name, endpoint, own=own)
+        self.operator = AskingOperator(self.ask)
+        self._control = question_key(world, own)
+        try:
+            self.world = world or self.operator.status().world
+        except BaseException:  # Nobody else closes it, and the process would not end before.
+            self._session.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._session.close()
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The world's answer to a question. Raises BusError for none or a refusal."""
+        answer = ask(self._session, self._control, question, ANSWER_WITHIN, details)
+        if answer is not None:
+            return answer
+        name = f"no world {self.world!r}" if getattr(self, "world", "") else "no world"
+        raise BusError(
+            f"{name} answers at {self._endpoint} (minerva list shows who runs here)"
+            f"{not_let_in(self._own)}"
+        )
+
+    def vocabulary(self) -> Vocabulary:
+        """The world's vocabulary."""
+        return read_vocabulary(self.ask("vocabulary").get("vocabulary"))
+
+    def records(self) -> Iterator[m.FrameRecord]:
+        """What happens in each frame from now on, until the world ends."""
+        keys, inbox = Keys(self.world), Watch()
+        decoder = Decoder(self.vocabulary())
+        coordinator = keys.alive(COORDINATOR)
+        watching = self._session.liveliness().declare_subscriber(coordinator, inbox.handler())
+        subscriber = self._session.declare_subscriber(keys.record, inbox.handler())
+        while True:
+            item: Any = inbox.get(time.monotonic() + 0.5)
+            if not isinstance(item, zenoh.Sample):
+                continue
+            if str(item.key_expr) == coordinator:
+                if item.kind == zenoh.SampleKind.DELETE:
+                    break
+                continue
+            try:
+                yield decoder.record(item.payload.to_bytes())
+            except (ProtocolError, SceneError) as error:
+                raise BusError(f"the record of {self.world!r} cannot be read: {error}") from None
+        subscriber.undeclare()
+        watching.undeclare()

@@ -1,0 +1,142 @@
+"""Why nobody answers at an endpoint: name, port, way, certificate.
+
+Zenoh only says that the time is over. So where it has failed, the same is tried step by step.
+"""
+
+from __future__ import annotations
+
+import socket
+import ssl
+
+from minerva_bus.errors import BusError
+from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.runtime.endpoints import Endpoint
+
+ALERT_WITHIN = 0.5
+"""Seconds that a server has to object to a client's certificate: in TLS 1.3 it comes last."""
+
+_PROBED = ("tcp", "tls", "ws")
+_TLS_HELLO = bytes.fromhex("16030100050100000100")
+_FOREIGN = "your certificate is not of its authority; use keys of the world's own folder"
+_ALERTS = {
+    "CERTIFICATE_REQUIRED": "it wants a certificate (--keys FOLDER)",
+    "CERTIFICATE_EXPIRED": "your certificate has expired (minerva keys issue NAME --renew)",
+    "UNKNOWN_CA": _FOREIGN,
+    "DECRYPT_ERROR": _FOREIGN,
+    "BAD_CERTIFICATE": "it does not take your certificate",
+}
+
+
+def check_reachable(endpoint: Endpoint, patience: float) -> None:
+    """Complain at once where there is no such host, or nobody listens. Raises BusError."""
+    if endpoint.path or endpoint.kind not in _PROBED:
+        return
+    with _connected(endpoint, patience):
+        return
+
+
+def _connected(endpoint: Endpoint, patience: float) -> socket.socket:
+    text, host, port = endpoint.text, endpoint.host, endpoint.port
+    try:
+        return socket.create_connection((host, port), timeout=patience)
+    except (socket.gaierror, UnicodeError):  # Labels that are empty or too long are not asked for.
+        raise BusError(f"nobody answers at {text}: there is no host {host!r}; check the name"
+                       " (or give its address)") from None  # fmt: skip
+    except ConnectionRefusedError:
+        raise BusError(
+            f"nobody answers at {text}: nothing listens at port {port} of {host}; is the world"
+            " running (minerva list), and is it this port?"
+        ) from None
+    except TimeoutError:
+        raise BusError(
+            f"nobody answers at {text} within {patience:g} s: {host} is off, or a firewall keeps"
+            f" port {port} shut"
+        ) from None
+    except OSError as error:
+        raise BusError(f"nobody answers at {text}: {error.strerror or error}; check the address"
+                       " and the network") from None  # fmt: skip
+
+
+def why_unreachable(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
+    """What is the matter with an endpoint at which no session could be opened.
+
+    Raises BusError where there is no host, or nobody listens.
+    """
+    text = endpoint.text
+    if endpoint.kind == "tls":
+        return f"{text}: {_trouble_with_tls(endpoint, own, patience)}"
+    check_reachable(endpoint, patience)
+    if endpoint.kind == "tcp" and _speaks_tls(endpoint, patience):
+        return f"{text} speaks TLS: connect to tls/{text.partition('/')[2]} with --keys FOLDER"
+    return (
+        f"nobody answers at {text} within {patience:g} s; is the world running (minerva list), and"
+        " are address, port and protocol right?"
+    )
+
+
+def obstacle(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
+    """What is in the way to a world that was at an endpoint, as far as can be seen from here.
+
+    It may take `patience` seconds, and half a second more.
+    """
+    if endpoint.path or endpoint.kind not in _PROBED:
+        return f"nothing comes from {endpoint.text}"
+    try:
+        check_reachable(endpoint, patience)
+        trouble = _trouble_with_tls(endpoint, own, patience) if endpoint.kind == "tls" else ""
+    except BusError as error:
+        return str(error)
+    if trouble in ("", _NO_ZENOH):
+        return f"something listens at {endpoint.text}, but the world is not there"
+    return f"{endpoint.text}: {trouble}"
+
+
+def _trouble_with_tls(endpoint: Endpoint, own: Credentials | None, patience: float) -> str:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    if own is not None:
+        context.load_verify_locations(own.authority)
+        context.load_cert_chain(own.certificate, own.key)
+    met = False
+    with _connected(endpoint, patience) as raw:
+        try:
+            with context.wrap_socket(raw, server_hostname=endpoint.host) as link:
+                met = True
+                link.settimeout(ALERT_WITHIN)
+                link.recv(1)
+        except ssl.SSLCertVerificationError as error:
+            return _unverified(endpoint.host, error)
+        except ssl.SSLError as error:
+            reason = error.reason or ""
+            known = [told for alert, told in _ALERTS.items() if reason.endswith(alert)]
+            return f"it refuses TLS: {known[0] if known else reason or error}"
+        except TimeoutError:
+            return _NO_ZENOH if met else "it does not speak TLS; is it a tcp/ endpoint?"
+        except OSError as error:
+            return f"it breaks the TLS link off: {error.strerror or error}; does it speak TLS?"
+    return _NO_ZENOH
+
+
+_NO_ZENOH = "something answers that is no world; is another version, or another program, there?"
+
+
+def _unverified(host: str, error: ssl.SSLCertVerificationError) -> str:
+    what = error.verify_message
+    if "ostname mismatch" in what or "IP address mismatch" in what:
+        return (
+            f"its certificate is not for {host!r}; connect to a name that it is for, or issue it"
+            f" anew, for all of its names: minerva keys issue coordinator --host {host},... --renew"
+        )
+    if "expired" in what:
+        return "the coordinator's certificate has expired: minerva keys issue coordinator --renew"
+    return f"its certificate is not of your authority ({what}); are these the world's keys?"
+
+
+def _speaks_tls(endpoint: Endpoint, patience: float) -> bool:
+    """Whether a server answers in TLS, be it by an alert."""
+    with _connected(endpoint, patience) as link:
+        link.settimeout(ALERT_WITHIN)
+        try:
+            link.sendall(_TLS_HELLO)
+            return link.recv(1) in (b"\x15", b"\x16")
+        except OSError:
+            return False

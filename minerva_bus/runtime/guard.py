@@ -1,0 +1,268 @@
+"""Keeps those out of a world who do not belong: the coordinator's session, links and gate."""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import zenoh
+
+from minerva_bus.errors import KeysError
+from minerva_bus.runtime import audit
+from minerva_bus.runtime.access import access_control
+from minerva_bus.runtime.credentials import HUB, Credentials, Rights, rights_of
+from minerva_bus.runtime.gate import STRANGERS, Gate
+from minerva_bus.runtime.links import Linked, Links, cut, watched
+from minerva_bus.runtime.session import Secured, listening_at
+from minerva_bus.runtime.system import REAL, System
+from minerva_bus.runtime.turned_away import LEVELS, TurnedAway, turned_away
+from minerva_bus.runtime.zenoh_log import begin_logging, log_read
+from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
+from minerva_bus.wire.limits import Limits
+
+LOCAL_KIND: Final = "unixsock-stream"
+LOOK_EVERY: Final = 0.5
+NO_NAME: Final = "a member's name has up to 64 letters, digits and _ . ~ -"
+
+
+@dataclass(frozen=True, slots=True)
+class Security:
+    """What a secured world needs: who it is, whom it knows, and where its own processes come in.
+
+    `stamp` tells whether `rights` have to be asked for again; both may raise KeysError. `audit`:
+    what Zenoh itself drops is counted, too.
+    """
+
+    own: Credentials
+    local: str
+    rights: Callable[[], Mapping[str, Rights]]
+    stamp: Callable[[], object]
+    audit: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a coordinator listens, which routers it joins, and how large messages travel."""
+
+    listen: str
+    shared: bool = False
+    routers: Sequence[str] = ()
+
+
+class Guard:
+    """Guards one world; `say` tells people about somebody. Without security all may come in.
+
+    `listens_at` is where others come in, once there is a session.
+    """
+
+    def __init__(
+        self,
+        keys: Keys,
+        limits: Limits,
+        security: Security | None,
+        say: Callable[[str, str], None],
+        system: System = REAL,
+    ) -> None:
+        self._open_hub = system.open_hub
+        self._keys = keys
+        self._limits = limits
+        self._security = security
+        self._say = say
+        self._told: set[tuple[str, str]] = set()
+        self._links: Links | None = None
+        self._leaving: Sequence[str] = ()
+        self.listens_at = ""
+        self._looked_at = 0.0
+        self._rights: Mapping[str, Rights] = {} if security is None else security.rights()
+        self._known = frozenset(self._rights)
+        self._stamp = None if security is None else security.stamp()
+        self.gate = Gate(
+            limits, None if security is None else lambda: self._rights, system.monotonic
+        )
+
+    @contextmanager
+    def session(
+        self, place: Place, tell: Callable[[Any], None]
+    ) -> Generator[tuple[zenoh.Session, str]]:
+        """The coordinator's session, and the endpoint for this machine. Raises BusError.
+
+        `tell` hands over, from any thread, what `notice` has to be given in the main one.
+        """
+        security, shared, routers = self._security, place.shared, place.routers
+        if security is None:
+            session, endpoint = self._open_hub(
+                COORDINATOR, place.listen, shared=shared, routers=routers
+            )
+            with session:
+                self.listens_at = endpoint
+                yield session, endpoint
+            return
+        secured = Secured(security.own, security.local, self._access(), self._filters())
+        with self._log_heard(security, tell):
+            session, endpoint = self._open_hub(
+                COORDINATOR, place.listen, shared=shared, secured=secured, routers=routers
+            )
+            with session, watched(session, tell) as self._links:
+                self.listens_at = listening_at(session, place.listen)
+                self._tell_who_may_come()
+                yield session, endpoint
+
+    @contextmanager
+    def _log_heard(self, security: Security, tell: Callable[[Any], None]) -> Generator[None]:
+        """For as long, Zenoh's log tells who is turned away, and, for an audit, what is dropped."""
+        hear = turned_away(tell)
+        if not security.audit:
+            begin_logging(LEVELS)
+            with log_read(hear):
+                yield
+            return
+        begin_logging(LEVELS, audit.LEVELS)
+        audited = audit.Audit(tell, self._keys.kind)
+        with log_read(lambda lines: hear(audited.hear(lines)), audit.NAP):
+            yield
+
+    def _access(self) -> Mapping[str, Any]:
+        return access_control(self._keys, self._rights.values(), [LOCAL_KIND])
+
+    def _filters(self) -> list[Mapping[str, Any]]:
+        """Readings go from member to member, past the coordinator: Zenoh looks at their size."""
+        return [
+            {
+                "id": "readings",
+                "flows": ["ingress"],
+                "messages": ["put"],
+                "key_exprs": [f"{self._keys.base}/topic/**"],
+                "size_limit": self._limits.message_bytes,
+            }
+        ]
+
+    def _tell_who_may_come(self) -> None:
+        names = [
+            one.name for _, one in sorted(self._rights.items()) if not (one.revoked or one.may(HUB))
+        ]
+        shown = ", ".join(names) or "nobody (minerva keys issue NAME --role ROLE)"
+        self._say(COORDINATOR, f"listens at {self.listens_at}; lets in {shown}")
+
+    # --- what happens ---
+
+    def notice(self, item: Linked | TurnedAway | audit.Denials) -> None:
+        """Deal with one who has come, or was not let in, and with what was dropped."""
+        if isinstance(item, audit.Denials):
+            for denied, times in item.times:
+                self.gate.count(denied.sender, times)
+                self._say_denied(denied)
+            return
+        if isinstance(item, TurnedAway):
+            self.gate.count(STRANGERS)
+            self._say_once(STRANGERS, f"somebody was not let in, who {item.reason}")
+            return
+        name = item.name
+        if name not in self._known:
+            self.gate.count(name)
+            self._say_once(
+                name,
+                f"has come from {item.address} with a certificate that was issued after the world"
+                " began; it is let in from the next start on",
+            )
+        elif self._rights[name].revoked:
+            self._cut(item)
+
+    def _say_denied(self, denied: audit.Denied) -> None:
+        """Say it once of each deed and kind of key: there may be any number of keys."""
+        if denied.deed == audit.TOO_LARGE:
+            why = f"more than {self._limits.message_bytes} bytes, which is dropped ([limits])"
+        else:
+            why = "which its certificate does not allow: Zenoh drops it"
+        text = f"{denied.deed} {denied.key}, {why}"
+        self._say_once(denied.sender, text, f"{denied.deed} {self._keys.kind(denied.key)}")
+
+    def keeps_out(self, member: str) -> bool:
+        """Whether nothing at all of somebody is heard, which is counted then."""
+        if not is_name(member):
+            self._misnamed(member)
+            return True
+        if self.gate.shut_out(member):
+            self.gate.count(member)
+            return True
+        return False
+
+    def too_many(self, text: str) -> None:
+        """Somebody is one too many, which is counted, and said once."""
+        self.gate.count(STRANGERS)
+        self._say_once(STRANGERS, text)
+
+    def objection_to_question(self, who: str, orders: bool, question: object) -> str:
+        """Why a question is not answered, which is counted and said, or the empty text."""
+        if who and not is_name(who):
+            return self._misnamed(who)
+        objection = self.gate.objection_to_question(who, orders, question)
+        if objection:
+            self.gate.count(who)
+            self._say_once(who, f"asked in vain: {objection}")
+        return objection
+
+    def _misnamed(self, who: str) -> str:
+        """Somebody uses a name that nobody can have; of those with certificates, only a family."""
+        family = rights_of(who, self._rights)
+        known = STRANGERS if family is None else family.name
+        self.gate.count(known)
+        self._say_once(known, f"somebody is not heard: {NO_NAME}")
+        return NO_NAME
+
+    def look(self, now: float) -> list[str]:
+        """See whether certificates were issued or revoked since; the common names of the latter.
+
+        Their links are cut the next time: a link that is cut at once takes along what would have
+        told its member why, and Zenoh makes it anew again and again.
+
+        One whose certificate is not in the folder any more counts as revoked.
+        `now` is the monotonic time in seconds; it looks no more often than every LOOK_EVERY.
+        """
+        if self._security is None or now < self._looked_at + LOOK_EVERY:
+            return []
+        self._looked_at = now
+        for name in self._leaving:
+            for linked in self._linked(name):
+                self._cut(linked)
+        before = {name for name, one in self._rights.items() if one.revoked}
+        self._read_again(self._security)
+        self._leaving = sorted({name for name, one in self._rights.items() if one.revoked} - before)
+        return list(self._leaving)
+
+    def _read_again(self, security: Security) -> None:
+        try:
+            stamp = security.stamp()
+            if stamp != self._stamp:
+                gone = {name: replace(one, revoked=True) for name, one in self._rights.items()}
+                self._rights, self._stamp = {**gone, **security.rights()}, stamp
+        except (KeysError, OSError) as error:
+            self._say_once(COORDINATOR, f"the keys stay as they were, for now: {error}")
+
+    def _cut(self, linked: Linked) -> None:
+        self.gate.count(linked.name)
+        if linked not in self._linked(linked.name):
+            return  # It has gone by itself meanwhile.
+        done = "is cut" if cut(linked) else "cannot be cut, but what it says is not heard"
+        self._say_once(
+            linked.name, f"its certificate was revoked; its link from {linked.address} {done}"
+        )
+
+    def _linked(self, name: str) -> Sequence[Linked]:
+        return self._links.of(name) if self._links is not None else ()
+
+    def _say_once(self, who: str, text: str, same: str = "") -> None:
+        """Say it unless the `same` was said of the same one: the text, but for its address.
+
+        Of a family it is said once: there may be any number of names in it.
+        """
+        rights = rights_of(who, self._rights)
+        known = who if rights is None else rights.name
+        what = (known, same or re.sub(r"from \S+", "", text).replace(who, known))
+        if what not in self._told:
+            self._told.add(what)
+            self._say(who, text)

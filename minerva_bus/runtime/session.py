@@ -1,0 +1,282 @@
+"""Zenoh sessions: the coordinator is the hub, every other member a client of it.
+
+Loopback only and no discovery unless an endpoint says otherwise; no router and no daemon, but
+where several networks are to be joined.
+"""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+from minerva_bus.errors import BusError
+from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.runtime.diagnosis import check_reachable, why_unreachable
+from minerva_bus.runtime.endpoints import check_endpoint, check_port_free
+from minerva_bus.runtime.sockets import let_dead_links_go
+from minerva_bus.wire.limits import DEFAULT
+
+LOOPBACK = "tcp/127.0.0.1:0"
+
+LEASE = 3.0
+LEASE_PER_LINK = 0.03
+"""Seconds without a sign after which a link is given up: so many, or so many for each link.
+
+A hub with a thousand links and little to compute with is late with its signs, and so are they.
+"""
+_links = 1
+REACHED_WITHIN = 5.0
+
+# A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
+# those that read (rx): two hand-overs for a message. Where they are the same it is one, and a
+# client, which has one link, needs one of them only. Those that write (tx) stay by themselves, so
+# that a link is kept alive whatever its readers do.
+_HUB_THREADS = "(acc:(handover:rx))"
+_CLIENT_THREADS = "(rx:(worker_threads:1),app:(handover:rx))"
+
+_COMMON: dict[str, Any] = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,
+    "timestamping/enabled": False,
+    "adminspace/enabled": True,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,
+}
+
+
+POOL_BYTES = 64 * 1024 * 1024
+_SHARED: dict[str, Any] = {
+    "transport/shared_memory/enabled": True,
+    "transport/shared_memory/mode": "init",
+    "transport/shared_memory/transport_optimization": {
+        "enabled": True,
+        "pool_size": POOL_BYTES,
+        "message_size_threshold": 1024 * 1024,
+    },
+}
+_UNSHARED: dict[str, Any] = {"transport/shared_memory/enabled": False}
+
+
+def expect_links(number: int) -> None:
+    """Let sessions of this process and of its children wait for as many links as a hub will have.
+
+    A setting of the process: it goes to a fork of it, and all of its sessions share it.
+    """
+    global _links
+    _links = number
+
+
+def lease() -> float:
+    """Seconds for which a link of this process is kept without a sign from here."""
+    return max(LEASE, LEASE_PER_LINK * _links)
+
+
+_CLOSED_WITHIN = 1.0
+_still_closing: list[threading.Thread] = []
+_REFUSED_WITHIN = 1.5
+"""Seconds that a secured link may take: it is refused without a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Secured:
+    """What secures a coordinator's session.
+
+    `access` is Zenoh's access control (`access.access_control`), `filters` its low-pass filters;
+    `local` an endpoint for processes of this machine, who show no certificate.
+    """
+
+    own: Credentials
+    local: str
+    access: Mapping[str, Any]
+    filters: Sequence[Mapping[str, Any]] = ()
+
+
+def open_hub(
+    name: str,
+    listen: str = LOOPBACK,
+    *,
+    shared: bool = False,
+    secured: Secured | None = None,
+    routers: Sequence[str] = (),
+) -> tuple[zenoh.Session, str]:
+    """The coordinator's session and the endpoint at which members of this machine find it.
+
+    `shared`: messages from a megabyte on go through shared memory to those who can do so too.
+    `routers` are Zenoh routers that it joins. Raises BusError where the endpoint cannot be
+    listened to, or a router not be reached.
+    """
+    check_port_free(check_endpoint(listen))
+    os.environ.setdefault("ZENOH_RUNTIME", _HUB_THREADS)
+    endpoints = [listen] if secured is None else sorted({listen, secured.local})
+    options: dict[str, Any] = {
+        "listen/endpoints": endpoints,
+        "listen/exit_on_failure": True,
+        "transport/unicast/max_sessions": DEFAULT.links,
+    }
+    own = None if secured is None else secured.own
+    if secured is not None:
+        options["access_control"] = secured.access
+        options["low_pass_filter"] = list(secured.filters)
+    if routers:
+        options |= _connecting(list(routers), REACHED_WITHIN)
+    try:
+        for router in routers:
+            check_reachable(check_endpoint(router), REACHED_WITHIN)
+        session = zenoh.open(_config("router", name, options, shared, own))
+    except BusError as error:
+        raise BusError(f"no router can be joined: {error}") from None
+    except zenoh.ZError as error:
+        for router in routers:
+            why = why_unreachable(check_endpoint(router), own, REACHED_WITHIN)
+            raise BusError(f"no router can be joined: {why}") from None
+        raise BusError(f"cannot listen at {listen}: {_short(error)}") from None
+    let_dead_links_go(session, lease())
+    return session, listening_at(session, listen) if secured is None else secured.local
+
+
+def listening_at(session: zenoh.Session, listen: str) -> str:
+    """Where a session listens that was told to at this endpoint, its port perhaps 0."""
+    if not listen.endswith(":0"):
+        return listen
+    for reply in session.get(f"@/{session.zid()}/router", timeout=5.0):
+        if reply.ok is not None:
+            locators: list[str] = json.loads(reply.ok.payload.to_string())["locators"]
+            kind = listen.split("/", 1)[0]
+            found = [one for one in locators if one.startswith(kind)]
+            if found:
+                return found[0]
+    raise BusError(f"the session at {listen} does not say where it listens")
+
+
+def open_client(
+    name: str,
+    connect: str,
+    patience: float = REACHED_WITHIN,
+    *,
+    shared: bool = False,
+    own: Credentials | None = None,
+) -> zenoh.Session:
+    """A member's session; `shared` as for the hub; by `own` it shows who it is.
+
+    Raises BusError with what to check where nobody answers.
+    """
+    asked = check_endpoint(connect)
+    if asked.secured and own is None:
+        raise BusError(f"{connect} wants to know who you are: --keys FOLDER names your keys")
+    if not asked.local:  # On this machine, one that was killed may be about to come back.
+        check_reachable(asked, patience)
+    within = min(patience, _REFUSED_WITHIN) if asked.secured else patience
+    os.environ.setdefault("ZENOH_RUNTIME", _CLIENT_THREADS)
+    try:
+        session = zenoh.open(_config("client", name, _connecting([connect], within), shared, own))
+    except zenoh.ZError:
+        raise BusError(why_unreachable(asked, own, patience)) from None
+    let_dead_links_go(session, lease())
+    return session
+
+
+@contextmanager
+def closed_in_time(session: zenoh.Session) -> Generator[None]:
+    """Close a session in the end, but do not wait for long.
+
+    Zenoh waits until it has given up a link that it is making, which takes up to ten seconds.
+    Whoever wants to end the process before that has to `end_at_once`.
+    """
+
+    def close() -> None:
+        session.close()
+
+    try:
+        yield
+    finally:
+        closing = threading.Thread(target=close, daemon=True)
+        closing.start()
+        closing.join(_CLOSED_WITHIN)
+        if closing.is_alive():
+            _still_closing.append(closing)
+
+
+def end_at_once(code: int) -> None:
+    """End the process with this code if a session of it would hold that up."""
+    if any(one.is_alive() for one in _still_closing):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def not_let_in(own: Credentials | None) -> str:
+    """What else to think of where a secured world keeps silent: it does not say why."""
+    if own is None:
+        return ""
+    return (
+        f"; or it does not let {own.name} in, whose certificate may have been revoked, or issued"
+        " after it began"
+    )
+
+
+def _connecting(endpoints: list[str], within: float) -> dict[str, Any]:
+    return {
+        "connect/endpoints": endpoints,
+        "connect/timeout_ms": int(within * 1000),
+        "connect/exit_on_failure": True,
+        "connect/retry": {
+            "period_init_ms": 20,
+            "period_max_ms": 500,
+            "period_increase_factor": 1.5,
+        },
+    }
+
+
+def _tls(own: Credentials) -> dict[str, Any]:
+    """One certificate for both directions: who it is for says which of them counts."""
+    sides = {
+        f"{side}_{what}": str(path.absolute())
+        for side in ("listen", "connect")
+        for what, path in (("private_key", own.key), ("certificate", own.certificate))
+    }
+    return {
+        "root_ca_certificate": str(own.authority.absolute()),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+        **sides,
+    }
+
+
+def router_config(own: Credentials, listen: str, access: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration of a Zenoh router that carries a world between networks, for zenohd."""
+    return {
+        "mode": "router",
+        "listen": {"endpoints": [listen]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "timestamping": {"enabled": False},
+        "transport": {"link": {"tls": _tls(own)}},
+        "access_control": dict(access),
+    }
+
+
+def _config(
+    mode: str, name: str, options: dict[str, Any], shared: bool, own: Credentials | None
+) -> zenoh.Config:
+    config = zenoh.Config()
+    memory = _SHARED if shared else _UNSHARED
+    settings = {"mode": mode, "metadata": {"name": name}, **_COMMON, **memory, **options}
+    settings["transport/link/tx/lease"] = round(1000 * lease())
+    if own is not None:
+        settings["transport/link/tls"] = _tls(own)
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _short(error: Exception) -> str:
+    return str(error).split(" at ", 1)[0][:200]

@@ -1,0 +1,99 @@
+"""What has been counted of a world's frames since somebody began to watch: only ever more."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.wire.plain import listed, mapped, number, whole
+
+BOUNDS: Final = (
+    0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5,
+    10.0,
+)  # fmt: skip
+"""Seconds; how often a part of a frame took no longer is counted for each of them."""
+
+_BYTES: Final = ("bytes in", "bytes out")
+_MICRO: Final = 1e-6
+
+
+@dataclass(slots=True)
+class Durations:
+    """How often something took how long: a count for each of BOUNDS and one beyond, in seconds."""
+
+    counts: list[int] = field(default_factory=lambda: [0] * (len(BOUNDS) + 1))
+    seconds: float = 0.0
+
+    def add(self, seconds: float) -> None:
+        """It took so long."""
+        self.counts[bisect_left(BOUNDS, seconds)] += 1
+        self.seconds += seconds
+
+
+@dataclass(slots=True)
+class Totals:
+    """Frames, their parts' durations, events by type, and bytes from and to members."""
+
+    frames: int = 0
+    phases: dict[str, Durations] = field(default_factory=dict[str, Durations])
+    events: dict[str, int] = field(default_factory=dict[str, int])
+    bytes_in: int = 0
+    bytes_out: int = 0
+
+    def add(self, sums: Mapping[str, float]) -> None:
+        """Count one frame's sums: microseconds by part, and bytes; waiting for one is no part."""
+        self.frames += 1
+        self.bytes_in += int(sums.get("bytes in", 0))
+        self.bytes_out += int(sums.get("bytes out", 0))
+        for name, amount in sums.items():
+            if name not in _BYTES and not name.startswith("wait for "):
+                self.phases.setdefault(name, Durations()).add(_MICRO * amount)
+
+    def count(self, events: Iterable[AnyEvent]) -> None:
+        """Count one frame's events."""
+        for event in events:
+            many = len(event) if isinstance(event, Events) else 1
+            self.events[event.type] = self.events.get(event.type, 0) + many
+
+    def plain(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return {
+            "frames": self.frames,
+            "phases": {one: [d.counts, d.seconds] for one, d in sorted(self.phases.items())},
+            "events": dict(sorted(self.events.items())),
+            "bytes": [self.bytes_in, self.bytes_out],
+        }
+
+
+def read_totals(plain: Any) -> Totals:
+    """Totals from plain data. Raises ProtocolError."""
+    given = mapped(plain, "totals")
+    into, out = _pair(given.get("bytes"), "bytes")
+    phases = mapped(given.get("phases"), "phases")
+    events = mapped(given.get("events"), "events")
+    return Totals(
+        whole(given.get("frames"), "frames"),
+        {name: _durations(one) for name, one in phases.items()},
+        {name: whole(one, name) for name, one in events.items()},
+        whole(into, "bytes"),
+        whole(out, "bytes"),
+    )
+
+
+def _durations(plain: Any) -> Durations:
+    counts, seconds = _pair(plain, "durations")
+    found = [whole(one, "a count") for one in listed(counts, "counts")]
+    if len(found) != len(BOUNDS) + 1:
+        raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(found)}")
+    return Durations(found, number(seconds, "seconds"))
+
+
+def _pair(plain: Any, what: str) -> tuple[Any, Any]:
+    found = listed(plain, what)
+    if len(found) != 2:
+        raise ProtocolError(f"{what} are two values, not {len(found)}")
+    return found[0], found[1]

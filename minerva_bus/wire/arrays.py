@@ -1,0 +1,134 @@
+"""Arrays of numbers and truths, and ids, as msgpack.
+
+array = extension 3: a byte for the type, then the values, little endian
+            d float64    b h i q whole numbers of 1, 2, 4, 8 bytes    ? truths of 1 byte
+ids   = [stem, array of whole numbers] | [nil, width, bytes]
+      | [stem, first, count]             one number after another
+
+Readers raise ProtocolError.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, cast
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.grammar.columns import MANY
+from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.wire.plain import listed, whole
+
+ARRAY: Final = 3
+_DTYPES: Final = {"d": "<f8", "b": "<i1", "h": "<i2", "i": "<i4", "q": "<i8", "?": "?"}
+
+Rows = NDArray[np.intp]
+
+
+def plain_array(array: NDArray[Any]) -> Any:
+    """An array; whole numbers in as few bytes as hold them all."""
+    letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
+    data = array.astype(_DTYPES[letter], copy=False)
+    return msgpack.ExtType(ARRAY, letter.encode() + data.tobytes())
+
+
+def _narrowest(array: NDArray[Any]) -> str:
+    if not len(array):
+        return "b"
+    least, most = int(array.min()), int(array.max())
+    for letter, half in (("b", 1 << 7), ("h", 1 << 15), ("i", 1 << 31)):
+        if -half <= least and most < half:
+            return letter
+    return "q"
+
+
+def read_array(plain: Any) -> NDArray[Any]:
+    """An array of float64, int64 or bool."""
+    if not isinstance(plain, msgpack.ExtType) or plain.code != ARRAY or not plain.data:
+        raise ProtocolError("a column is extension 3 or a list of texts")
+    dtype = _DTYPES.get(chr(plain.data[0]))
+    if dtype is None:
+        raise ProtocolError(f"a column of type {plain.data[:1]!r}; expected one of dbhiq?")
+    size = np.dtype(dtype).itemsize
+    if (len(plain.data) - 1) % size:
+        raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
+    found = np.frombuffer(plain.data, dtype, offset=1)
+    if dtype == "?":
+        if (found.view(np.uint8) > 1).any():
+            raise ProtocolError("truths in a column are bytes 0 and 1")
+        return found
+    return found.astype(np.float64 if dtype == "<f8" else np.int64)
+
+
+def plain_rows(rows: Rows) -> Any:
+    """Row numbers."""
+    return plain_array(rows.astype(np.int64))
+
+
+def read_rows(plain: Any, count: int) -> Rows:
+    """Rising row numbers under a count."""
+    rows = read_array(plain)
+    if rows.dtype != np.int64:
+        raise ProtocolError("rows are whole numbers")
+    if len(rows) and (int(rows[0]) < 0 or int(rows[-1]) >= count or (rows[1:] <= rows[:-1]).any()):
+        raise ProtocolError(f"rows rise, from 0, and are under {count}")
+    return rows.astype(np.intp)
+
+
+def plain_ids(ids: Ids | None) -> Any:
+    """Ids of agents."""
+    if ids is None:
+        return None
+    if len(ids) >= MANY and ids.consecutive:
+        return [ids.stem, int(ids.data[0]), len(ids)]
+    if ids.stem is not None:
+        return [ids.stem, plain_array(ids.data)]
+    return [None, ids.data.dtype.itemsize, ids.data.tobytes()]
+
+
+def are_ids(plain: Any) -> bool:
+    """Whether this stands for ids: in a list of texts there are texts alone."""
+    if not isinstance(plain, list):
+        return False
+    items = cast("list[Any]", plain)
+    return len(items) in (2, 3) and not isinstance(items[1], str)
+
+
+def read_ids(plain: Any, count: int) -> Ids:
+    """So many ids."""
+    items = listed(plain, "ids")
+    if len(items) == 3 and items[0] is None:
+        ids = _spelled(items, count)
+    elif len(items) in (2, 3) and isinstance(items[0], str):
+        ids = Ids(items[0], _numbers(items[1:], count))
+    else:
+        raise ProtocolError("ids are [stem, numbers], [stem, first, count] or [nil, width, bytes]")
+    ids = ids.known()
+    if ids.strange is not None:
+        raise ProtocolError(f"{ids.strange[:40]!r} is no id of an agent")
+    return ids
+
+
+def _spelled(items: list[Any], count: int) -> Ids:
+    width, data = whole(items[1], "the width of ids", 1), items[2]
+    if width > LONGEST or not isinstance(data, bytes) or len(data) != width * count:
+        raise ProtocolError(f"{count} ids of {width} bytes are {count * width} bytes in all")
+    return Ids(None, np.frombuffer(data, f"S{width}"))
+
+
+def _numbers(items: list[Any], count: int) -> NDArray[np.int64]:
+    if len(items) == 1:
+        numbers = read_array(items[0])
+        if numbers.dtype != np.int64 or (len(numbers) and int(numbers.min()) < 0):
+            raise ProtocolError("the numbers of ids are whole numbers from 0")
+        given = len(numbers)
+    else:
+        first, given = whole(items[0], "the first of ids"), whole(items[1], "the count of ids")
+        if first + given > np.iinfo(np.int64).max:
+            raise ProtocolError(f"ids from {first} on are no numbers of 64 bits")
+        numbers = np.arange(first, first + given) if given == count else np.empty(0, np.int64)
+    if given != count:
+        raise ProtocolError(f"{given} ids; expected {count}")
+    return numbers

@@ -1,0 +1,235 @@
+"""Columns, events and patches as msgpack.
+
+column  = array | [text, ...]        (arrays.py)
+        | ids                        texts that are ids of agents
+columns = [count, ids or nil, [[symbol, [column, ...]], ...]]     one pair for each level
+events  = [type, count, [column, ...], condition, senders, receivers]    ids or nil
+patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
+                                          rows: a column of whole numbers, or nil for all
+        | ["patch", count, [symbol, ...], [...], gone, born, ids or nil]
+                                          gone: old rows, born: new ones, ids: of those
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.grammar.arrays import fits
+from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import CHAIN, Columns
+from minerva_bus.grammar.fields import Fields
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.patch import Change, Patch
+from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wire.arrays import (
+    are_ids,
+    plain_array,
+    plain_ids,
+    plain_rows,
+    read_array,
+    read_ids,
+    read_rows,
+)
+from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.plain import listed, text, whole
+
+PATCH: Final = "patch"
+
+
+def plain_column(column: Column) -> Any:
+    """A column; texts that are ids as such."""
+    if column.ids is not None:
+        return plain_ids(column.ids)
+    return column.list() if column.dtype == object else plain_array(column.array)
+
+
+def plain_columns(many: Columns) -> list[Any]:
+    """Many nodes of one shape."""
+    levels = [[one.symbol, [plain_column(c) for c in one.columns]] for one in many.levels()]
+    return [many.count, plain_ids(many.ids), levels]
+
+
+def plain_events(events: Events) -> list[Any]:
+    """Many events."""
+    return [
+        events.type,
+        events.count,
+        [plain_column(column) for column in events.columns],
+        events.condition,
+        plain_ids(events.senders),
+        plain_ids(events.receivers),
+    ]
+
+
+def plain_patch(patch: Patch) -> list[Any]:
+    """A patch."""
+    changes = [
+        [
+            one.level,
+            one.place,
+            None if one.rows is None else plain_rows(one.rows),
+            plain_column(one.column),
+        ]
+        for one in patch.changes
+    ]
+    plain = [PATCH, patch.count, list(patch.symbols), changes]
+    if patch.turnover is not None:
+        gone, born = map(plain_rows, (patch.turnover.gone, patch.turnover.born))
+        plain += [gone, born, plain_ids(patch.born)]
+    return plain
+
+
+def is_patch(plain: Any) -> bool:
+    """Whether this stands for a patch, not for a string."""
+    return isinstance(plain, list) and plain[:1] == [PATCH]
+
+
+class ColumnsReader:
+    """Reads columns by a vocabulary. Raises ProtocolError and VocabularyError."""
+
+    def __init__(self, vocabulary: Vocabulary, limits: Limits) -> None:
+        self._vocabulary = vocabulary
+        self._limits = limits
+        self.rows: int | None = None
+        """Rows of columns that a message may still have: who reads messages sets it."""
+
+    def column(self, plain: Any, count: int) -> Column:
+        """A column of so many values."""
+        if are_ids(plain):
+            return Column.of_ids(read_ids(plain, count))
+        if isinstance(plain, list):
+            texts = [text(one, "a text in a column") for one in listed(plain, "a column")]
+            array: NDArray[Any] = np.empty(len(texts), object)
+            array[:] = texts
+        else:
+            array = read_array(plain)
+        if len(array) != count:
+            raise ProtocolError(f"a column has {len(array)} values; expected {count}")
+        return Column(array)
+
+    def columns(self, plain: list[Any]) -> Columns:
+        """Many nodes of one shape."""
+        if len(plain) != 3:
+            raise ProtocolError(f"columns have 3 items, not {len(plain)}")
+        count = self._count(plain[0])
+        levels = listed(plain[2], "the levels of columns")
+        if not 1 <= len(levels) <= CHAIN:
+            raise ProtocolError(f"columns have 1 to {CHAIN} levels, not {len(levels)}")
+        made: Columns | None = None
+        for depth in range(len(levels) - 1, -1, -1):
+            made = self._level(levels[depth], count, plain[1] if depth == 0 else None, made)
+        assert made is not None
+        return made
+
+    def _count(self, plain: Any) -> int:
+        count = whole(plain, "the count of columns", 1)
+        if count > self._limits.nodes:
+            raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")
+        self._take(count)
+        return count
+
+    def _take(self, rows: int) -> None:
+        if self.rows is None:
+            return
+        self.rows -= rows
+        if self.rows < 0:
+            raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
+
+    def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
+        items = listed(plain, "a level of columns")
+        if len(items) != 2:
+            raise ProtocolError("a level of columns is [symbol, [column, ...]]")
+        symbol = text(items[0], "a symbol")
+        letter = symbol[:1]
+        if (
+            letter == "T"
+            or (scope is None and letter == "P")
+            or (scope is None and ids is not None)
+        ):
+            fields = self._fields(symbol)
+            columns = self._typed(symbol, fields, items[1], count)
+            if (letter == "A") == (ids is not None):
+                read = read_ids(ids, count) if ids is not None else None
+                if read is not None and read.duplicate is not None:
+                    raise ProtocolError(f"two agents have the id #{read.duplicate}")
+                return Columns(symbol, fields.names, columns, count, read, scope)
+        raise ProtocolError(f"{symbol[:40]!r} cannot stand in columns like this")
+
+    def _fields(self, symbol: str) -> Fields:
+        try:
+            return self._vocabulary.fields(symbol)
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit)[:300], source="columns") from None
+
+    def _typed(self, owner: str, fields: Fields, plain: Any, count: int) -> tuple[Column, ...]:
+        items = listed(plain, f"the columns of {owner}")
+        if len(items) != len(fields.all):
+            raise VocabularyError(
+                f"{owner} has {len(items)} columns; expected {len(fields.all)}", source="columns"
+            )
+        columns = tuple([self.column(item, count) for item in items])
+        for one, column in zip(fields.all, columns, strict=True):
+            if not fits(one.type, column):
+                raise VocabularyError(f"{owner}: {one.name} must be {one.type}", source="columns")
+        return columns
+
+    def events(self, items: list[Any]) -> Events:
+        """Many events."""
+        name = text(items[0], "an event's type")
+        declared = self._vocabulary.events.get(name)
+        if declared is None:
+            raise VocabularyError(f"no event type {name[:40]!r}", source="event")
+        count = whole(items[1], "the count of events", 1)
+        if count > self._limits.events:
+            raise ProtocolError(f"{count} events at once, over {self._limits.events}")
+        self._take(count)
+        columns = self._typed(name, declared.fields, items[2], count)
+        condition = text(items[3], "a condition")
+        self._vocabulary.check_condition(name, condition, "event")
+        senders, receivers = (None if one is None else read_ids(one, count) for one in items[4:])
+        return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
+
+    def patch(self, plain: Any) -> Patch:
+        """What is different in columns."""
+        items = listed(plain, "a patch")
+        if len(items) not in (4, 7):
+            raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
+        count = self._count(items[1])
+        turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
+        after = count if turnover is None else self._count(turnover.after)
+        symbols = tuple([text(one, "a symbol") for one in listed(items[2], "the symbols")])
+        fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
+        changes = [self._change(one, after, fields) for one in listed(items[3], "the changes")]
+        return Patch(count, symbols, tuple(changes), turnover, born)
+
+    def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[Turnover, Ids | None]:
+        gone = read_rows(gone, count)
+        born = read_rows(born, self._limits.nodes)
+        turnover = Turnover(count, gone, born)
+        if len(born) and int(born[-1]) >= turnover.after:
+            raise ProtocolError(f"somebody is born in row {born[-1]} of {turnover.after}")
+        newborn = None if ids is None else read_ids(ids, len(born))
+        if newborn is not None and newborn.duplicate is not None:
+            raise ProtocolError(f"two agents have the id #{newborn.duplicate}")
+        return turnover, newborn
+
+    def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:
+        items = listed(plain, "a change")
+        if len(items) != 4:
+            raise ProtocolError(f"a change has 4 items, not {len(items)}")
+        level, place = whole(items[0], "a level"), whole(items[1], "a place")
+        if level >= len(fields) or place >= len(fields[level].all):
+            raise ProtocolError(f"a change of column {place} in level {level}, which there is not")
+        rows = None if items[2] is None else read_rows(items[2], count)
+        column = self.column(items[3], count if rows is None else len(rows))
+        one = fields[level].all[place]
+        if not fits(one.type, column):
+            raise VocabularyError(f"a patch: {one.name} must be {one.type}", source="columns")
+        return Change(level, place, rows, column)

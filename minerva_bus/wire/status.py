@@ -1,0 +1,73 @@
+"""A world's status, its members' and its log on their way to those who watch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any, get_type_hints
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.wire.plain import figure, listed, mapped, number, text, truth, whole
+from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
+
+
+def _from_minus_one(plain: Any, what: str) -> int:
+    return whole(plain, what, -1)
+
+
+_SCALARS: dict[Any, Any] = {
+    str: text,
+    int: _from_minus_one,
+    float: number,
+    bool: truth,
+}
+
+
+def plain_status(status: WorldStatus) -> dict[str, Any]:
+    """A status as plain data, by the names of its fields."""
+    return asdict(status, dict_factory=_listed)
+
+
+def _listed(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in pairs}  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+
+
+def plain_lines(lines: tuple[LogLine, ...]) -> list[dict[str, Any]]:
+    """Log lines as plain data."""
+    return [asdict(line) for line in lines]
+
+
+def read_status(plain: Any) -> WorldStatus:
+    """A status from plain data. Raises ProtocolError."""
+    given = mapped(plain, "a status")
+    members = [_read(MemberStatus, one) for one in listed(given.get("members", []), "members")]
+    happenings = [_read(Happening, one) for one in listed(given.get("happenings", []), "events")]
+    return _read(WorldStatus, given, members=tuple(members), happenings=tuple(happenings))
+
+
+def read_lines(plain: Any) -> tuple[LogLine, ...]:
+    """Log lines from plain data. Raises ProtocolError."""
+    return tuple([_read(LogLine, one) for one in listed(plain, "lines")])
+
+
+def _read(kind: type[Any], plain: Any, **read: Any) -> Any:
+    """A dataclass of scalars, tuples of texts and maps of numbers from plain data."""
+    given, hints = mapped(plain, kind.__name__), get_type_hints(kind)
+    for one in fields(kind):
+        if one.name not in read and one.name in given:
+            read[one.name] = _value(hints[one.name], given[one.name], one.name)
+    try:
+        return kind(**read)
+    except TypeError as error:
+        raise ProtocolError(f"{kind.__name__}: {error}") from None
+
+
+def _value(hint: Any, plain: Any, name: str) -> Any:
+    scalar = _SCALARS.get(hint)
+    if scalar is not None:
+        return scalar(plain, name)
+    if hint == tuple[str, ...]:
+        return tuple([text(one, name) for one in listed(plain, name)])
+    if hint == Mapping[str, float]:
+        return {key: number(one, name) for key, one in mapped(plain, name).items()}
+    return {key: figure(one, f"{name}: {key[:40]}") for key, one in mapped(plain, name).items()}

@@ -1,0 +1,339 @@
+"""Values, strings and events as msgpack.
+
+A string is flat, in reading order, so that its depth costs no recursion:
+
+    scene  = [count of top pieces, piece, piece, ...]   each node is followed by its scope's
+    piece  = node | columns                             many of one shape (columns.py)
+    node   = [symbol, values]                           figure
+           | [symbol, values, count]                    transformation
+           | [symbol, id, values, count]                agent; values is nil where it has none,
+                                                        and for a mere slot
+    event  = [type, values] | [type, values, condition, sender, [receivers]]
+           | events                                     many of one type (columns.py)
+
+`values` stand in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
+rows and columns as little-endian uint32, then int16 or float64 values in row order, little
+endian); a string as a value is extension 2 (a packed scene).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from typing import Any, cast
+
+import msgpack
+import numpy as np
+
+from minerva_bus.errors import ProtocolError, VocabularyError
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.literals import DEPTH
+from minerva_bus.grammar.scene import (
+    AGENT_ID,
+    EMPTY,
+    AgentNode,
+    FigureNode,
+    Node,
+    Piece,
+    Scene,
+    TransformationNode,
+    Value,
+    agents,
+)
+from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wire.columns import (
+    ColumnsReader,
+    plain_columns,
+)
+from minerva_bus.wire.columns import plain_events as plain_many
+from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.plain import listed, name_of, text, unpack, whole
+
+_MATRIX, _SCENE = 1, 2
+_HEADER = struct.Struct("<cII")
+_SAID = 300
+_AS_THEY_ARE = frozenset((float, int, bool, str))
+
+
+def plain_value(value: Value) -> Any:
+    """A value in what msgpack knows."""
+    if isinstance(value, np.ndarray):
+        real = value.dtype == np.float64
+        data = np.ascontiguousarray(value, "<f8" if real else "<i2").tobytes()
+        return msgpack.ExtType(_MATRIX, _HEADER.pack(b"r" if real else b"i", *value.shape) + data)
+    if isinstance(value, Scene):
+        return msgpack.ExtType(_SCENE, msgpack.packb(plain_scene(value)))
+    if isinstance(value, tuple):
+        return [plain_value(item) for item in value]
+    return value
+
+
+def plain_scene(scene: Scene) -> list[Any]:
+    """A string, flat."""
+    flat: list[Any] = [len(scene.pieces)]
+    stack = [iter(scene.pieces)]
+    while stack:
+        for piece in stack[-1]:
+            if isinstance(piece, Columns):
+                flat.append(plain_columns(piece))
+                continue
+            flat.append(_plain_node(piece))
+            if not isinstance(piece, FigureNode) and piece.scope.pieces:
+                stack.append(iter(piece.scope.pieces))
+                break
+        else:
+            stack.pop()
+    return flat
+
+
+def _plain_node(node: Node) -> list[Any]:
+    values = _plain_values(node.values)
+    if isinstance(node, FigureNode):
+        return [node.symbol, values]
+    if isinstance(node, TransformationNode):
+        return [node.symbol, values, len(node.scope.pieces)]
+    return [node.symbol, node.id, values if node.names else None, len(node.scope.pieces)]
+
+
+def _plain_values(values: Sequence[Value]) -> list[Any]:
+    if _AS_THEY_ARE.issuperset(map(type, values)):
+        return list(values)
+    return [plain_value(value) for value in values]
+
+
+def plain_event(event: AnyEvent) -> list[Any]:
+    """An event, or many."""
+    if isinstance(event, Events):
+        return plain_many(event)
+    values = _plain_values(event.values)
+    if event.condition or event.sender or event.receivers:
+        return [event.type, values, event.condition, event.sender, list(event.receivers)]
+    return [event.type, values]
+
+
+class Reader:
+    """Reads values by a vocabulary; all that it lets through is known, typed and bounded.
+
+    Raises ProtocolError, and VocabularyError for foreign symbols and wrong types.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, limits: Limits = DEFAULT) -> None:
+        self.vocabulary = vocabulary
+        self.limits = limits
+        self._depth = 0
+        self._slots = False
+        self._ids: set[str] = set()
+        self._many: list[Ids] = []
+        self.columns = ColumnsReader(vocabulary, limits)
+
+    def value(self, plain: Any) -> Any:
+        """A value; of no particular type yet."""
+        if isinstance(plain, msgpack.ExtType):
+            return self._extension(plain)
+        if isinstance(plain, bool | int | float | str):
+            return plain
+        if isinstance(plain, list):
+            with self._deeper():
+                return tuple([self.value(item) for item in cast("list[Any]", plain)])
+        raise ProtocolError(f"a value cannot be {name_of(plain)}")
+
+    @contextmanager
+    def _deeper(self) -> Generator[None]:
+        """Within a list or a string that is a value: as deep as the language has them."""
+        if self._depth >= DEPTH:
+            raise ProtocolError(f"values are nested more than {DEPTH} deep")
+        self._depth += 1
+        try:
+            yield
+        finally:
+            self._depth -= 1
+
+    def _extension(self, extension: msgpack.ExtType) -> Value:
+        if extension.code == _MATRIX:
+            return _matrix(extension.data)
+        if extension.code != _SCENE:
+            raise ProtocolError(f"extension {extension.code} is unknown")
+        with self._deeper():
+            return self.scene(unpack(extension.data, self.limits))
+
+    def view(self, plain: Any) -> Scene:
+        """A string of L(E): no agent in it."""
+        scene = self.scene(plain)
+        left = next(agents(scene), None)
+        if left is not None:
+            raise ProtocolError(f"a view holds the agent {left.symbol}#{left.id}")
+        return scene
+
+    def skeleton(self, plain: Any) -> Scene:
+        """A string whose agents are mere slots, without state."""
+        self._slots = True
+        try:
+            return self.scene(plain)
+        finally:
+            self._slots = False
+
+    def scene(self, plain: Any) -> Scene:
+        """A string of the vocabulary; no two of its agents have one id."""
+        outer, self._ids, self._many = (self._ids, self._many), set(), []
+        try:
+            scene = self._scene(listed(plain, "a string"))
+            self._check_ids()
+            return scene
+        finally:
+            self._ids, self._many = outer
+
+    def _check_ids(self) -> None:
+        """That no id stands in columns and elsewhere too."""
+        if not self._many or (len(self._many) == 1 and not self._ids):
+            return
+        twice = Ids.in_common([*self._many, *([Ids.of(sorted(self._ids))] if self._ids else [])])
+        if twice is not None:
+            raise ProtocolError(f"two agents have the id #{twice}"[:_SAID])
+
+    def _scene(self, flat: list[Any]) -> Scene:
+        if not flat:
+            raise ProtocolError("a string is empty of even its count")
+        if len(flat) > self.limits.nodes:
+            raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
+        wanted = [whole(flat[0], "the count of a string")]
+        opened: list[tuple[Any, ...]] = []
+        levels: list[list[Piece]] = [[]]
+        for node in flat[1:]:
+            if not wanted[-1]:
+                raise ProtocolError("a string goes on after its end")
+            wanted[-1] -= 1
+            count = self._piece(listed(node, "a symbol"), levels[-1], opened)
+            if count:
+                wanted.append(count)
+                levels.append([])
+            while len(wanted) > 1 and not wanted[-1]:
+                wanted.pop()
+                scope = Scene(tuple(levels.pop()))
+                levels[-1].append(_close(opened.pop(), scope))
+            if len(wanted) > self.limits.depth:
+                raise ProtocolError(f"a string is nested more than {self.limits.depth} deep")
+        if wanted[-1] or len(wanted) > 1:
+            raise ProtocolError("a string is cut off")
+        return Scene(tuple(levels[0])) if levels[0] else EMPTY
+
+    def _piece(self, piece: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
+        if piece and type(piece[0]) is int:
+            many = self.columns.columns(piece)
+            if many.ids is not None:
+                self._many.append(many.ids)
+            level.append(many)
+            return 0
+        return self._node(piece, level, opened)
+
+    def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
+        """Read one symbol; a figure or one with an empty scope is done at once."""
+        symbol = text(node[0] if node else None, "a symbol")
+        kind = symbol[:1]
+        if len(node) != {"P": 2, "T": 3, "A": 4}.get(kind, 0):
+            raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is no symbol")
+        agent_id = self._new_id(node[1]) if kind == "A" else ""
+        names, values = self._values(symbol, agent_id, node[2] if kind == "A" else node[1])
+        if kind == "P":
+            level.append(FigureNode(symbol, names, values))
+            return 0
+        count = whole(node[-1], "the count of a scope")
+        head = (symbol, agent_id, names, values)
+        if count:
+            opened.append(head)
+        else:
+            level.append(_close(head, EMPTY))
+        return count
+
+    def _new_id(self, plain: Any) -> str:
+        agent_id = self._id(plain)
+        if agent_id in self._ids:
+            raise ProtocolError(f"two agents have the id #{agent_id}"[:_SAID])
+        self._ids.add(agent_id)
+        return agent_id
+
+    def _id(self, plain: Any) -> str:
+        agent_id = text(plain, "an id")
+        plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
+        if AGENT_ID.fullmatch(plain_id) is None:
+            raise ProtocolError(f"{agent_id[:40]!r} is no id of an agent")
+        return agent_id
+
+    def _values(self, symbol: str, agent_id: str, plain: Any):
+        owner = f"{symbol}#{agent_id}" if agent_id else symbol
+        try:
+            fields = self.vocabulary.fields(symbol)
+            if plain is None and agent_id and (self._slots or not fields.names):
+                return (), ()
+            given = [self.value(item) for item in listed(plain, f"the values of {owner}")]
+            if len(given) != len(fields.names):
+                raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
+            return fields.refit(owner, fields.names, tuple(given))
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit)[:_SAID], source="fragment") from None
+
+    def event(self, plain: Any) -> AnyEvent:
+        """An event of the vocabulary, or many."""
+        items = listed(plain, "an event")
+        if len(items) == 6:
+            return self.columns.events(items)
+        if len(items) not in (2, 5):
+            raise ProtocolError(f"an event has 2, 5 or 6 items, not {len(items)}")
+        name = text(items[0], "an event's type")
+        declared = self.vocabulary.events.get(name)
+        if declared is None:
+            raise VocabularyError(f"no event type {name[:40]!r}", source="event")
+        given = tuple([self.value(item) for item in listed(items[1], f"the data of {name}")])
+        condition, sender, receivers = "", "", ()
+        if len(items) == 5:
+            condition, sender = text(items[2], "a condition"), text(items[3], "a sender")
+            self.vocabulary.check_condition(name, condition, "event")
+            named = [self._id(one) for one in listed(items[4], "receivers")]
+            receivers = tuple(sorted(set(named)))
+        if len(given) != len(declared.fields.names):
+            wanted = ", ".join(declared.fields.names) or "no data"
+            raise VocabularyError(
+                f"{name} has {len(given)} data; expected {wanted}", source="event"
+            )
+        try:
+            names, values = declared.fields.refit(name, declared.fields.names, given)
+        except Unfit as unfit:
+            raise VocabularyError(str(unfit)[:_SAID], source="event") from None
+        return Event(name, names, values, condition, sender, receivers)
+
+    def events(self, plain: Any) -> tuple[AnyEvent, ...]:
+        """Events in order."""
+        items = listed(plain, "events")
+        count = sum(map(_count, items))
+        if count > self.limits.events:
+            raise ProtocolError(f"{count} events at once, over {self.limits.events}")
+        return tuple([self.event(item) for item in items])
+
+
+def _count(plain: Any) -> int:
+    """How many events it says that it is."""
+    items = cast("list[Any]", plain) if isinstance(plain, list) else []
+    return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
+
+
+def _close(head: tuple[Any, ...], scope: Scene) -> Node:
+    symbol, agent_id, names, values = head
+    if agent_id:
+        return AgentNode(symbol, agent_id, names, values, scope)
+    return TransformationNode(symbol, names, values, scope)
+
+
+def _matrix(data: bytes) -> Any:
+    if len(data) < _HEADER.size:
+        raise ProtocolError("a matrix is cut off")
+    kind, rows, columns = _HEADER.unpack_from(data)
+    if kind not in (b"i", b"r"):
+        raise ProtocolError(f"a matrix of kind {kind!r}; expected b'i' or b'r'")
+    dtype = np.dtype("<i2" if kind == b"i" else "<f8")
+    if len(data) - _HEADER.size != rows * columns * dtype.itemsize:
+        raise ProtocolError(f"a matrix of {rows}x{columns} has {len(data) - _HEADER.size} bytes")
+    return np.frombuffer(data, dtype, offset=_HEADER.size).reshape(rows, columns)

@@ -1,0 +1,96 @@
+"""Worlds that run in this process and are recorded."""
+
+import io
+from functools import cache
+from pathlib import Path
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.specs import find_world
+from minerva_bus.log.checkpoints import Kept
+from minerva_bus.log.description import Description
+from minerva_bus.log.reader import Record
+from minerva_bus.log.writer import RecordWriter
+
+ROOT = Path(__file__).parents[2]
+WORLDS = {
+    "meadow": (ROOT / "examples/meadow/meadow.toml", {"frames": 60}),
+    "flock": (ROOT / "examples/flock/flock.toml", {"frames": 40, "options": {"birds": "80"}}),
+    "robot": ("robot", {"frames": 12}),
+}
+
+CHECKPOINTS = {}
+"""Those after each frame, by world and seed."""
+
+
+def world_file(world, **overrides):
+    path = world if isinstance(world, Path) else find_world(world)
+    return read_world_file(path, Overrides(**overrides))
+
+
+def run(file, watch):
+    """Run a world file to its end.
+
+    `watch(record, string after it, checkpoint there)` is told of each frame.
+    """
+    algorithm = FrameAlgorithm(file.world)
+
+    def told(instruction):
+        if isinstance(instruction, s.FrameDone):
+            watch(instruction.record, algorithm.scene, algorithm.checkpoint)
+
+    runner = InProcess(algorithm, [one.participant() for one in file.processes], told)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+
+
+def description(file):
+    text = file.path.read_text(encoding="utf-8")
+    return Description(file.world, text, file.rate, {"start": "1"}, began=1_700_000_000 * 10**9)
+
+
+@cache
+def happened(name, seed=None):
+    """A run of one of the worlds: its file, and the frames with the strings after them."""
+    world, overrides = WORLDS[name]
+    file, frames = world_file(world, seed=seed, **overrides), []
+    checkpoints = CHECKPOINTS[name, seed] = []
+
+    def watch(record, string, checkpoint):
+        frames.append((record, string))
+        checkpoints.append(Kept.of(checkpoint))
+
+    run(file, watch)
+    return file, frames
+
+
+def strings_of(name):
+    """The strings with which its frames began, and the one at its end."""
+    file, frames = happened(name)
+    return [file.world.scene, *(string for _, string in frames)]
+
+
+@cache
+def bytes_of(name, flush_every=8, finished=True, seed=None):
+    """The record of a run, with a chunk every so many frames."""
+    file, frames = happened(name, seed)
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for (record, string), kept in zip(frames, CHECKPOINTS[name, seed], strict=True):
+        writer.log(record.frame, 0.01 * record.frame, "steps", f"begins {record.frame}", False)
+        writer.frame(record, string, 0.01 * record.frame, {"evolve": 0.001}, kept)
+        if record.frame % flush_every == flush_every - 1:
+            writer.flush()
+    if finished:
+        writer.finish()
+    return stream.getvalue()
+
+
+def record_of(data, folder):
+    path = folder / "run.mcap"
+    path.write_bytes(data)
+    return Record(path)

@@ -1,0 +1,64 @@
+"""docs/records.md: its example runs, and what it says of the format is so."""
+
+import re
+from pathlib import Path
+
+import pytest
+from tests.record.recorded_runs import bytes_of, happened, strings_of
+
+from minerva_bus.log import channels as c
+from minerva_bus.log.chunks import FEWEST_MESSAGES, Chunks
+from minerva_bus.log.description import LIMITS
+from minerva_bus.log.recorder import PATIENCE, WAITING
+from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
+from minerva_bus.log.tracks import AGENTS
+from minerva_bus.log.writer import KEY_AFTER, SHOWN, SHOWN_EVERY
+from minerva_bus.wire.plain import unpack
+
+mcap = pytest.importorskip("mcap")
+
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+
+
+def test_the_example_runs(tmp_path, monkeypatch, capsys):
+    (example,) = re.findall(r"^```python\n(.*?)^```$", DOCUMENT, re.M | re.S)
+    (tmp_path / "run.mcap").write_bytes(bytes_of("meadow"))
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "records.md", "exec"), {})
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "meadow 7 complete"
+    record, _ = happened("meadow")[1][2]
+    assert said[3] == f"2 {len(record.events)} events, {record.digest.hex()}"
+    assert said[61] == str(strings_of("meadow")[10])
+
+
+def test_the_messages_are_as_written(tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("meadow"))
+    chunks = Chunks(path)
+    (_, world), (_, again) = chunks.messages((c.WORLD,))
+    name, version, plain = unpack(world.data)
+    listed = re.search(r'\["world", 1, \{(.*?)\}\]', DOCUMENT).group(1)
+    assert (name, version) == ("world", 1)
+    assert unpack(again.data) == [name, version, plain | {"string": None}]
+    assert list(plain) == listed.split(", ")
+    for topic, count in ((c.FRAME, 5), (c.STRING, 3), (c.CHECKPOINT, 8)):
+        _, first = next(chunks.messages((topic,)))
+        assert len(unpack(first.data)) == count
+    chunks.close()
+
+
+def test_the_figures_are_those_of_the_code():
+    for said in (
+        f"up to {WAITING} frames",
+        f"become {KEY_AFTER} times as long",
+        f"every {SHOWN_EVERY} s",
+        f"about {SHOWN}.",
+        f"about {AGENTS} in all",
+        f"at most {CHUNK_FLOOR >> 20} MiB, all chunks of a file to {FLOOR >> 20} MiB",
+        f"{RATIO:,} bytes more for each packed byte",
+        f"at most {FEWEST_MESSAGES} messages",
+        f"{LIMITS.items // 1_000_000} million items",
+    ):
+        assert said in DOCUMENT
+    assert PATIENCE == 1.0

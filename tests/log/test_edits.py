@@ -1,0 +1,149 @@
+"""An edit makes of one string exactly the other, and nothing else gets through."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.record.recorded_runs import happened, strings_of
+
+from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
+from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.grammar.columns import packed
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.log.edits import DEEPEST, edit_between, edited
+from minerva_bus.testing.family import FAMILY_VOCABULARY
+from minerva_bus.testing.strategies import family_strings, worlds
+from minerva_bus.testing.strategies import strings_of as any_strings
+from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.values import Reader, plain_scene
+
+PStar = Primitive("PStar", size=Metres)
+TMove = Transformation("TMove", dist=Metres)
+SKY = Vocabulary.of(PStar, TMove)
+
+
+def sent(plain):
+    return unpack(pack(plain))
+
+
+def decoded(scene, vocabulary):
+    """The string as one has it who has read it: other objects, the same pieces."""
+    return Reader(vocabulary).scene(sent(plain_scene(scene)))
+
+
+def check(old, new, vocabulary):
+    edit = sent(edit_between(old, new))
+    made = edited(decoded(old, vocabulary), edit, Reader(vocabulary))
+    assert made == new
+    assert list(map(type, made.pieces)) == list(map(type, new.pieces))
+    return edit
+
+
+@settings(max_examples=40)
+@given(worlds().flatmap(lambda one: st.tuples(st.just(one), any_strings(one[0]), st.randoms())))
+def test_any_string_is_made_of_any_other(given):
+    (vocabulary, old), other, chance = given
+    pieces = [*old.pieces, *other.pieces]
+    chance.shuffle(pieces)
+    known = {piece.id for piece in pieces if hasattr(piece, "id")}
+    inner = any(list(piece.scope) for piece in pieces if hasattr(piece, "scope"))
+    if inner or len(known) < sum(hasattr(piece, "id") for piece in pieces):
+        check(old, other, vocabulary)  # mixed, an id might be there twice
+    else:
+        check(old, Scene(tuple(pieces)), vocabulary)
+
+
+class Bare(Agent, symbol="ABare"):
+    """An agent of whom nothing is known but who it is."""
+
+
+def test_another_agent_of_the_same_kind_is_another():
+    vocabulary = Vocabulary.of(PStar, Bare)
+    old = vocabulary.read("ABare#a() · PStar<size=1> · ABare#b(PStar<size=2>)")
+    new = vocabulary.read("ABare#c() · PStar<size=1> · ABare#d(PStar<size=2>)")
+    check(old, new, vocabulary)
+
+
+@given(family_strings(), family_strings())
+def test_also_of_agents(old, new):
+    check(old, new, FAMILY_VOCABULARY)
+    assert edit_between(old, old) == []
+
+
+@given(st.lists(st.sampled_from("abcde")), st.lists(st.sampled_from("abcde")))
+def test_the_same_piece_may_stand_in_many_places(old, new):
+    stars = {name: PStar(float(place)).pieces[0] for place, name in enumerate("abcde")}
+    check(Scene(tuple(stars[name] for name in old)), Scene(tuple(stars[name] for name in new)), SKY)
+
+
+@pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
+def test_a_whole_run(name):
+    vocabulary = happened(name)[0].world.vocabulary
+    strings = strings_of(name)
+    reader, made = Reader(vocabulary), decoded(packed(strings[0]), vocabulary)
+    for old, new in zip([packed(strings[0]), *strings[1:]], strings[1:], strict=False):
+        made = edited(made, sent(edit_between(old, new)), reader)
+        assert made.digest == new.digest
+
+
+def test_what_stays_costs_nothing():
+    old = SKY.read(" · ".join(f"TMove<dist={n}>(PStar<size=1>)" for n in range(20)))
+    new = Scene((*old.pieces[:7], *PStar(2.0).pieces, *old.pieces[8:]))
+    assert check(old, new, SKY) == [7, -1, [1, ["PStar", [2.0]]]]
+    assert check(old, Scene(old.pieces[3:]), SKY) != []
+
+
+def test_a_scope_is_edited_in_its_place():
+    old = SKY.read("TMove<dist=1>(PStar<size=1> · PStar<size=2>) · PStar<size=3>")
+    node = old.nodes[0]
+    scope = Scene((node.scope.pieces[0], *PStar(9.0).pieces))
+    new = Scene((type(node)(node.symbol, node.names, node.values, scope), old.nodes[1]))
+    assert check(old, new, SKY) == [{"scope": [1, -1, [1, ["PStar", [9.0]]]]}]
+
+
+def test_scopes_deeper_than_any_stack():
+    def deep(size):
+        scene = PStar(size)
+        for _ in range(5000):
+            scene = TMove(1.0)(scene)
+        return scene
+
+    old = deep(1.0)
+    check(old, deep(2.0), SKY)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        None,
+        3,
+        [5],
+        [-5],
+        [0],
+        ["PStar"],
+        [[1, ["PStar", ["big"]]]],
+        [[2, ["PStar", [1.0]]]],
+        [["patch", 3, ["PStar"], []]],
+        [["patch"]],
+        [{"scope": [9]}],
+        [{"scope": [], "more": 1}],
+        [1, {"scope": []}],
+        [None],
+        [1.5],
+        [True],
+    ],
+)
+def test_what_is_no_edit_is_refused(edit):
+    old = SKY.read("TMove<dist=1>(PStar<size=1>) · PStar<size=2>")
+    with pytest.raises((ProtocolError, SceneError)):
+        edited(old, edit, Reader(SKY))
+
+
+def test_an_edit_is_no_deeper_than_allowed():
+    edit = []
+    for _ in range(DEEPEST + 2):
+        edit = [{"scope": edit}]
+    old = SKY.read("PStar<size=1>")
+    for _ in range(DEEPEST + 2):
+        old = TMove(1.0)(old)
+    with pytest.raises(ProtocolError, match="scopes deep"):
+        edited(old, edit, Reader(SKY))

@@ -1,0 +1,176 @@
+"""`minerva info` and `minerva diff`."""
+
+import io
+import json
+from dataclasses import replace
+
+import pytest
+from tests.record.recorded_runs import bytes_of, description, happened, strings_of
+
+from minerva_bus.cli.recording import show_difference, show_info
+from minerva_bus.grammar.batch import single
+from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.messages import encode_frame
+from minerva_bus.log.writer import RecordWriter
+
+mcap = pytest.importorskip("mcap")
+
+
+def files(folder, *data):
+    paths = [folder / f"{name}.mcap" for name in "ab"]
+    for path, one in zip(paths, data, strict=False):
+        path.write_bytes(one)
+    return paths
+
+
+def written(frames, **changed):
+    """A record of frames that never were like this."""
+    file, _ = happened("meadow")
+    told = description(file)
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, replace(told, world=replace(told.world, **changed)))
+    for record, string in frames:
+        writer.frame(replace(record, digest=string.digest), string, 0.0, {})
+    writer.finish()
+    return stream.getvalue()
+
+
+def diff(folder, a, b, capsys):
+    code = show_difference(*files(folder, a, b), json_too=True)
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_info_says_what_is_in_it(tmp_path, capsys):
+    path, _ = files(tmp_path, bytes_of("meadow"))
+    show_info(path, check=True, json_too=True)
+    info = json.loads(capsys.readouterr().out)
+    _, frames = happened("meadow")
+    events = [event.type for record, _ in frames for event in single(record.events)]
+    assert info["world"] == "meadow"
+    assert info["seed"] == 7
+    assert info["complete"] is info["checked"] is True
+    assert (info["frames"], info["missing"]) == (60, 0)
+    assert info["seconds"] == pytest.approx(2.4)
+    assert info["events"] == {name: events.count(name) for name in sorted(set(events))}
+    assert info["digest"] == frames[-1][0].digest.hex()
+    assert info["first_agents"] == {"AFox": 3, "AMeadow": 1, "ARabbit": 6}
+    rabbits = sum(node.symbol == "ARabbit" for node in strings_of("meadow")[-1])
+    assert info["last_agents"]["ARabbit"] == rabbits
+    assert info["log_lines"] == 60
+    assert info["timings"] == {"evolve": pytest.approx(0.001)}
+    assert info["options"] == {"start": "1"}
+
+
+def test_info_for_people(tmp_path, capsys):
+    path, _ = files(tmp_path, bytes_of("flock", finished=False))
+    show_info(path, check=False, json_too=False)
+    said = capsys.readouterr().out
+    assert "flock, seed 1" in said
+    assert "cut off" in said
+    assert "ABird 80 → 80, AHawk 1 → 1" in said
+
+
+def test_info_checks(tmp_path, monkeypatch):
+    file, frames = happened("meadow")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    encoded = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
+    monkeypatch.setattr("minerva_bus.log.writer.encode_frame", encoded)
+    writer.frame(*frames[0], 0.0, {})
+    writer.finish()
+    path, _ = files(tmp_path, stream.getvalue())
+    with pytest.raises(RecordError, match="frame 0 has left a string of the digest"):
+        show_info(path, check=True, json_too=False)
+
+
+def test_two_records_of_one_run_are_the_same(tmp_path, capsys):
+    code, found = diff(tmp_path, bytes_of("meadow", 8), bytes_of("meadow", 3), capsys)
+    assert (code, found["same"], found["frames"]) == (0, True, 60)
+    assert found["frame"] is None
+    assert found["before"] == []
+
+
+def test_another_seed(tmp_path, capsys):
+    code, found = diff(tmp_path, bytes_of("meadow"), bytes_of("meadow", seed=8), capsys)
+    assert code == 1
+    assert found["before"] == ["seed 7 in A, 8 in B"]
+    strings = strings_of("meadow"), [one for _, one in happened("meadow", 8)[1]]
+    first = next(n for n in range(60) if strings[0][n + 1] != strings[1][n])
+    assert found["frame"] == first
+    assert found["changes"]
+
+
+def changed_in(string, agent, **values):
+    def one(node):
+        if not isinstance(node, AgentNode) or node.id != agent:
+            return node
+        state = {**node.state, **values}
+        return AgentNode(node.symbol, node.id, tuple(state), tuple(state.values()), node.scope)
+
+    return Scene(tuple(one(node) for node in string.nodes))
+
+
+def test_an_attribute_and_who_was_told(tmp_path, capsys):
+    frames = list(happened("meadow")[1])
+    record, string = frames[5]
+    frames[5] = record, changed_in(string, "f2", energy=3.25)
+    code, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    assert (code, found["frame"], found["frames"]) == (1, 5, 5)
+    [change] = found["changes"]
+    energy = next(node.state["energy"] for node in string.nodes if getattr(node, "id", "") == "f2")
+    assert (change["agent"], change["attribute"]) == ("AFox#f2", "energy")
+    assert (float(change["a"]), change["b"]) == (energy, "3.25")
+    assert "eStep" in change["events"]
+
+
+def test_an_event_that_only_one_has(tmp_path, capsys):
+    frames = list(happened("meadow")[1])
+    record, string = frames[7]
+    frames[7] = replace(record, events=record.events[:-1]), string
+    code, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    assert (code, found["frame"]) == (1, 7)
+    assert found["events"] == {"a": [str(record.events[-1])], "b": []}
+    assert found["changes"] == []
+
+
+def test_one_that_goes_on_and_one_with_a_hole(tmp_path, capsys):
+    frames = happened("meadow")[1]
+    code, found = diff(tmp_path, written(frames[:20]), bytes_of("meadow"), capsys)
+    assert (code, found["same"], found["frame"]) == (1, False, None)
+    assert found["ended"] == "the same for 20 frames, all that A has; B goes on"
+    code, found = diff(tmp_path, bytes_of("meadow"), written([*frames[:9], *frames[10:]]), capsys)
+    assert (code, found["frame"]) == (1, 9)
+    assert found["before"] == ["frame 9 is missing in B"]
+
+
+def test_an_agent_that_is_not_there_and_what_is_no_agent(tmp_path, capsys):
+    frames = list(happened("meadow")[1])
+    record, string = frames[3]
+    kept = [node for node in string.nodes if getattr(node, "id", "") != "r1"][:-1]
+    frames[3] = record, Scene(tuple(kept))
+    _, found = diff(tmp_path, bytes_of("meadow"), written(frames), capsys)
+    said = {change["agent"]: (change["a"], change["b"]) for change in found["changes"]}
+    assert said["ARabbit#r1"] == ("is there", "is not there")
+    assert "what is no agent" in said
+
+
+def test_for_people(tmp_path, capsys):
+    frames = list(happened("robot")[1])
+    paths = files(tmp_path, bytes_of("robot"), bytes_of("robot"))
+    assert show_difference(*paths, json_too=False) == 0
+    assert capsys.readouterr().out == "the same: 12 frames\n"
+    grid = next(one.state["grid"] for one in frames[4][1].nodes if one.symbol == "ARobot").copy()
+    grid[5, 7] += 1
+    file, _ = happened("robot")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for record, string in frames:
+        now = changed_in(string, "r1", grid=grid) if record.frame == 4 else string
+        writer.frame(replace(record, digest=now.digest), now, 0.0, {})
+    writer.finish()
+    assert show_difference(*files(tmp_path, bytes_of("robot"), stream.getvalue()), False) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "frame 4 is the first that differs"
+    assert said[1].startswith("  ARobot#r1, told eLaser<")
+    assert said[2] == f"    grid[5, 7]: {grid[5, 7] - 1} in A, {grid[5, 7]} in B"

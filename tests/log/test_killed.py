@@ -1,0 +1,198 @@
+"""Records of runs that were killed, whose disk was full, or that were cut: what counts is there."""
+
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tests.bus.running import environment
+from tests.record.recorded_runs import ROOT
+
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.replaying import recomputed
+from minerva_bus.launch.resuming import read_resumed
+from minerva_bus.log.comparison import compare
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.info import info_of
+from minerva_bus.log.reader import Record
+
+pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+
+MEADOW = ROOT / "examples/meadow/meadow.toml"
+CONFIRMING = """
+import sys
+from pathlib import Path
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.recording import recording
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.keeping import RecordOverrides
+
+_, world, path, flush, durable = sys.argv
+how = RecordOverrides("", float(flush), durable == "yes")
+file = read_world_file(Path(world), Overrides(record=path, recording=how))
+algorithm = FrameAlgorithm(file.world)
+record = recording(file, algorithm, print)
+
+def watch(told):
+    if isinstance(told, s.FrameDone):
+        record.frame(told)
+        print(record._recorder.frames, flush=True)
+
+runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+runner.start()
+while True:
+    runner.tell(s.Begin())
+"""
+"""A run that says after each frame how many are sure to be in its record, until it is killed."""
+
+
+def killed(folder, moment, flush, durable):
+    """The record of a run that was killed at some moment, and how many frames it had confirmed."""
+    path = folder / "run.mcap"
+    words = [sys.executable, "-c", CONFIRMING, MEADOW, path, str(flush), durable]
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, text=True, env=environment(folder), cwd=ROOT
+    ) as run:
+        chance = random.Random(moment)
+        said = [run.stdout.readline() for _ in range(chance.randrange(1, 60))]
+        for _ in range(chance.randrange(20_000)):
+            pass  # Somewhere in the midst of a frame.
+        run.send_signal(signal.SIGKILL)
+        said += run.stdout.read().splitlines(keepends=True)
+    return path, max([0, *(int(one) for one in said if one.endswith("\n"))])
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A record of the same run that was closed as it should be."""
+    path = tmp_path_factory.mktemp("whole") / "run.mcap"
+    words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "90", "--record", path]
+    subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", *words], check=True, capture_output=True,
+        env=environment(path.parent), cwd=ROOT,
+    )  # fmt: skip
+    return path
+
+
+def works(path, least, whole=None):
+    """How many frames a record has, if all that can be done with it can be done."""
+    with Record(path) as record:
+        info = info_of(record, check=True)
+        frames = info.frames
+        assert frames >= least
+        assert info.missing == 0
+        if whole is not None and frames:
+            with Record(whole) as other:
+                found = compare(record, other)
+            assert found.frame is None, found.lines()
+    if frames:
+        assert recomputed(path, "", lambda done, last: None).same
+    resumed = read_resumed(path, "", Overrides(frames=frames + 5))
+    assert resumed.world.past.frame == frames
+    return frames
+
+
+@pytest.mark.parametrize("moment", range(3))
+def test_each_durable_frame_outlives_a_kill(moment, tmp_path, whole):
+    path, confirmed = killed(tmp_path, moment, 2.0, "yes")
+    assert confirmed >= 1
+    assert works(path, confirmed, whole) <= confirmed + 2
+
+
+@pytest.mark.parametrize("moment", range(3, 5))
+def test_what_was_flushed_outlives_a_kill(moment, tmp_path, whole):
+    path, confirmed = killed(tmp_path, moment, 0.0, "no")
+    works(path, confirmed, whole)
+
+
+def test_what_is_flushed_seldom_may_be_lost(tmp_path):
+    path, confirmed = killed(tmp_path, 7, 1000.0, "no")
+    assert confirmed == 0
+    assert works(path, 0) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("durable", ["yes", "no"])
+@pytest.mark.parametrize("moment", range(100, 140))
+def test_kills_at_very_many_moments(moment, durable, tmp_path, whole):
+    path, confirmed = killed(tmp_path, moment, 0.01, durable)
+    works(path, confirmed, whole)
+
+
+def cut_every(path, folder, step):
+    """A record cut off at every so many bytes, from its first chunk on."""
+    data = path.read_bytes()
+    cut = folder / "cut.mcap"
+    for size in range(step, len(data), step):
+        cut.write_bytes(data[:size])
+        yield cut
+
+
+def test_cut_off_at_every_thousandth_byte(tmp_path, whole):
+    path, _ = killed(tmp_path, 11, 0.0, "yes")
+    counts = []
+    for cut in cut_every(path, tmp_path, 1000):
+        try:
+            with Record(cut) as record, Record(whole) as other:
+                count = info_of(record, check=True).frames
+                assert compare(record, other).frame is None
+        except RecordError as error:
+            assert not counts, error
+            continue
+        assert read_resumed(cut, "", Overrides(frames=1000)).world.past.frame == count
+        counts.append(count)
+    assert counts == sorted(counts)
+    assert counts[-1] > 3
+
+
+# --- full disks ---
+
+
+def recorded_run(path, **process):
+    """A run of the meadow for 150 frames that is recorded there; what it said."""
+    words = ["run", MEADOW, "--in-process", "--rate", "0", "--frames", "150", "--flush", "0"]
+    done = subprocess.run(
+        [sys.executable, "-m", "minerva_bus.cli.main", *words, "--record", path],
+        capture_output=True, text=True, env=environment(path.parent), cwd=ROOT, **process,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+def test_a_file_that_may_not_grow_ends_the_record_and_not_the_world(tmp_path, whole):
+    limit = 24_000
+    path = tmp_path / "run.mcap"
+    limited = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))  # noqa: E731
+    said = recorded_run(path, preexec_fn=limited)
+    [line] = [one for one in said.splitlines() if "the world goes on without a record" in one]
+    assert "File too large" in line
+    confirmed = int(line.split("of which ")[1].split(" frames")[0])
+    assert path.stat().st_size <= limit
+    assert works(path, confirmed) >= 1
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="mounting needs root")
+def test_a_full_disk_ends_the_record_and_not_the_world(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=24k", "tmpfs", disk], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("no file systems can be mounted here")
+    try:
+        said = recorded_run(disk / "run.mcap")
+        assert "No space left on device; the world goes on without a record" in said
+        confirmed = int(said.split("of which ")[1].split(" frames")[0])
+        copy = Path(shutil.copy(disk / "run.mcap", tmp_path))
+        assert works(copy, confirmed) >= 1
+    finally:
+        subprocess.run(["umount", disk], check=True)

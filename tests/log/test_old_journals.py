@@ -1,0 +1,61 @@
+"""Journals of earlier versions are read, and lead to the strings that they led to then.
+
+    PYTHONPATH=tests/log python -m test_old_journals
+
+writes one of this version; older ones stay. The world is the simulated one: a change of its
+vocabulary or rules makes another world of it, whose journals these are not.
+"""
+
+import json
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.frame.stimuli import Begin, FrameDone
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.log.journal import FORMAT, Journal, go_on, read_journal
+from minerva_bus.testing.simulation.worlds import processes, world
+
+CORPUS = Path(__file__).with_name("corpus")
+FRAMES = 6
+
+
+def write(path):
+    """Write a journal of a run that is not over, and beside it what it leads to."""
+    digests = []
+
+    def watch(instruction):
+        if isinstance(instruction, FrameDone):
+            digests.append(instruction.record.digest.hex())
+            journal.frame(instruction.course)
+
+    algorithm = FrameAlgorithm(world(FRAMES + 1))
+    journal = Journal(path, 1, algorithm)
+    members = [process.participant() for process in processes({}, count(1))]
+    runner = InProcess(algorithm, members, watch)
+    runner.start()
+    for _ in range(FRAMES):
+        runner.tell(Begin())
+    journal.close(over=False)
+    path.with_suffix(".json").write_text(json.dumps({"digests": digests}) + "\n")
+
+
+@pytest.mark.parametrize("path", sorted(CORPUS.glob("*.journal")), ids=lambda path: path.stem)
+def test_a_journal_of_an_earlier_version_is_gone_on_from(path):
+    digests = []
+    past = read_journal(path, world(FRAMES + 1))
+    algorithm = FrameAlgorithm(past.world)
+    go_on(algorithm, past, lambda done: digests.append(done.record.digest.hex()))
+    assert digests == json.loads(path.with_suffix(".json").read_text())["digests"]
+    assert algorithm.scene.digest.hex() == digests[-1]
+
+
+def test_there_is_a_journal_of_this_version():
+    assert (CORPUS / f"format-{FORMAT}-protocol-{PROTOCOL_VERSION}.journal").exists()
+
+
+if __name__ == "__main__":
+    write(CORPUS / f"format-{FORMAT}-protocol-{PROTOCOL_VERSION}.journal")

@@ -1,0 +1,167 @@
+"""`minerva plot`: what it draws, and that it can be drawn."""
+
+import io
+import sys
+
+import numpy as np
+import pytest
+from tests.record.recorded_runs import bytes_of, happened, record_of, strings_of
+
+from minerva_bus import (
+    Agent,
+    Default,
+    Degrees,
+    Metres,
+    Motion,
+    Transformation,
+    Vocabulary,
+)
+from minerva_bus.cli.recording import draw_plot
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.frame.description import World
+from minerva_bus.log.description import Description
+from minerva_bus.log.places import Surveyor
+from minerva_bus.log.tracks import story_of
+from minerva_bus.log.writer import RecordWriter
+
+mcap = pytest.importorskip("mcap")
+
+TAt = Transformation(
+    "TAt", Motion("x", "y", "turn"), x=Metres, y=Metres, turn=Default(Degrees, 0.0)
+)
+
+
+class Walker(Agent, symbol="AWalker"):
+    x: Metres
+    y: Metres
+    heading: Degrees = 0.0
+
+
+class Mole(Agent, symbol="AMole"):
+    row: int
+    column: int
+    cell: float = 0.5
+    x0: float = 10.0
+
+
+class Name(Agent, symbol="AName"):
+    x: str = "here"
+    y: str = "there"
+
+
+class Wind(Agent, symbol="AWind"):
+    x: float
+    y: float
+    vx: float = 0.0
+    vy: float = 1.0
+
+
+WORLD = Vocabulary.of(TAt, Walker, Mole, Name, Wind)
+
+
+def where(text, most=0):
+    found = Surveyor(WORLD, most).places(WORLD.read(text))
+    return {
+        kind: [tuple(round(v, 6) for v in row) for row in zip(one.x, one.y, one.angle, strict=True)]
+        for kind, one in found.items()
+    }
+
+
+def test_places_by_the_names_of_attributes():
+    text = (
+        "AWalker#a<x=1, y=2, heading=30> · AMole#m<row=4, column=6> · AName#n · AWind#w<x=3, y=4>"
+    )
+    assert where(text) == {
+        "AWalker": [(1, 2, 30)],
+        "AMole": [(12, 3, 0)],
+        "AWind": [(3, 4, 90)],
+    }
+
+
+def test_what_stands_around_an_agent_moves_it():
+    text = "TAt<x=5, y=0, turn=90>(AWalker#a<x=1, y=2>(AWalker#b<x=0, y=0>)) · AWalker#c<x=0, y=0>"
+    assert where(text) == {"AWalker": [(3, 1, 90), (5, 0, 90), (0, 0, 0)]}
+    text = "TAt<x=5, y=0>(TAt<x=0, y=7>(AWalker#a<x=0, y=0>) · AWalker#b<x=1, y=0>)"
+    assert where(text) == {"AWalker": [(5, 7, 0), (6, 0, 0)]}
+
+
+def test_columns_are_the_agents_they_stand_for():
+    many = Walker.many("w", 40, x=np.arange(40.0), y=np.ones(40))
+    found = Surveyor(WORLD).places(many)["AWalker"]
+    single = Surveyor(WORLD).places(WORLD.read(str(many)))["AWalker"]
+    assert list(found.ids) == list(single.ids)
+    assert found.x.tolist() == single.x.tolist()
+    assert len(Surveyor(WORLD, 10).places(many)["AWalker"].ids) == 10
+
+
+@pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
+def test_tracks_are_where_agents_were(name, tmp_path):
+    strings = strings_of(name)
+    vocabulary = happened(name)[0].world.vocabulary
+    with record_of(bytes_of(name), tmp_path) as record:
+        story = story_of(record)
+    assert len(story.times) == len(strings)
+    followed = Surveyor(vocabulary).places(strings[-1])
+    assert followed
+    for some in followed.values():
+        for agent, x, y in zip(some.ids, some.x, some.y, strict=True):
+            track = story.tracks[agent]
+            assert (track.x[-1], track.y[-1], track.times[-1]) == (x, y, story.times[-1])
+            assert story.is_there(track)
+    assert len(story.events) == len(story.seconds) == len(strings) - 1
+
+
+def test_the_distance_to_the_objective(tmp_path):
+    with record_of(bytes_of("robot"), tmp_path) as record:
+        story = story_of(record)
+    [(agent, (times, metres))] = story.distances.items()
+    track = story.tracks[agent]
+    robot = next(node for node in strings_of("robot")[-1].nodes if getattr(node, "id", "") == agent)
+    places_of = {
+        node.scope.nodes[0].parameters["name"]: (node.parameters["x"], node.parameters["y"])
+        for node in strings_of("robot")[0].nodes
+        if node.symbol == "TPlace" and node.scope.nodes[0].symbol == "PMarker"
+    }
+    x, y = story.goals[agent]
+    assert (x, y) == places_of[robot.state["objective"]]
+    assert metres[-1] == pytest.approx(((track.x[-1] - x) ** 2 + (track.y[-1] - y) ** 2) ** 0.5)
+    assert len(times) == len(metres)
+
+
+@pytest.mark.parametrize("name", ["meadow", "flock", "robot"])
+def test_a_picture(name, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of(name, finished=False))
+    draw_plot(path, None)
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run.png")
+    assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_picture_that_cannot_be_written(tmp_path):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("robot"))
+    with pytest.raises(MinervaError, match="cannot write"):
+        draw_plot(path, tmp_path / "none" / "run.png")
+    with pytest.raises(MinervaError, match="cannot be written"):
+        draw_plot(path, tmp_path / "run.docx")
+
+
+def test_without_matplotlib(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    path = tmp_path / "run.mcap"
+    path.write_bytes(bytes_of("robot"))
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[plot\]'"):
+        draw_plot(path, None)
+
+
+def test_a_world_without_places_or_frames(tmp_path):
+    pytest.importorskip("matplotlib")
+    world = World("names", WORLD.read("AName#n"), WORLD)
+    stream = io.BytesIO()
+    RecordWriter(stream, Description(world)).finish()
+    path = tmp_path / "run.mcap"
+    path.write_bytes(stream.getvalue())
+    draw_plot(path, tmp_path / "run.svg")
+    assert (tmp_path / "run.svg").stat().st_size > 1000

@@ -1,0 +1,404 @@
+"""Recording never harms the world: not by a slow disk, nor by a full one."""
+
+import errno
+import io
+import signal
+import sys
+import threading
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from tests.record.recorded_runs import description, happened, record_of, strings_of
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.log import recorder as module
+from minerva_bus.log import writer
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.reader import Record
+from minerva_bus.log.recorder import Recorder
+from minerva_bus.log.writer import RecordWriter
+
+mcap = pytest.importorskip("mcap")
+
+
+class Disk(io.BytesIO):
+    """A file that is slow until it is let go, and full after so many bytes.
+
+    `when_asked` is called once, when the next bytes come.
+    """
+
+    def __init__(self, full_after=None):
+        super().__init__()
+        self.full_after = full_after
+        self.free = threading.Event()
+        self.free.set()
+        self.asked = threading.Event()
+        self.when_asked = None
+        self.kept = b""
+
+    def write(self, data):
+        self.asked.set()
+        if self.when_asked is not None:
+            call, self.when_asked = self.when_asked, None
+            call()
+        self.free.wait()
+        if self.full_after is not None and self.tell() + len(data) > self.full_after:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+    def close(self):
+        self.kept = self.getvalue()
+
+
+def recorder_on(monkeypatch, disk, **settings):
+    said = []
+    monkeypatch.setattr(module, "open_for_record", lambda path: disk)
+    file, _ = happened("meadow")
+    return Recorder(Path("run.mcap"), description(file), say=said.append, **settings), said
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_a_run_is_recorded(durable, tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    said = []
+    recorder = Recorder(path, description(file), durable=durable, say=said.append)
+    recorder.log("steps", "hello", 0.0)
+    for record, string in frames:
+        recorder.frame(record, string, 0.0)
+    recorder.close()
+    recorder.close()
+    assert not said
+    assert recorder.frames == len(frames)
+    with Record(path) as record:
+        assert record.complete
+        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]
+        assert [line.text for line in record.log()] == ["hello"]
+
+
+def test_a_line_of_the_log_is_said_in_its_frame(tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    recorder = Recorder(path, description(file))
+    for record, string in frames[:5]:
+        recorder.frame(record, string, 0.0)
+        recorder.log("foxes", f"after {record.frame}", 0.0, warning=True)
+    recorder.close()
+    with Record(path) as read:
+        assert [(line.time, line.text) for line in read.log()] == [
+            (pytest.approx((n + 1) * file.world.dt), f"after {n}") for n in range(5)
+        ]
+
+
+def test_durable_frames_are_there_before_the_next(tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    recorder = Recorder(path, description(file), durable=True)
+    for record, string in frames[:4]:
+        recorder.frame(record, string, 0.0)
+        with Record(path) as so_far:
+            assert not so_far.complete
+            assert so_far.string(record.frame + 1) == string
+    recorder.close()
+
+
+def test_an_interrupt_in_the_midst_of_a_frame_leaves_it_whole(tmp_path, monkeypatch):
+    disk = Disk()
+    recorder, said = recorder_on(monkeypatch, disk, durable=True)
+    frames = happened("meadow")[1]
+    for record, string in frames[:4]:
+        recorder.frame(record, string, 0.0)
+    disk.when_asked = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            recorder.frame(*frames[4], 0.0)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    recorder.close()
+    assert not said
+    with record_of(disk.kept, tmp_path) as record:
+        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:6]
+
+
+def test_what_was_written_is_there_after_a_while(tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    recorder = Recorder(path, description(file), flush_seconds=0.01)
+    recorder.frame(*frames[0], 0.0)
+    while recorder.frames < 1:
+        threading.Event().wait(0.005)
+    with Record(path) as so_far:
+        assert so_far.string(1) == frames[0][1]
+    recorder.close()
+
+
+@pytest.mark.parametrize("durable", [False, True])
+@pytest.mark.parametrize("room", [9_000, 12_000, 20_000])
+def test_a_full_disk_is_said_once_and_what_was_kept_can_be_read(
+    durable, room, tmp_path, monkeypatch
+):
+    disk = Disk(full_after=room)
+    recorder, said = recorder_on(monkeypatch, disk, durable=durable, flush_seconds=0.0)
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+    recorder.close()
+    [message] = said
+    assert message.startswith(
+        "run.mcap: No space left on device; the world goes on without a record, of which"
+    )
+    with record_of(disk.kept, tmp_path) as record:
+        read = [one for _, one in record.strings(check=True)]
+    assert not record.complete
+    assert recorder.frames <= len(read) < 60
+    assert f"{recorder.frames} frames can be read" in message
+    assert read == strings_of("meadow")[1 : len(read) + 1]
+
+
+def test_a_disk_that_is_full_from_the_beginning():
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    file, _ = happened("meadow")
+    with pytest.raises(RecordError, match="/dev/full: cannot be written: No space left"):
+        Recorder(Path("/dev/full"), description(file))
+
+
+def test_a_place_where_nothing_can_be_written(tmp_path):
+    file, _ = happened("meadow")
+    with pytest.raises(RecordError, match="cannot be written: No such file"):
+        Recorder(tmp_path / "none" / "run.mcap", description(file))
+
+
+def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
+    class Watched(threading.Event):
+        waited: ClassVar[list] = []
+
+        def wait(self, timeout=None):
+            self.waited.append(timeout)
+            return super().wait(timeout)
+
+    monkeypatch.setattr(threading, "Event", Watched)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
+    while len(Watched.waited) < 3:
+        recorder.help()
+    recorder.close()
+    assert 0.0 not in Watched.waited
+
+
+def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
+    recorder, said = recorder_on(monkeypatch, Disk())
+    record, _ = happened("meadow")[1][0]
+    recorder.frame(record, "no string", 0.0)
+    recorder.close()
+    assert len(said) == 1
+    assert "the world goes on without a record" in said[0]
+
+
+def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 0.01)
+    disk = Disk()
+    recorder, said = recorder_on(monkeypatch, disk, flush_seconds=0.0)
+    disk.free.clear()
+    disk.asked.clear()
+    frames = happened("meadow")[1]
+    recorder.frame(*frames[0], 0.0)
+    disk.asked.wait()  # The thread is with the disk now, and takes nothing.
+    for record, string in frames[1:50]:
+        recorder.frame(record, string, 0.0)
+    assert recorder.lost == 49 - module.WAITING
+    assert [text for text in said if "the disk does not keep up" in text] == said[:1]
+    disk.free.set()
+    while recorder.frames < 50 - recorder.lost:
+        threading.Event().wait(0.005)
+    for record, string in frames[50:]:
+        recorder.frame(record, string, 0.0)
+    recorder.close()
+    assert f"{recorder.lost} frames are not in the record" in said[-1]
+    with record_of(disk.kept, tmp_path) as record:
+        read = {frame.number: one for frame, one in record.strings(check=True)}
+    assert len(read) == 60 - recorder.lost
+    assert read[59] == frames[59][1]
+
+
+def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypatch):
+    disk = Disk()
+    recorder, said = recorder_on(monkeypatch, disk, flush_seconds=0.0)
+    disk.free.clear()
+    done = threading.Event()
+
+    def world():
+        for record, string in happened("meadow")[1]:
+            recorder.frame(record, string, 0.0)
+        done.set()
+
+    monkeypatch.setattr(module, "PATIENCE", 60.0)
+    happened("meadow")
+    thread = threading.Thread(target=world)
+    thread.start()
+    assert not done.wait(0.05)
+    disk.free.set()
+    thread.join()
+    recorder.close()
+    assert not said
+    with record_of(disk.kept, tmp_path) as record:
+        assert len(list(record.frames())) == 60
+
+
+def test_what_is_written_is_flushed_though_more_always_waits(monkeypatch):
+    kept, frame = [], RecordWriter.frame
+    left = iter(happened("meadow")[1])
+
+    def written(self, *what):
+        kept.append(self.kept)
+        for record, string in islice(left, 1):
+            recorder.frame(record, string, 0.0)
+        frame(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "frame", written)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
+    recorder.frame(*next(left), 0.0)
+    while len(kept) < 60:
+        threading.Event().wait(0.005)
+    recorder.close()
+    assert kept == list(range(60))
+
+
+def test_an_earlier_record_is_kept(tmp_path):
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    for count in (1, 2, 3):
+        recorder = Recorder(path, description(file))
+        for record, string in frames[:count]:
+            recorder.frame(record, string, 0.0)
+        recorder.close()
+    with Record(path) as new, Record(tmp_path / "run.old.mcap") as old:
+        assert len(list(new.frames())) == 3
+        assert len(list(old.frames())) == 2
+
+
+def test_without_the_library_nothing_is_touched(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    path = tmp_path / "run.mcap"
+    path.write_text("an earlier one")
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[record\]'"):
+        Recorder(path, description(happened("meadow")[0]))
+    with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[record\]'"):
+        Record(path)
+    assert path.read_text() == "an earlier one"
+
+
+def writers_of(monkeypatch):
+    """The threads that write frames, in order."""
+    found, frame = [], RecordWriter.frame
+
+    def written(self, *what):
+        found.append(threading.current_thread().name)
+        frame(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "frame", written)
+    return found
+
+
+def test_what_is_little_is_written_by_who_has_time(monkeypatch):
+    writers = writers_of(monkeypatch)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+        recorder.help()
+    assert writers == ["MainThread"] * 60
+    recorder.close()
+    assert not said
+    assert recorder.frames == 60
+
+
+@pytest.mark.parametrize("why", ["much to do", "much in memory"])
+def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
+    writers = writers_of(monkeypatch)
+    if why == "much to do":
+        monkeypatch.setattr(module, "LIGHT", -1.0)
+    else:
+        monkeypatch.setattr(RecordWriter, "has_room", property(lambda self: False))
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    frames = happened("meadow")[1]
+    for record, string in frames[:2]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+        while len(writers) <= record.frame:
+            threading.Event().wait(0.001)
+    recorder.close()
+    assert writers[1] == "recorder"
+
+
+def test_a_large_string_is_left_to_the_thread(monkeypatch):
+    """A frame may be little, and yet the whole string be due behind it."""
+    whole, put = [], RecordWriter._put_string
+
+    def written(self, *what):
+        whole.append(threading.current_thread().name)
+        put(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "_put_string", written)
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    monkeypatch.setattr(writer, "KEY_AFTER", 4)
+    monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.
+    recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        while recorder._items:
+            recorder.help()
+    recorder.close()
+    assert not said
+    assert whole[0] == "MainThread"  # The first string is there before any frame.
+    assert set(whole[1:]) == {"recorder"}
+
+
+def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
+    writers = writers_of(monkeypatch)
+    recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
+    recorder.help()  # And never again.
+    for record, string in happened("meadow")[1][: module.HELPED_WITHIN + 1]:
+        recorder.frame(record, string, 0.0)
+    while len(writers) <= module.HELPED_WITHIN:
+        threading.Event().wait(0.001)
+    recorder.close()
+    assert set(writers) == {"recorder"}
+
+
+def test_who_helps_never_waits_for_the_disk(monkeypatch):
+    disk = Disk()
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
+    disk.free.clear()
+    disk.asked.clear()
+    frames = happened("meadow")[1]
+    recorder.frame(*frames[0], 0.0)
+    disk.asked.wait()  # The thread is with the disk now.
+    for record, string in frames[1 : module.WAITING]:
+        recorder.frame(record, string, 0.0)
+        recorder.help()
+    disk.free.set()
+    recorder.close()
+    assert recorder.frames == module.WAITING
+    assert not recorder.lost
+
+
+def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "LIGHT", 60.0)
+    writers = writers_of(monkeypatch)
+    disk = Disk()
+    recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
+    for record, string in happened("meadow")[1]:
+        recorder.frame(record, string, 0.0)
+        if record.frame % 3:
+            recorder.help()
+    recorder.close()
+    assert len(writers) == 60
+    with record_of(disk.kept, tmp_path) as record:
+        assert [one for _, one in record.strings(check=True)] == strings_of("meadow")[1:]

@@ -1,0 +1,185 @@
+"""What was recorded is what is read, from the beginning, from anywhere, and by others."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from tests.record.recorded_runs import bytes_of, description, happened, record_of, strings_of
+
+from minerva_bus.grammar.batch import single
+from minerva_bus.log import channels as c
+from minerva_bus.log import chunks
+from minerva_bus.log.description import encode_description
+from minerva_bus.log.errors import RecordError
+from minerva_bus.log.messages import encode_frame
+from minerva_bus.log.writer import RecordWriter
+
+mcap = pytest.importorskip("mcap")
+
+NAMES = ["meadow", "flock", "robot"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_and_strings_come_back(name, tmp_path):
+    _, frames = happened(name)
+    with record_of(bytes_of(name), tmp_path) as record:
+        read = list(record.strings(check=True))
+    assert record.complete
+    assert [frame.number for frame, _ in read] == list(range(len(frames)))
+    for (frame, string), (told, after) in zip(read, frames, strict=True):
+        assert string == after
+        assert frame.digest == told.digest
+        assert list(single(frame.events)) == list(single(told.events))
+        assert frame.seconds == pytest.approx(0.01 * frame.number)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_description_comes_back(name, tmp_path):
+    file, _ = happened(name)
+    with record_of(bytes_of(name), tmp_path) as record:
+        told = record.description
+    assert encode_description(told) == encode_description(description(file))
+    world = told.world
+    assert world.scene == file.world.scene
+    assert (world.seed, world.dt, world.until) == (file.world.seed, file.world.dt, file.world.until)
+    assert (world.order, world.policy) == (file.world.order, file.world.policy)
+    assert told.file == file.path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("flush_every", [1, 8, 1000])
+def test_any_string_can_be_had(name, flush_every, tmp_path):
+    strings = strings_of(name)
+    with record_of(bytes_of(name, flush_every), tmp_path) as record:
+        for number in [*range(len(strings) - 1, -1, -3), 0]:
+            assert record.string(number) == strings[number]
+        with pytest.raises(RecordError, match="is not in it"):
+            record.string(len(strings))
+
+
+def test_seeking_does_not_begin_at_the_beginning(tmp_path, monkeypatch):
+    strings = strings_of("meadow")
+    with record_of(bytes_of("meadow", 1), tmp_path) as record:
+        read, unpacked = [], chunks._unpacked
+        monkeypatch.setattr(
+            chunks, "_unpacked", lambda file, place: read.append(1) or unpacked(file, place)
+        )
+        assert record.string(len(strings) - 1) == strings[-1]
+        assert len(read) < len(strings) / 2
+
+
+def test_frames_that_were_left_out_leave_all_others_right(tmp_path):
+    file, frames = happened("meadow")
+    kept = [one for one in frames if one[0].frame % 5 not in (1, 2)]
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for told, string in kept:
+        writer.frame(told, string, 0.0, {})
+    writer.finish()
+    with record_of(stream.getvalue(), tmp_path) as record:
+        read = [(frame.number, string) for frame, string in record.strings(check=True)]
+        assert read == [(told.frame, string) for told, string in kept]
+        assert record.string(6) == frames[5][1]
+        with pytest.raises(RecordError, match="frame 7 is not in it"):
+            record.string(7)
+
+
+def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
+    file, frames = happened("meadow")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for told, string in frames[:2]:
+        writer.frame(told, string, 0.0, {})
+    wrong = lambda number, events, edit, _: encode_frame(number, events, edit, bytes(16))  # noqa: E731
+    monkeypatch.setattr("minerva_bus.log.writer.encode_frame", wrong)
+    writer.frame(*frames[2], 0.0, {})
+    writer.finish()
+    with record_of(stream.getvalue(), tmp_path) as record:
+        assert len(list(record.strings())) == 3
+        with pytest.raises(RecordError, match="frame 2 has left a string of the digest"):
+            list(record.strings(check=True))
+
+
+def test_the_log_comes_back(tmp_path):
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        lines = list(record.log())
+    assert [line.text for line in lines[:2]] == ["begins 0", "begins 1"]
+    assert lines[1].member == "steps"
+    assert lines[1].time == pytest.approx(0.04)
+
+
+def others(data):
+    """What somebody reads who knows MCAP and nothing of us."""
+    from mcap.reader import make_reader
+
+    found = {}
+    for schema, channel, message in make_reader(
+        io.BytesIO(data), validate_crcs=True
+    ).iter_messages():
+        shown = json.loads(message.data) if channel.message_encoding == "json" else message.data
+        found.setdefault(channel.topic, []).append((schema, message, shown))
+    return found
+
+
+def fits(value, schema):
+    """A small part of JSON schema: every member that the schema has is there, and of its type."""
+    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float)}
+    assert isinstance(value, kinds[schema["type"]])
+    for name, inner in schema.get("properties", {}).items():
+        fits(value[name], inner)
+    for item in value if schema["type"] == "array" else ():
+        fits(item, schema["items"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_others_can_show_it(name):
+    found = others(bytes_of(name))
+    for topic, messages in found.items():
+        for schema, _, shown in messages if not topic.startswith("minerva/") else ():
+            assert schema.name.startswith("foxglove.")
+            fits(shown, json.loads(schema.data))
+    times = [message.log_time for _, message, _ in found[c.FRAME]]
+    dt = happened(name)[0].world.dt
+    assert times == [round((n + 1) * dt * 1e9) for n in range(len(times))]
+    assert found[c.FRAME][3][1].publish_time == 1_700_000_000 * 10**9 + 30_000_000
+
+
+def test_others_see_where_agents_are():
+    found = others(bytes_of("meadow"))
+    _, _, shown = found["poses/AFox"][0]
+    assert shown["poses"][1]["position"] == {"x": 22, "y": 13, "z": 0}
+    assert shown["poses"][1]["orientation"] == {"x": 0, "y": 0, "z": 1, "w": 0}
+    (_, _, shown), *_ = others(bytes_of("robot"))["poses/ARobot"]
+    state = next(node.state for node in strings_of("robot")[0] if node.symbol == "ARobot")
+    place = shown["poses"][0]["position"]
+    assert place["x"] == pytest.approx(state["x0"] + state["row"] * state["cell"], abs=1e-4)
+
+
+def test_others_see_the_map():
+    import base64
+
+    [(_, _, shown)] = others(bytes_of("robot"))["map"]
+    floor = next(node for node in strings_of("robot")[0] if node.symbol == "PMap").parameters
+    rows, columns = floor["cells"].shape
+    data = base64.b64decode(shown["data"])
+    assert shown["column_count"] == rows
+    assert len(data) == shown["row_stride"] * columns == 4 * rows * columns
+    red = np.frombuffer(data, np.uint8).reshape(columns, rows, 4)[:, :, 0]
+    reds = {100: 0x2F, 0: 0xFB, -1: 0xD9}  # y runs along the rows of a grid, x along each row
+    assert (np.vectorize(reds.__getitem__)(floor["cells"]) == red.T).all()
+
+
+def test_a_world_of_many_shows_some_of_them(monkeypatch):
+    from minerva_bus.log import writer
+
+    monkeypatch.setattr(writer, "SHOWN", 10)
+    file, frames = happened("flock")
+    stream = io.BytesIO()
+    one = RecordWriter(stream, description(file))
+    one.frame(*frames[0], 0.0, {})
+    one.frame(*frames[1], 0.0, {})
+    one.finish()
+    shown = [len(poses["poses"]) for _, _, poses in others(stream.getvalue())["poses/ABird"]]
+    assert shown
+    assert all(8 <= count <= 20 for count in shown)

@@ -1,0 +1,217 @@
+"""A record is played again: the views are those of the run, wherever it is begun or wound to."""
+
+from functools import cache
+
+import pytest
+from tests.record.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
+
+from minerva_bus import Device
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.replaying import OVER, ReplayAlgorithm
+from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.launch.resuming import kinds_in
+from minerva_bus.log.film import RecordFilm
+from minerva_bus.log.recomputing import recompute
+
+mcap = pytest.importorskip("mcap")
+
+SHOWN = {"meadow": "ePicture", "flock": "ePicture", "robot": "eRepresent"}
+
+
+class Seen(Device):
+    """Remembers the digest of each view; it wants one each frame."""
+
+    every = 1
+
+    def __init__(self, name):
+        self.draws = (SHOWN[name],)
+        self.shown = []
+
+    def show(self, view):
+        self.shown.append((view.frame, view.scene.digest))
+
+
+@cache
+def lived(name):
+    """What the views of a run were, and its digests."""
+    world, overrides = WORLDS[name]
+    file, seen, digests = world_file(world, **overrides), Seen(name), []
+    algorithm = FrameAlgorithm(file.world)
+    members = [one.participant() for one in file.processes]
+
+    def watch(told):
+        if isinstance(told, s.FrameDone):
+            digests.append(told.record.digest)
+
+    runner = InProcess(algorithm, [*members, Participant("seen", seen)], watch)
+    runner.start()
+    while runner.ended is None:
+        runner.tell(s.Begin())
+    return seen.shown, digests
+
+
+class Projector:
+    """A record that is being played in this process."""
+
+    def __init__(self, name, folder, begin=0, stay=False, seen=True):
+        file, _ = happened(name)
+        self.film = RecordFilm(record_of(bytes_of(name), folder))
+        scene = self.film.wind(begin)
+        told = self.film._record.description.world
+        world = type(told)(
+            told.name, scene, told.vocabulary, told.seed, told.dt, told.order, told.policy,
+            expected=frozenset(["seen"] if seen else []), past=Checkpoint(begin),
+        )  # fmt: skip
+        self.algorithm = ReplayAlgorithm(world, self.film, kinds_in(file), stay=stay)
+        self.told, self.seen = [], Seen(name)
+        members = [Participant("seen", self.seen)] if seen else []
+        self.runner = InProcess(self.algorithm, members, self.told.append)
+        self.runner.start()
+        if not seen:
+            self.runner.tell(s.Begin())  # Nobody is waited for: this only gets it ready.
+
+    def play(self, frames=1000):
+        for _ in range(frames):
+            if self.runner.ended is None and self.film.ahead is not None:
+                self.runner.tell(s.Begin())
+
+    @property
+    def digests(self):
+        return [one.record.digest for one in self.told if isinstance(one, s.FrameDone)]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_its_views_and_strings_are_those_of_the_run(name, tmp_path):
+    projector, (shown, digests) = Projector(name, tmp_path), lived(name)
+    played = []
+    while projector.runner.ended is None:
+        projector.runner.tell(s.Begin())
+        played.append(projector.algorithm.scene.digest)
+    assert projector.seen.shown == shown
+    assert played == digests
+    assert projector.runner.ended.reason == OVER
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_it_may_begin_in_the_middle(name, tmp_path):
+    projector, (shown, _) = Projector(name, tmp_path, begin=7), lived(name)
+    projector.play()
+    assert projector.seen.shown == [one for one in shown if one[0] >= 7]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_it_is_wound_to_any_frame_and_shows_it_at_once(name, tmp_path):
+    projector, (shown, digests) = Projector(name, tmp_path, stay=True), lived(name)
+    by_frame = dict(shown)
+    projector.play()
+    assert projector.runner.ended is None
+    assert projector.algorithm.scene.digest == digests[-1]
+    for frame in (3, 10, 0, 8):
+        projector.seen.shown.clear()
+        projector.runner.tell(s.Seek(frame))
+        projector.play(2)
+        assert projector.seen.shown[0] == (frame, by_frame[frame])
+        assert projector.seen.shown[1:] == [(n, by_frame[n]) for n in (frame, frame + 1)]
+        assert projector.algorithm.scene.digest == digests[frame + 1]
+    projector.seen.shown.clear()
+    projector.runner.tell(s.Seek(projector.film.end))
+    assert projector.seen.shown == [(projector.film.end, by_frame[projector.film.end])]
+
+
+def test_to_wind_it_to_its_end_is_to_end_it(tmp_path):
+    projector = Projector("meadow", tmp_path)
+    projector.play(2)
+    projector.runner.tell(s.Seek(projector.film.end))
+    assert projector.runner.ended.reason == OVER
+
+
+def test_there_is_nothing_beyond_its_end(tmp_path):
+    projector = Projector("meadow", tmp_path)
+    with pytest.raises(MinervaError, match="the string of frame 61 is not in it"):
+        projector.film.wind(61)
+
+
+def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):
+    projector = Projector("meadow", tmp_path, seen=False)
+    projector.play(5)
+    seen = Seen("meadow")
+    projector.runner._participants["late"] = Participant("late", seen)
+    projector.runner.tell(s.Appeared("late"))
+    assert seen.shown == [(5, dict(lived("meadow")[0])[5])]
+
+
+def test_it_rests_for_as_long_as_somebody_looks(tmp_path):
+    projector = Projector("meadow", tmp_path, stay=True)
+    projector.play()
+    assert projector.runner.ended is None
+    assert not projector.algorithm.waiting_for()
+    projector.runner.tell(m.Leaving("seen"))
+    assert projector.runner.ended.reason == OVER
+
+
+def test_it_does_not_rest_for_nobody(tmp_path):
+    projector = Projector("meadow", tmp_path, stay=True, seen=False)
+    projector.play()
+    assert projector.runner.ended.reason == OVER
+
+
+def test_it_takes_no_orders(tmp_path):
+    projector = Projector("meadow", tmp_path)
+    vocabulary = projector.algorithm.world.vocabulary
+    projector.runner.tell(s.Order(vocabulary.events["eStep"]()))
+    assert not projector.algorithm._inbox
+
+
+# --- λ again ---
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_all_frames_come_out_the_same(name, tmp_path):
+    file, frames = happened(name)
+    told = []
+    with record_of(bytes_of(name), tmp_path) as record:
+        found = recompute(record, kinds_in(file), told.append)
+    assert (found.same, found.frames) == (True, len(frames))
+    assert told == list(range(1, len(frames) + 1))
+
+
+def test_the_first_frame_that_differs_is_named_and_what_differs(tmp_path, monkeypatch):
+    file, _ = happened("meadow")
+    kinds = kinds_in(file)
+    rabbit = kinds["ARabbit"]
+    activity = rabbit.activities["eStep"]
+
+    def steps(self, event, moment):
+        found = activity(self, event, moment)
+        if moment.number == 4 and self.id == "r2":
+            self.x += 1
+        return found
+
+    monkeypatch.setitem(rabbit.activities, "eStep", steps)
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        found = recompute(record, kinds, lambda _: None)
+    assert found.frame == 4
+    lines = "\n".join(found.lines())
+    assert "frame 4 is the first that differs" in lines
+    assert "ARabbit#r2" in lines
+    assert " in the record, " in lines
+    assert " in this run" in lines
+
+
+def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch):
+    file, frames = happened("meadow")
+    kinds = kinds_in(file)
+    sends = {event.type for record, _ in frames for event in record.events if event.sender}
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        first = next(frame.number for frame, sent in record.emitted() if sent)
+        monkeypatch.setattr("minerva_bus.world.moment.Moment.emit", lambda *_, **__: None)
+        found = recompute(record, kinds, lambda _: None)
+    assert sends
+    assert found.frame == first
+    assert found.one
+    assert "events of the record alone:" in found.lines()[1]

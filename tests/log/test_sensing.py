@@ -1,0 +1,295 @@
+"""Sensor topics in a record: nothing of a reading is lost, and nothing waits for it."""
+
+import base64
+import io
+import json
+import threading
+from itertools import islice
+
+import numpy as np
+import pytest
+from tests.bus.running import ALL_KINDS, here, minerva, summary, write_world
+from tests.record.recorded_runs import description, happened, record_of
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.messages import Readings
+from minerva_bus.launch.keeping import RecordOverrides
+from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.recording import recording
+from minerva_bus.log import backlog
+from minerva_bus.log import channels as c
+from minerva_bus.log import recorder as module
+from minerva_bus.log.reader import Record
+from minerva_bus.log.recorder import Recorder
+from minerva_bus.log.sensing import Dropped, decode_sensed, encode_readings, shown_readings
+from minerva_bus.log.writer import RecordWriter
+from minerva_bus.wire.codec import encode
+from minerva_bus.wire.readings import plain_reading
+from minerva_bus.world.readings import (
+    Battery,
+    Image,
+    Mount,
+    Odometry,
+    Position,
+    Scan,
+    Sighting,
+    Sightings,
+)
+
+mcap = pytest.importorskip("mcap")
+
+RANGES = np.array([1.5, np.inf, 0.1, 0.0, -1.0], np.float32)
+ALL = {
+    "foxglove.LaserScan": Scan("r1", RANGES, -30.0, 15.0, 8.0, 0.25, 0.1, 0.0, 90.0),
+    "foxglove.CompressedImage": Image("r1", b"\xff\xd8jpeg", "jpeg", 4, 3, 0.5, Mount(0.2)),
+    "foxglove.RawImage": Image("r1", bytes(range(18)), "rgb8", 3, 2, 0.5),
+    "foxglove.PoseInFrame": Odometry("r1", 1.0, 2.0, 90.0, 0.5, 10.0, 0.75),
+    "foxglove.LocationFix": Position("r1", 50.0, 14.5, 200.0, 3.0, 1.0),
+    "foxglove.LocationFix ": Position("r1", 50.0, 14.5, None, None, 1.0),
+    "": Battery("r1", 0.5, 12.0, 2.0),
+    "none": Sightings("r1", (Sighting("kitchen", 3.0, -5.0),), 2.5),
+}
+LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
+
+
+def same(one, other):
+    """Whether readings are the same bit by bit."""
+    plain = [(told.topic, told.member, told.frame, told.readings) for told in (one, other)]
+    return plain[0][:3] == plain[1][:3] and [*map(plain_reading, plain[0][3])] == [
+        *map(plain_reading, plain[1][3])
+    ]
+
+
+def heard(record):
+    return [told for _, told in record.sensed()]
+
+
+@pytest.mark.parametrize("schema", ALL)
+def test_a_reading_is_kept_as_it_is_and_shown(schema):
+    told = Readings("physics", "topic", 7, (ALL[schema],))
+    assert same(decode_sensed(encode_readings(told)), told)
+    shown = [(name, json.loads(data)) for name, data in shown_readings(told, 1_500_000_000)]
+    if "." not in schema:
+        assert shown == []
+        return
+    [(name, plain)] = shown
+    assert name == schema.strip()
+    assert plain.keys() == c.SCHEMAS[name]["properties"].keys()
+    assert plain["timestamp"] == {"sec": 1, "nsec": 500_000_000}
+
+
+def test_angles_and_pixels_are_shown_where_they_are():
+    [(_, scan)] = shown_readings(Readings("m", "t", 0, (ALL["foxglove.LaserScan"],)), 0)
+    assert json.loads(scan)["end_angle"] == pytest.approx(np.radians(30.0))
+    assert json.loads(scan)["ranges"] == [1.5, 0.0, pytest.approx(0.1), 0.0, -1.0]
+    [(_, image)] = shown_readings(Readings("m", "t", 0, (ALL["foxglove.RawImage"],)), 0)
+    assert base64.b64decode(json.loads(image)["data"]) == bytes(range(18))
+    assert json.loads(image)["step"] == 9
+
+
+@pytest.mark.parametrize("data", [b"\x90", b"\xc1", b"\x92\xa7dropped\xa1x", b"\x91\xa5topic"])
+def test_what_is_no_message_of_a_topic_is_refused(data):
+    with pytest.raises(MinervaError):
+        decode_sensed(data)
+
+
+def topics_in(path):
+    """All messages of an MCAP file by topic, as mcap's own reader finds them."""
+    from mcap.reader import make_reader
+
+    found = {}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            found.setdefault(channel.topic, []).append(message)
+    return found
+
+
+def test_a_robots_scans_are_in_its_record(tmp_path):
+    path = tmp_path / "run.mcap"
+    done = here(tmp_path, "run", "robot", "--in-process", "--frames", 12, "--until", "",
+                "--record", path, "--record-topics", "scan", "--json")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with Record(path) as record:
+        told = heard(record)
+        assert {(one.topic, one.member) for one in told} == {("scan", "physics")}
+        frames = [one.frame for one in told]
+        assert frames == sorted(set(frames))
+        assert [time for time, _ in record.sensed()] == pytest.approx([0.1 * n for n in frames])
+        assert all(len(scan.ranges) > 10 for one in told for scan in one.readings)
+    shown = topics_in(path)
+    scans = [json.loads(one.data) for one in shown["topics/scan/physics/LaserScan"]]
+    assert len(scans) == len([scan for one in told for scan in one.readings])
+    robot = told[-1].readings[-1].robot
+    assert scans[0]["frame_id"] == robot
+    assert json.loads(shown["transforms"][-1].data)["child_frame_id"] == robot
+
+
+def test_what_comes_over_the_bus_is_what_comes_in_one_process(tmp_path):
+    path = write_world(tmp_path, LOCKSTEP, frames=25)
+    words = ("--record-topics", "all", "--json")
+    summary(here(tmp_path, "run", path, "--in-process", "--record", "alone.mcap", *words))
+    summary(minerva(tmp_path, "run", path, "--record", "bus.mcap", *words))
+    with Record(tmp_path / "alone.mcap") as alone, Record(tmp_path / "bus.mcap") as bus:
+        key = lambda told: (told.frame, told.topic)  # noqa: E731
+        one, other = sorted(heard(alone), key=key), sorted(heard(bus), key=key)
+    assert len(one) == len(other) >= 25
+    assert all(map(same, one, other))
+    told = here(tmp_path, "info", "bus.mcap").stdout
+    assert f"topics      sight {len(other)}\n" in told
+    assert here(tmp_path, "diff", "alone.mcap", "bus.mcap").returncode == 0
+
+
+def settings(folder, world, **given):
+    path = write_world(folder, frames=3)
+    path.write_text(path.read_text().replace("seed = 7", f"seed = 7\n{world}"))
+    return read_world_file(path, Overrides(recording=RecordOverrides(**given))).record
+
+
+@pytest.mark.parametrize(
+    ("world", "given", "topics"),
+    [
+        ('record = {file = "a.mcap", topics = true}', {}, ("*",)),
+        ('record = {file = "a.mcap", topics = ["scan", "image"]}', {}, ("scan", "image")),
+        ('record = {file = "a.mcap", topics = false}', {}, ()),
+        ('record = {file = "a.mcap"}', {"topics": "all"}, ("*",)),
+        ('record = "a.mcap"', {"topics": "scan, image"}, ("scan", "image")),
+    ],
+)
+def test_which_topics_are_recorded_is_said(tmp_path, world, given, topics):
+    found = settings(tmp_path, world, **given)
+    assert (found.path, found.topics) == ("a.mcap", topics)
+
+
+def test_how_often_it_is_flushed_is_said(tmp_path):
+    own = 'record = "a.mcap"\nflush = 5\ndurable = true'
+    assert (settings(tmp_path, own).flush, settings(tmp_path, own).durable) == (5.0, True)
+    found = settings(tmp_path, own, flush=0.5, durable=False)
+    assert (found.flush, found.durable) == (0.5, False)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--record-topics", "all"), "name one, --record FILE.mcap"),
+        (("--record", "a.mcap", "--record-topics", "a/b"), "'a/b' cannot name a topic"),
+        (("--record", "a.mcap", "--flush", "-1"), "--flush must be a number of seconds from 0"),
+        (("--record", "a.mcap", "--flush", "inf"), "--flush must be a number of seconds from 0"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(tmp_path, words, problem):
+    done = here(tmp_path, "run", write_world(tmp_path), *words)
+    assert done.returncode == 2
+    assert problem in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr(backlog, "MESSAGES", 3)
+    path = tmp_path / "run.mcap"
+    file, frames = happened("meadow")
+    said = []
+    recorder = Recorder(path, description(file), durable=True, say=said.append)
+    for number in range(5):
+        told = Readings("m", "battery", number, (ALL[""],))
+        recorder.heard("battery", "m", encode(told), 0.0)
+    recorder.heard("battery", "m", b"nonsense", 0.0)
+    recorder.frame(*frames[0], 0.0)
+    recorder.heard("battery", "m", b"nonsense", 0.0)
+    recorder.close()
+    assert said == [f"{path}: 4 messages on topics are not in the record: they came faster than"
+                    " they were written"]  # fmt: skip
+    with Record(path) as record:
+        told = heard(record)
+        assert [one.frame for one in told if isinstance(one, Readings)] == [0, 1, 2]
+        assert sum(one.count for one in told if isinstance(one, Dropped)) == 4
+    info = here(tmp_path, "info", path).stdout
+    assert "topics      battery 3 (4 messages dropped)" in info
+
+
+def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PATIENCE", 10.0)
+    file, frames = happened("meadow")
+    data = encode(Readings("m", "battery", 0, (ALL[""],)))
+    sensed, said = RecordWriter.sensed, []
+
+    def written(self, *what):
+        recorder.heard("battery", "m", data, 0.0)  # Another one has come meanwhile.
+        sensed(self, *what)
+
+    monkeypatch.setattr(RecordWriter, "sensed", written)
+    recorder = Recorder(
+        tmp_path / "run.mcap", description(file), flush_seconds=0.01, say=said.append
+    )
+    recorder.heard("battery", "m", data, 0.0)
+    for record, string in frames:
+        recorder.frame(record, string, 0.0)
+    recorder.close()
+    assert not said
+    assert recorder.frames == 60
+
+
+def test_what_is_sensed_is_written_though_frames_always_wait(tmp_path, monkeypatch):
+    file, frames = happened("meadow")
+    data = encode(Readings("m", "battery", 0, (ALL[""],)))
+    frame, left, written = RecordWriter.frame, iter(frames), []
+
+    def framed(self, *what):
+        written.append(len(told))
+        recorder.heard("battery", "m", data, 0.0)
+        for record, string in islice(left, 1):
+            recorder.frame(record, string, 0.0)
+        frame(self, *what)
+
+    told = []
+    monkeypatch.setattr(RecordWriter, "frame", framed)
+    monkeypatch.setattr(RecordWriter, "sensed", lambda *what: told.append(what))
+    recorder = Recorder(tmp_path / "run.mcap", description(file), flush_seconds=60.0)
+    recorder.frame(*next(left), 0.0)
+    while len(written) < 60:
+        threading.Event().wait(0.005)
+    recorder.close()
+    assert written == list(range(60))
+
+
+def test_large_messages_are_bounded_by_their_bytes(monkeypatch):
+    monkeypatch.setattr(backlog, "BYTES", 100)
+    waiting = backlog.Backlog()
+    for _ in range(3):
+        waiting.put(backlog.Heard("t", "m", bytes(40), 0, 0.0))
+    assert waiting.dropped == 1
+
+
+def test_a_resumed_record_has_each_reading_once(tmp_path):
+    path = write_world(tmp_path, LOCKSTEP, frames=20)
+    words = ("--in-process", "--record-topics", "all", "--json", "--record")
+    summary(here(tmp_path, "run", path, *words, "whole.mcap"))
+    summary(here(tmp_path, "run", path, *words, "cut.mcap", "--frames", 9))
+    resumed = ("run", "--resume", "cut.mcap", "--frames", 20)
+    summary(here(tmp_path, *resumed, *words, "on.mcap"))
+    with Record(tmp_path / "whole.mcap") as one, Record(tmp_path / "on.mcap") as other:
+        before, after = heard(one), heard(other)
+    assert len(before) == len(after)
+    assert all(map(same, before, after))
+
+
+def test_readings_of_a_frame_that_was_cut_off_are_left_out(tmp_path):
+    file, frames = happened("meadow")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for number in range(3):
+        writer.sensed(Readings("m", "battery", number, (ALL[""],)), number, 0.0)
+        if number < 2:
+            writer.frame(*frames[number], 0.0, {})
+    writer.finish()
+    with record_of(stream.getvalue(), tmp_path) as record:
+        kept = [message for topic, message in record.messages(2) if topic == c.SENSED]
+    assert [decode_sensed(one.data).frame for one in kept] == [0, 1]
+
+
+def test_no_topics_no_ear(tmp_path):
+    file = read_world_file(write_world(tmp_path), Overrides(record=str(tmp_path / "a.mcap")))
+    record = recording(file, FrameAlgorithm(file.world), pytest.fail)
+    assert record.topics == ()
+    record.close()

@@ -1,0 +1,176 @@
+"""A recorded run once more with one member replaced: all others do what they did."""
+
+import json
+
+import pytest
+from tests.bus.running import ALL_KINDS, here, summary, write_world
+
+pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+
+LOCKSTEP = ALL_KINDS.split("[process.noise]")[0]
+OTHERS = """
+from yard import *
+
+class Lame(Walker, symbol="AWalker"):
+    @on("eStep")
+    def walk(self, step, moment):
+        if moment.number < 4:
+            return super().walk(step, moment)
+
+class Mute(Walker, symbol="AWalker"):
+    @on("eStep")
+    def walk(self, step, moment):
+        return None
+
+class Slow(Generator, events=("eStep",)):
+    def __init__(self, stride: int = 1):
+        self.stride = stride
+
+    def generate(self, tick):
+        return (eStep(self.stride * tick.number),)
+
+class Deaf(Generator, events=("eSeen",)):
+    topics = ("sight",)
+
+class Free(Generator, events=("eStep",), lockstep=False):
+    pass
+
+class Broken(Generator, events=("eStep",)):
+    def generate(self, tick):
+        raise ZeroDivisionError("its own fault")
+
+class Paper(Device, draws=("eShow",)):
+    every = 1
+
+    def __init__(self):
+        self.seen = []
+
+    def show(self, view):
+        self.seen.append(len(view.scene))
+
+    def report(self):
+        return {"sheets": len(self.seen), "figures": self.seen[-1]}
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A folder with a world of 30 frames, its record with and without topics, and its summary."""
+    folder = tmp_path_factory.mktemp("swapped")
+    path = write_world(folder, LOCKSTEP, frames=30)
+    (folder / "others.py").write_text(OTHERS)
+    words = ("run", path, "--in-process", "--json", "--record")
+    done = summary(here(folder, *words, "run.mcap", "--record-topics", "all"))
+    here(folder, *words, "deaf.mcap")
+    return folder, done
+
+
+def swapped(folder, what, *words, record="run.mcap"):
+    done = here(folder, "replay", record, "--swap", what, "--json", *words)
+    return done.returncode, json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    "what", ["steps=yard:Steps", "walkers=yard:Walker", "eye=yard:Eye", "water=yard:Water",
+             "screen=others:Paper"]
+)  # fmt: skip
+def test_the_same_again_gives_the_same_run(recorded, what):
+    folder, whole = recorded
+    code, found = swapped(folder, what)
+    assert code == 0, found
+    assert found["difference"]["same"]
+    assert (found["digest"], found["frames"]) == (whole["digest"], 30)
+
+
+def test_another_view_sees_what_happened(recorded):
+    _, found = swapped(recorded[0], "screen=others:Paper")
+    assert found["figures"] == {"sheets": 31, "figures": 6}
+
+
+def test_other_agents_live_through_the_same_events(recorded):
+    folder, whole = recorded
+    code, found = swapped(folder, "walkers=others:Lame")
+    assert code == 1
+    assert found["difference"]["frame"] == 4
+    assert {one["attribute"] for one in found["difference"]["changes"]} == {"x"}
+    assert found["digest"] != whole["digest"]
+
+
+def test_what_agents_sent_then_is_not_sent_again(recorded):
+    folder, _ = recorded
+    swapped(folder, "walkers=others:Mute", "--record", "mute.mcap")
+    counts = [
+        json.loads(here(folder, "info", name, "--json").stdout)["events"]
+        for name in ("run.mcap", "mute.mcap")
+    ]
+    assert "eCall" in counts[0]
+    assert "eCall" not in counts[1]
+
+
+def test_another_generator_with_options_recorded_and_compared(recorded):
+    folder, _ = recorded
+    done = here(folder, "replay", "run.mcap", "--swap", "steps=others:Slow", "--stride", 3,
+                "--record", "slow.mcap")  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "events of this run alone:\n    eStep<count=0>" in done.stdout
+    assert "the frames are over: 30 frames of 30, digest" in done.stdout
+    compared = here(folder, "diff", "run.mcap", "slow.mcap")
+    assert compared.returncode == 1
+    assert "frame 0 is the first that differs" in compared.stdout
+    info = json.loads(here(folder, "info", "slow.mcap", "--check", "--json").stdout)
+    assert info["digest"] in done.stdout
+    assert info["events"]["eStep"] == 30
+
+
+def test_who_listens_hears_what_was_recorded(recorded):
+    folder, _ = recorded
+    code, found = swapped(folder, "eye=others:Deaf")
+    assert code == 1
+    assert found["difference"]["events"] == {"a": ["eSeen<ripples=0>"], "b": []}
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("run.mcap", "--swap", "steps"), "expected MEMBER=SPEC"),
+        (
+            ("run.mcap", "--swap", "stepz=yard:Steps"),
+            "has no process 'stepz'; did you mean 'steps'?",
+        ),
+        (("run.mcap", "--swap", "steps=yard:Stepz"), "yard has no Stepz"),
+        (("run.mcap", "--swap", "steps=nothing"), "no service 'nothing' is installed"),
+        (("run.mcap", "--swap", "steps=yard:Steps", "--pace", 3), "no option 'pace'"),
+        (("run.mcap", "--swap", "walkers=yard:Walker", "--pace", 3), "agents, which have no opt"),
+        (("run.mcap", "--swap", "walkers=yard:Fragile"), "runs AWalker, not AFragile"),
+        (("run.mcap", "--swap", "steps=others:Free"), "runs freely, by the clock"),
+        (("deaf.mcap", "--swap", "eye=yard:Eye"), "listens to 'sight', which is not in the record"),
+        (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.mcap"), "name another file"),
+        (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.txt"), "is a file .mcap"),
+        (("run.mcap", "--pace", 3), "--pace goes with --swap"),
+        (("run.mcap", "--record", "b.mcap"), "--record goes with --swap"),
+    ],
+)
+def test_what_cannot_be_swapped_is_said_in_one_line(recorded, words, problem):
+    done = here(recorded[0], "replay", *words)
+    assert done.returncode == 2
+    assert problem in done.stderr
+    if "goes with --swap" not in problem:
+        assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(("words", "problem"), [
+    (("--swap", "a=b", "--speed", 2), "--speed is for playing, not for --swap"),
+    (("--recompute", "--from", 5), "--from is for playing, not for --recompute"),
+    (("--recompute", "--view", "svg"), "--view is for playing, not for --recompute"),
+    (("--recompute", "--swap", "a=b"), "--swap and --recompute are two things"),
+])  # fmt: skip
+def test_what_would_be_passed_over_is_refused(recorded, words, problem):
+    done = here(recorded[0], "replay", "run.mcap", *words)
+    assert done.returncode == 2
+    assert problem in done.stderr
+
+
+def test_whose_code_fails_is_said(recorded):
+    done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
+    assert done.returncode == 1
+    assert done.stderr == "minerva: frame 0: Broken.generate: ZeroDivisionError: its own fault\n"

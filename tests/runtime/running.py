@@ -1,0 +1,326 @@
+"""Worlds in real processes over a real bus, for tests: started, watched, killed and counted."""
+
+import itertools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import asdict
+from io import StringIO
+from pathlib import Path
+from unittest.mock import patch
+
+import zenoh
+
+from minerva_bus.cli.main import main
+from minerva_bus.errors import BusError
+from minerva_bus.runtime.client import Client
+
+MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
+YARD = Path(__file__).parent / "yard.py"
+PATIENCE = 40.0
+_numbers = itertools.count(1)
+
+STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcd"))
+MEMBERS = """
+[process.steps]
+service = "yard:Steps"
+
+[process.walkers]
+agents = "yard:Walker"
+"""
+ALL_KINDS = (
+    MEMBERS
+    + """
+[process.water]
+service = "yard:Water"
+
+[process.eye]
+service = "yard:Eye"
+
+[process.screen]
+service = "yard:Screen"
+
+[process.noise]
+service = "yard:Noise"
+"""
+)
+
+
+def put(session, key, data):
+    """Put something that is not dropped where many messages are under way."""
+    session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def eventually(what, why, patience=PATIENCE):
+    """Wait until something holds, and return it."""
+    until = time.monotonic() + patience
+    while not (found := what()):
+        assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
+        time.sleep(0.02)
+    return found
+
+
+def write_world(folder, members=MEMBERS, string=STRING, bus="", **world):
+    """A world file with the yard's module beside it; its name is its own."""
+    shutil.copy(YARD, folder / "yard.py")
+    name = world.pop("name", f"yard-{os.getpid()}-{next(_numbers)}")
+    settings = {"seed": 7, "dt": 0.1, "frames": 30, **world}
+    lines = [f"{key} = {json.dumps(value)}" for key, value in settings.items()]
+    path = folder / f"{name}.toml"
+    path.write_text(
+        f'[world]\nname = "{name}"\nstring = {json.dumps(string, ensure_ascii=False)}\n'
+        f'vocabulary = "yard:vocabulary"\n' + "\n".join(lines) + f"\n{members}\n[bus]\n{bus}\n"
+    )
+    return path
+
+
+def environment(folder):
+    """An environment of its own for the worlds of one folder."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("MINERVA_")}
+    return {**kept, "MINERVA_RUNTIME_DIR": str(folder / "runtime"), "PYTHONUNBUFFERED": "1"}
+
+
+def minerva(folder, *words, timeout=PATIENCE):
+    """Run the command to its end."""
+    return subprocess.run(
+        [*MINERVA, *map(str, words)], cwd=folder, env=environment(folder), capture_output=True,
+        text=True, timeout=timeout, stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def here(folder, *words):
+    """Run the command in this very process, where it starts no others: fifty times as fast."""
+    out, err = StringIO(), StringIO()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    told = patch.object(sys, "argv", ["minerva", *map(str, words)])
+    with chdir(folder), patch.dict(os.environ, environment(folder), clear=True), told:
+        try:
+            with redirect_stdout(out), redirect_stderr(err):
+                main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def summary(done):
+    """What a run printed with --json."""
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+class Run:
+    """A command that runs; its output is gathered, and it is gone in the end.
+
+    `inside`: the words before it, where it runs elsewhere than here.
+    """
+
+    def __init__(self, folder, *words, inside=()):
+        self.process = subprocess.Popen(
+            [*inside, *MINERVA, *map(str, words)], cwd=folder, env=environment(folder),
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )  # fmt: skip
+        self.folder = folder
+        self.lines = []
+        self.output = []
+        self._threads = [self._gather("stderr", self.lines), self._gather("stdout", self.output)]
+
+    def _gather(self, name, lines):
+        stream = getattr(self.process, name)
+
+        def keep():
+            for line in iter(stream.readline, ""):
+                lines.append(line.rstrip("\n"))
+
+        thread = threading.Thread(target=keep, daemon=True)
+        thread.start()
+        return thread
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        for thread in self._threads:
+            thread.join(5)
+        self.process.stdout.close()
+        self.process.stderr.close()
+
+    @property
+    def text(self):
+        return "\n".join(self.lines)
+
+    def says(self, *words, patience=PATIENCE):
+        """Wait for a line with these words on standard error."""
+
+        def found():
+            over = self.process.poll() is not None
+            hit = next((x for x in list(self.lines) if all(w in x for w in words)), None)
+            assert hit or not over or self._drained(), f"it ended:\n{self.text}"
+            return hit
+
+        try:
+            return eventually(found, f"a line with {words}", patience)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.text}") from None
+
+    def _drained(self):
+        return any(thread.is_alive() for thread in self._threads)
+
+    def ends(self, patience=PATIENCE):
+        """Wait for its end; the exit code."""
+        try:
+            code = self.process.wait(patience)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"it has not ended:\n{self.text}") from None
+        for thread in self._threads:
+            thread.join(5)
+        return code
+
+    def summary(self):
+        """What it printed with --json, once it has ended well."""
+        assert self.ends() == 0, self.text
+        return json.loads("\n".join(self.output))
+
+    def kill(self, number=signal.SIGKILL):
+        self.process.send_signal(number)
+
+
+class World(Run):
+    """`minerva run`, with its members known by their processes."""
+
+    def __init__(self, path, *words, inside=()):
+        super().__init__(path.parent, "run", path, *words, inside=inside)
+        self.path = path
+        self.name = path.stem
+        self.pids = {}
+
+    def __exit__(self, *exc):
+        self.look()
+        super().__exit__(*exc)
+        for pid in self.pids.values():
+            if alive(pid):
+                os.kill(pid, signal.SIGKILL)
+
+    def registered(self):
+        """Where it listens and which process it is, or None."""
+        try:
+            found = json.loads((self.folder / "runtime" / f"{self.name}.json").read_text())
+        except (OSError, ValueError):
+            return None
+        return found
+
+    def endpoint(self):
+        """Where it listens, once it does."""
+        return eventually(self._found, f"{self.name} is there\n{self.text}")["endpoint"]
+
+    def _found(self):
+        assert self.process.poll() is None, f"it ended:\n{self.text}"
+        return self.registered()
+
+    def client(self):
+        return Client(self.endpoint(), self.name)
+
+    def members(self):
+        """Its members as it lists them, by name; empty where it does not answer."""
+        if self.registered() is None or self.process.poll() is not None:
+            return {}
+        try:
+            with self.client() as asked:
+                found = asked.operator.status()
+        except (BusError, AssertionError):
+            return {}
+        self.frame = found.frame
+        strange = (0, os.getpid())
+        self.pids |= {one.name: one.pid for one in found.members if one.pid not in strange}
+        return {one.name: asdict(one) for one in found.members}
+
+    def coordinator(self):
+        """The coordinator's process: of those that the launcher has started, it is no member."""
+
+        def alone():
+            members = {one["pid"] for one in self.members().values()}
+            others = set(children(self.process.pid)) - members
+            return others if members and len(others) == 1 else None
+
+        return eventually(alone, f"a coordinator\n{self.text}").pop()
+
+    def kill_coordinator(self):
+        """Kill it, and wait for the one that goes on."""
+        pid = self.coordinator()
+        os.kill(pid, signal.SIGKILL)
+
+        def followed():
+            return self.members() and pid not in children(self.process.pid)
+
+        eventually(followed, f"another coordinator\n{self.text}")
+
+    def look(self):
+        """Learn of all processes below the launcher."""
+        for pid in below(self.process.pid):
+            self.pids.setdefault(f"pid {pid}", pid)
+
+    def runs(self, *names):
+        """Wait until these members take part and frames go by; their processes by name."""
+
+        def here():
+            found = self.members()
+            present = all(found.get(name, {}).get("state") == "present" for name in names)
+            return found if found and present and self.frame > 0 else None
+
+        found = eventually(here, f"{names} take part\n{self.text}")
+        self.look()
+        return {name: found[name]["pid"] for name in names}
+
+    def gone(self, patience=PATIENCE):
+        """Wait until no process of it is left."""
+        pids = set(self.pids.values())
+        eventually(lambda: not any(map(alive, pids)), f"of {self.pids} some are left", patience)
+
+
+def children(pid):
+    """The processes that one has started."""
+    return _by_parent().get(pid, [])
+
+
+def below(pid):
+    """The processes below one, by their parents."""
+    parents, found, rest = _by_parent(), [], [pid]
+    while rest:
+        mine = parents.get(rest.pop(), [])
+        found += mine
+        rest += mine
+    return found
+
+
+def _by_parent():
+    parents = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                stat = (entry / "stat").read_text()
+            except OSError:
+                continue
+            parents.setdefault(int(stat.rpartition(")")[2].split()[1]), []).append(int(entry.name))
+    return parents
+
+
+def alive(pid):
+    """Whether a process runs (a zombie does not)."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return stat.rpartition(")")[2].split()[0] not in "ZX"

@@ -1,0 +1,141 @@
+"""Sensors that run freely: what comes counts once, as their listeners want, and is counted."""
+
+import threading
+
+import numpy as np
+import pytest
+from running import World, eventually, write_world
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.frame.intake import WAITING, Intake
+from minerva_bus.frame.messages import Readings
+from minerva_bus.runtime.notices import WAITING as NOTICES
+from minerva_bus.runtime.notices import Outlet
+from minerva_bus.wire.readings import plain_reading, read_reading
+from minerva_bus.world.readings import Battery, Image, Mount, Odometry, Position, Scan
+
+BATTERIES = [Battery("r", charge / 10, 12.0, 0.0) for charge in range(10)]
+
+
+def free(*readings, member="m"):
+    return Readings(member, "battery", -1, readings)
+
+
+def test_the_newest_counts_once_and_the_others_are_counted():
+    intake = Intake()
+    for battery in BATTERIES[:3]:
+        intake.put(free(battery))
+    assert intake.taken() == (BATTERIES[2],)
+    assert intake.taken() == ()
+    assert intake.dropped == 2
+
+
+def test_all_count_in_their_order():
+    intake = Intake("all")
+    intake.put(free(*BATTERIES[:2], member="b"))
+    intake.put(free(BATTERIES[5], member="a"))
+    intake.put(free(BATTERIES[2], member="b"))
+    assert intake.taken() == (BATTERIES[5], *BATTERIES[:3])
+    assert intake.dropped == 0
+
+
+def test_every_nth_counts():
+    intake = Intake("all", nth=3)
+    intake.put(free(*BATTERIES))
+    assert intake.taken() == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
+    assert intake.dropped == 7
+
+
+def test_what_waits_is_bounded():
+    intake = Intake("all")
+    for _ in range(WAITING + 5):
+        intake.put(free(BATTERIES[0]))
+    assert len(intake.taken()) == WAITING
+    assert intake.dropped == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"), [({"takes": "some"}, "newest or all"), ({"nth": 0}, "from 1")]
+)
+def test_wrong_policies(options, problem):
+    with pytest.raises(MisuseError, match=problem):
+        Intake(**options)
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        Image("r", b"\xff\xd8", "jpeg", 640, 480, 1.5, Mount(0.1, 0.0, 90.0)),
+        Image("r", bytes(12), "rgb8", 2, 2, 1.5),
+        Odometry("r", 1.0, 2.0, 90.0, 0.5, 10.0, 3.0),
+        Battery("r", 0.5, 12.1, 0.25),
+        Position("r", 52.5, 13.4, 34.0, 2.5, 9.0),
+        Position("r", 52.5, 13.4, None, None, 9.0),
+    ],
+)
+def test_readings_travel(reading):
+    assert read_reading(plain_reading(reading)) == reading
+
+
+def test_a_scan_travels():
+    scan = Scan("r", np.array([1.0, 2.0], np.float32), -90.0, 1.0, 8.0, 0.5, 0.1, 0.2, 90.0)
+    again = read_reading(plain_reading(scan))
+    assert again.ranges.tolist() == [1.0, 2.0]
+    assert plain_reading(again) == plain_reading(scan)
+
+
+MEMBERS = """
+[process.steps]
+service = "yard:Steps"
+
+[process.walkers]
+agents = "yard:Walker"
+
+[process.gauge]
+service = "yard:Gauge"
+
+[process.reader]
+service = "yard:Reader"
+takes = "all"
+
+[process.newest]
+service = "yard:Reader"
+"""
+
+
+def test_what_a_free_sensor_says_counts_and_what_is_dropped_is_seen(tmp_path):
+    with (
+        World(write_world(tmp_path, MEMBERS, frames=0, rate=10)) as world,
+        world.client() as asked,
+    ):
+        world.runs("gauge", "reader", "newest")
+
+        def figures():
+            members = {one.name: one.figures for one in asked.operator.status().members}
+            reader, newest = members["reader"], members["newest"]
+            enough = reader.get("read", 0) > 30 and newest.get("dropped", 0) > 0
+            return (reader, newest) if enough else None
+
+        reader, newest = eventually(figures, "readings are read, and counted")
+        assert "dropped" not in reader
+        assert reader["in order"]
+        assert newest["read"] < reader["read"]
+
+
+def test_who_is_faster_than_the_bus_waits_and_is_let_go_at_the_end():
+    said, stop = [], threading.Event()
+    outlet = Outlet(said.append, stop)
+
+    def chatter():
+        while not stop.is_set():
+            outlet.publish("battery", BATTERIES[0])
+
+    thread = threading.Thread(target=chatter, daemon=True)
+    thread.start()
+    eventually(lambda: len(said) == NOTICES, "as many as may wait")
+    outlet.taken()
+    eventually(lambda: len(said) == NOTICES + 1, "one more")
+    stop.set()
+    thread.join(10)
+    assert not thread.is_alive()
+    assert len(said) == NOTICES + 1

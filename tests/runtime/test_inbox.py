@@ -1,0 +1,110 @@
+"""What a member hears comes in one order, whichever way it came."""
+
+import subprocess
+import sys
+import threading
+
+import zenoh
+from tests.bus.running import eventually
+
+from minerva_bus.runtime import inbox as inboxes
+from minerva_bus.runtime.inbox import HubInbox, Inbox, Tick
+from minerva_bus.runtime.session import open_client, open_hub
+
+
+def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():
+    hub, endpoint = open_hub("hub")
+    with hub, open_client("member", endpoint) as session:
+        inbox = Inbox()
+        inbox.open(session, "much")
+        kept = session.declare_subscriber("little", inbox.handler())
+        token = session.liveliness().declare_token("alive/member")
+        eventually(lambda: list(hub.liveliness().get("alive/member")), "the member is there")
+        block = zenoh.CongestionControl.BLOCK
+        for number in range(300):
+            hub.put("little" if number % 3 else "much", b"%d" % number, congestion_control=block)
+        found = [inbox.wait() for _ in range(300)]
+        told = [x if isinstance(x, bytes) else x.payload.to_bytes() for x in found]
+        assert [int(one) for one in told] == list(range(300))
+        assert [isinstance(one, bytes) for one in found] == [n % 3 == 0 for n in range(300)]
+        assert inbox.ready() is None
+        inbox.close()
+        kept.undeclare()
+        token.undeclare()
+
+
+def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
+    monkeypatch.setattr(inboxes, "CAPACITY", 16)
+    monkeypatch.setattr(inboxes, "KNOCKS", 8)
+    hub, _ = open_hub("hub")
+    with hub:
+        inbox = Inbox()
+        inbox.open(hub, "much")
+        thread = threading.Thread(target=lambda: [inbox.put(n) for n in range(1000)])
+        thread.start()
+        thread.join(10)
+        assert not thread.is_alive()
+        assert [inbox.wait() for _ in range(1000)] == list(range(1000))
+        inbox.close()
+
+
+def test_what_is_put_before_it_is_open_is_heard_too():
+    hub, _ = open_hub("hub")
+    with hub:
+        inbox = Inbox()
+        inbox.put("early")
+        inbox.open(hub, "much")
+        assert inbox.wait() == "early"
+        inbox.close()
+
+
+def test_the_hub_hears_who_has_spoken_and_a_clock():
+    hub, endpoint = open_hub("hub")
+    with hub, open_client("a", endpoint) as session:
+        inbox = HubInbox(0.05)
+        inbox.open(hub, "from/*", "from/coordinator")
+        session.put("from/a", b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
+        inbox.put("aside")
+        found = []
+        while not {"Tick", "aside", ("a", b"hello")} <= set(found):
+            item = inbox.wait()
+            found.append("Tick" if isinstance(item, Tick) else item)
+        inbox.close()
+
+
+ENDING = """
+import sys
+import threading
+from contextlib import suppress
+from queue import Empty
+import zenoh
+from minerva_bus.runtime.inbox import Inbox
+
+sys.setswitchinterval(1e-5)
+session = zenoh.open(zenoh.Config.from_json5('{scouting: {multicast: {enabled: false}}}'))
+inbox = Inbox()
+(channel,) = inbox.open(session, "much")
+
+
+def knock():
+    while True:
+        inbox.put("again")
+        with suppress(Empty):
+            inbox._side.get_nowait()
+
+
+for _ in range(4):
+    threading.Thread(target=knock, daemon=True).start()
+for _ in range(1000):
+    inbox.wait()
+channel.undeclare()
+inbox.close()
+"""
+
+
+def test_a_process_ends_well_though_somebody_still_knocks():
+    for _ in range(3):
+        done = subprocess.run(
+            [sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=60
+        )
+        assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,122 @@
+"""Members whose link to the world is lost: what they say, how they come back, and when not."""
+
+import socket
+import struct
+
+from running import MEMBERS, Run, World, eventually, here, summary, write_world
+
+from minerva_bus.runtime.lookout import Look, Looked, Lookout
+from minerva_bus.runtime.session import open_client, open_hub
+from minerva_bus.runtime.sockets import sockets_to
+from minerva_bus.testing.proxy import Proxy
+
+ELSEWHERE = MEMBERS.replace('"yard:Steps"', '"yard:Steps"\nelsewhere = true')
+
+
+def lookout(patience, obstacle="the cable is out"):
+    told, put = [], []
+    one = Lookout("a: the world 'w'", patience, lambda: obstacle, told.append, put.append)
+    return one, told, put
+
+
+def test_nothing_is_said_of_a_world_that_is_back_at_once():
+    one, told, _ = lookout(100.0)
+    one.lost()
+    assert one.away
+    one.found()
+    assert not one.away
+    assert one.look()
+    assert told == []
+
+
+def test_it_says_since_when_what_is_in_the_way_and_how_long_it_looks():
+    one, told, put = lookout(600.0)
+    one.lost()
+    assert one.look()
+    assert told[0].startswith("a: the world 'w' cannot be seen since ")
+    assert told[0].endswith("; it may come back within 10 min")
+    assert one.look()
+    seen = eventually(lambda: [item for item in put if isinstance(item, Looked)], "it has looked")
+    one.looked(seen[0])
+    assert "has been out of sight for 0 s: the cable is out; it may come back" in told[1]
+    one.found()
+    assert told[2] == "a: the world 'w' is back after 0 s"
+    one.looked(seen[0])
+    assert len(told) == 3
+
+
+def test_it_gives_up_in_time():
+    one, told, put = lookout(0.0)
+    one.lost()
+    eventually(lambda: any(isinstance(item, Look) for item in put), "it is time to look")
+    assert not one.look()
+    assert told == ["a: the world 'w' is gone: it was out of sight for 0 s"]
+
+
+def test_a_link_that_dies_is_let_go():
+    """Else the system keeps a thread of Zenoh's, and other links with it, for ten seconds.
+
+    And a link on which much was to be written would not be given up for a quarter of an hour.
+    """
+    hub, endpoint = open_hub("hub")
+    with hub, open_client("one", endpoint) as client:
+        mine = [str(one.src) for one in client.info.links()]
+        for address in (endpoint, *mine):
+
+            def lets_go(address=address):
+                found = [
+                    (
+                        struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[
+                            0
+                        ],
+                        one.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT),
+                    )
+                    for one in sockets_to(address)
+                ]
+                return found and set(found) == {(0, 4000)}
+
+            eventually(lets_go, f"the link to {address} is let go")
+
+
+def attached(folder, path, port, *words):
+    way = ("--connect", f"tcp/127.0.0.1:{port}", "--world", path.stem)
+    return Run(folder, "attach", path, "--process", "steps", *way, *words)
+
+
+def test_one_whose_place_was_taken_meanwhile_ends(tmp_path):
+    path = write_world(tmp_path, ELSEWHERE, frames=0, rate=20)
+    with World(path) as world:
+        port = int(world.endpoint().rpartition(":")[2])
+        proxy = Proxy(port, lambda: 0.0)
+        with attached(tmp_path, path, proxy.port, "--keep-trying", "60") as first:
+            world.runs("steps")
+            proxy.close()
+            first.says("cannot be seen since")
+            with attached(tmp_path, path, port) as second:
+                second.says("joining")
+                pid = second.process.pid
+                eventually(lambda: world.members()["steps"]["pid"] == pid, "another one is there")
+                with Proxy(port, lambda: 0.0, at=proxy.port):
+                    assert first.ends() == 2
+                assert "is back, but there is another 'steps' in it by now" in first.text
+                assert world.members()["steps"]["pid"] == pid
+
+
+def test_a_world_that_is_run_anew_gets_a_member_that_begins_anew(tmp_path):
+    path = write_world(tmp_path, ELSEWHERE, frames=30, rate=20)
+    alone = path.with_name("alone.toml")
+    alone.write_text(path.read_text().replace("elsewhere = true\n", ""))
+    words = ("run", alone, "--name", path.stem, "--in-process", "--json", "--rate", "0")
+    undisturbed = summary(here(tmp_path, *words))
+    with World(path, "--frames", "0") as world:
+        port = int(world.endpoint().rpartition(":")[2])
+        with attached(tmp_path, path, port, "--keep-trying", "60") as steps:
+            world.runs("steps")
+            eventually(lambda: world.members() and world.frame > 5, "frames go by")
+            world.kill()
+            steps.says("cannot be seen since")
+            with World(path, "--json", "--listen", f"tcp/127.0.0.1:{port}") as again:
+                steps.says("has begun anew, at frame 0; it joins again, from the beginning")
+                found = again.summary()
+            assert steps.ends() == 0
+    assert (found["frames"], found["digest"]) == (30, undisturbed["digest"])

@@ -1,0 +1,254 @@
+"""Members, strangers and people that want more work than there may be: the frames go on."""
+
+import time
+
+import msgpack
+import pytest
+from running import World, eventually, put, write_world
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World as Described
+from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.grammar.batch import Events, single
+from minerva_bus.grammar.symbols import EventType, Primitive
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.large import LargeMessages, Letter
+from minerva_bus.runtime.questions import PAUSE, Questions
+from minerva_bus.runtime.session import open_client
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.limits import DEFAULT
+from minerva_bus.wire.plain import pack, unpack
+
+PStone, eDrop = Primitive("PStone"), EventType("eDrop", number=int)
+VOCABULARY = Vocabulary.of(PStone, eDrop)
+
+
+# --- frames take so many events ---
+
+
+def rain():
+    world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
+    world.most_taken = 3
+    world.receive(s.Appeared("rain"))
+    world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    return world
+
+
+def frame(world):
+    done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    return [event.number for event in done[0].record.events], done[0].course
+
+
+def test_what_is_too_much_for_a_frame_waits_for_the_next_in_its_order():
+    world = rain()
+    for number in range(8):
+        world.receive(m.Emitted("rain", (eDrop(number),)))
+    assert frame(world)[0] == [0, 1, 2]
+    world.receive(m.Emitted("rain", (eDrop(8),)))
+    assert [frame(world)[0] for _ in range(3)] == [[3, 4, 5], [6, 7, 8], []]
+
+
+def test_a_journal_has_what_was_taken_and_what_waits():
+    world = rain()
+    world.receive(m.Emitted("rain", tuple(map(eDrop, range(5)))))
+    _, course = frame(world)
+    assert [len(course.taken["rain"]), len(course.waiting["rain"])] == [3, 2]
+    again = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
+    again.again(course)
+    again.receive(s.Appeared("rain"))
+    again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    assert frame(again)[0] == [3, 4]
+
+
+def test_events_in_columns_are_taken_whole():
+    world = rain()
+    world.receive(m.Emitted("rain", (Events.repeated(eDrop(1), 10), eDrop(2))))
+    (done,) = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
+    assert [event.number for event in single(done.record.events)] == [1, 2]
+
+
+def test_a_hello_that_comes_twice_counts_once():
+    world = rain()
+    for _ in range(5):
+        world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
+    assert world.roster.get("rain").joins == 1
+
+
+# --- large messages and questions, with a clock of their own ---
+
+
+class Still:
+    """A system in which nothing happens by itself."""
+
+    def __init__(self):
+        self.now, self.calls = 0.0, []
+
+    def monotonic(self):
+        return self.now
+
+    def aside(self, call):
+        self.calls.append(call)
+
+
+def letters(system, put):
+    return LargeMessages(Decoder(VOCABULARY), system, put)
+
+
+def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
+    system, opened = Still(), []
+    large = letters(system, opened.append)
+    for member, number in (("a", 1), ("a", 2), ("b", 3)):
+        large.add(Letter(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
+    found = []
+    while system.calls:
+        assert len(system.calls) == 1
+        system.calls.pop()()
+        large.taken(opened[-1])
+        found.append((opened[-1].letter.member, opened[-1].message.events[0].number))
+    assert found == [("a", 1), ("b", 3), ("a", 2)]
+    assert [large.behind(one) for one in "ab"] == [0, 0]
+
+
+def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
+    system, opened = Still(), []
+    large = letters(system, opened.append)
+    large.add(Letter("a", 1, b"\xc1"))
+    system.calls.pop()()
+    assert opened[0].message is None
+    assert "this is no msgpack" in opened[0].problem
+
+
+def ask(questions, replies):
+    asked = type("Q", (), {"key": "minerva/w/control", "data": b"", "reply": None})()
+    asked.reply = lambda key, data: replies.append(unpack(data))
+    heard = questions.hear(asked)
+    if heard is not None:
+        questions.add(heard)
+
+
+def test_a_question_too_many_is_answered_at_once_and_others_have_their_share():
+    system, answered, replies = Still(), [], []
+
+    def answer(question):
+        system.now += 1.0
+        answered.append(question)
+
+    questions = Questions(3, answer, "w", system)
+    for _ in range(5):
+        ask(questions, replies)
+    assert [one["error"] for one in replies] == [
+        "3 questions wait for an answer already; ask again in a moment"
+    ] * 2
+    questions.answer_due()
+    questions.answer_due()
+    assert len(answered) == 1
+    assert questions.wait == PAUSE
+    ask(questions, replies)
+    assert len(replies) == 2  # There was room again.
+    system.now += PAUSE
+    questions.answer_due()
+    assert len(answered) == 2
+
+
+# --- over the bus ---
+
+FIGURES = pack(["doing", {str(n): n for n in range(200_000)}])
+TOO_MUCH = {
+    "many events": (
+        pack(["emitted", [["eSeen", [n], "", "", [f"a{n}"]] for n in range(300_000)]]),
+        "emitted has at least 50001 values, over 50000; send many events or agents in columns,"
+        " which are few values",
+    ),
+    "single events": (
+        pack(["emitted", [["eSeen", [n]] for n in range(DEFAULT.single_events + 1)]]),
+        "emitted has 2001 single events, over 2000; send those of one type in columns",
+    ),
+    "figures": (
+        FIGURES, f"doing has {len(FIGURES)} bytes, over 262144"
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    path = write_world(tmp_path_factory.mktemp("work"), frames=0, rate=50)
+    with World(path) as world:
+        world.runs("steps", "walkers")
+        yield world
+
+
+def goes_on(world):
+    before = eventually(lambda: world.members() and world.frame, "it answers")
+    eventually(lambda: world.members() and world.frame > before + 3, "the world goes on")
+
+
+def joined(session, world, name, **faces):
+    """Join by hand; what the coordinator has said, and what to write messages with."""
+    keys, heard = Keys(world.name), []
+    (reply,) = session.liveliness().get(keys.epoch("*"))
+    epoch = stamp(int(str(reply.ok.key_expr).rpartition("/")[2]))
+    kept = session.declare_subscriber(
+        keys.to(name), lambda sample: heard.append(unpack(sample.payload.to_bytes()[len(epoch) :]))
+    )
+    token = session.liveliness().declare_token(keys.alive(name))
+    eventually(lambda: heard, "it is greeted")
+    put(session, keys.sent_by(name), epoch + encode(m.Hello(name, PROTOCOL_VERSION, **faces)))
+    eventually(lambda: any(one[0] == "welcome" for one in heard), "it is welcome")
+    return epoch, heard, (kept, token)
+
+
+@pytest.mark.parametrize("what", TOO_MUCH)
+def test_who_sends_too_much_is_out_and_the_frames_go_on(world, what):
+    data, problem = TOO_MUCH[what]
+    name = what.replace(" ", "-")
+    with open_client(name, world.endpoint()) as session:
+        epoch, heard, kept = joined(session, world, name, generates=("eSeen",))
+        put(session, Keys(world.name).sent_by(name), epoch + data)
+        refused = eventually(lambda: [one for one in heard if one[0] == "refused"], "an answer")
+        assert refused == [["refused", problem]]
+        assert kept
+    world.says(f"{name} │ broke the protocol: {problem[:30]}")
+    goes_on(world)
+
+
+def test_a_viewer_with_very_many_kinds_may_not_join(world):
+    kinds = [[f"AX{n}", [], [], [], []] for n in range(200_000)]
+    with open_client("viewer", world.endpoint()) as session:
+        keys, heard = Keys(world.name), []
+        (reply,) = session.liveliness().get(keys.epoch("*"))
+        epoch = stamp(int(str(reply.ok.key_expr).rpartition("/")[2]))
+        kept = session.declare_subscriber(
+            keys.to("viewer"),
+            lambda one: heard.append(unpack(one.payload.to_bytes()[len(epoch) :])),
+        )
+        token = session.liveliness().declare_token(keys.alive("viewer"))
+        eventually(lambda: heard, "it is greeted")
+        hello = msgpack.unpackb(encode(m.Hello("viewer", PROTOCOL_VERSION, draws=("eShow",))))
+        hello[1]["kinds"] = kinds
+        put(session, keys.sent_by("viewer"), epoch + pack(hello))
+        eventually(lambda: len(heard) > 1, "it is answered")
+        assert heard[1][0] == "refused"
+        assert "hello has" in heard[1][1]
+        assert kept
+        token.undeclare()
+
+
+def test_floods_of_hellos_and_questions_leave_the_frames_going(world):
+    keys = Keys(world.name)
+    with open_client("flood", world.endpoint()) as session:
+        epoch, _, kept = joined(session, world, "flood", generates=("eSeen",))
+        out = session.declare_publisher(keys.sent_by("flood"))
+        hello, asked = epoch + encode(m.Hello("flood", PROTOCOL_VERSION)), pack({"ask": "status"})
+        replies, until = [], time.monotonic() + 1.0
+        while time.monotonic() < until:
+            for _ in range(50):
+                out.put(hello)
+            session.get(keys.control, replies.append, payload=asked, timeout=30.0)
+        goes_on(world)
+        eventually(lambda: replies, "questions are answered")
+        assert kept
+    world.says("flood │ says more than 5000 messages, 20 hellos", "the rest is not heard")

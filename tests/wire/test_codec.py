@@ -1,0 +1,179 @@
+"""Every message from bytes and to bytes: what goes in comes out."""
+
+import hypothesis.strategies as st
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from speaking import heard, readings, recorded, saved, scans, spoken
+
+from minerva_bus import (
+    Cells,
+    Default,
+    EventType,
+    Metres,
+    Primitive,
+    Reals,
+    Scene,
+    Transformation,
+    Vocabulary,
+)
+from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.digest import same_values
+from minerva_bus.testing.strategies import vocabularies, worlds
+from minerva_bus.wire.alphabet import plain_kind, plain_vocabulary, read_vocabulary
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.plain import unpack
+
+PDot = Primitive("PDot", x=float)
+TDeep = Transformation("TDeep")
+
+law = settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def plain(vocabulary):
+    return msgpack.packb(plain_vocabulary(vocabulary))
+
+
+def values(scene):
+    """All values of a string, in reading order."""
+    return [value for node in scene for value in node.values]
+
+
+@law
+@given(spoken)
+def test_what_a_member_says_comes_out_as_it_went_in(case):
+    vocabulary, message = case
+    assert Decoder(vocabulary).from_member(message.member, encode(message)) == message
+
+
+@law
+@given(heard)
+def test_what_the_coordinator_says_comes_out_as_it_went_in(case):
+    vocabulary, message = case
+    back = Decoder(vocabulary).to_member(encode(message))
+    if isinstance(message, m.Welcome):
+        assert plain(back.vocabulary) == plain(vocabulary)
+        assert (back.seed, back.dt, back.saved) == (message.seed, message.dt, message.saved)
+    else:
+        assert back == message
+
+
+@law
+@given(recorded)
+def test_what_happened_comes_out_as_it_went_in(case):
+    vocabulary, record = case
+    assert Decoder(vocabulary).record(encode(record)) == record
+
+
+@law
+@given(readings)
+def test_readings_come_out_as_they_went_in(message):
+    back = Decoder().readings(message.topic, message.member, encode(message))
+    assert (back.member, back.topic, back.frame) == (message.member, message.topic, message.frame)
+    assert encode(back) == encode(message)
+
+
+@law
+@given(scans)
+def test_a_scan_that_has_travelled_is_read_only_and_of_the_same_numbers(scan):
+    message = m.Readings("physics", "scan", 3, (scan,))
+    (back,) = Decoder().readings("scan", "physics", encode(message)).readings
+    assert back.ranges.dtype == np.float32
+    assert back.ranges.tobytes() == scan.ranges.tobytes()
+    assert not back.ranges.flags.writeable
+
+
+@law
+@given(worlds())
+def test_a_string_that_has_travelled_is_in_canonical_form_and_of_the_same_digest(world):
+    vocabulary, w = world
+    sent = encode(m.Fragments({"a": w}))
+    back = Decoder(vocabulary).to_member(sent).given["a"]
+    assert back.digest == w.digest
+    assert str(back) == str(w)
+    assert same_values(tuple(values(back)), tuple(values(w)))
+    assert vocabulary.check(back) is back
+
+
+@law
+@given(vocabularies())
+def test_a_vocabulary_that_has_travelled_reads_the_same_strings(vocabulary):
+    back = read_vocabulary(unpack(plain(vocabulary)))
+    assert plain(back) == plain(vocabulary)
+    for name, kind in vocabulary.kinds.items():
+        assert plain_kind(back.kinds[name]) == plain_kind(kind)
+
+
+@law
+@given(st.data())
+def test_equal_messages_are_equal_bytes(data):
+    """So that a run's bytes can be compared."""
+    vocabulary, message = data.draw(spoken)
+    again = Decoder(vocabulary).from_member(message.member, encode(message))
+    assert encode(again) == encode(message)
+
+
+@law
+@given(saved)
+def test_what_a_member_saves_comes_back_to_it(kept):
+    message = m.TickReply("physics", 3, (), kept)
+    assert Decoder().from_member("physics", encode(message)).saved == kept
+
+
+def test_a_string_may_be_deep():
+    w = Scene()
+    for _ in range(20_000):
+        w = TDeep()(w)
+    vocabulary = Vocabulary.of(TDeep)
+    back = Decoder(vocabulary).to_member(encode(m.Fragments({"a": w}))).given["a"]
+    assert back.digest == w.digest
+
+
+def test_a_string_may_be_wide():
+    w = Scene(PDot(1.0).nodes * 100_000)
+    back = Decoder(Vocabulary.of(PDot)).to_member(encode(m.Fragments({"a": w}))).given["a"]
+    assert back == w
+
+
+@pytest.mark.parametrize("array", [
+    np.zeros((0, 0), np.int16), np.zeros((0, 5), np.int16), np.zeros((300, 200), np.int16),
+    np.full((2, 2), -32768, np.int16), np.array([[1.5, -0.0], [5e-324, 1e308]]),
+])  # fmt: skip
+def test_matrices_of_every_shape(array):
+    eMap = EventType("eMap", cells=Cells, heights=Reals)
+    cells = array if array.dtype == np.int16 else np.zeros((1, 1), np.int16)
+    heights = array if array.dtype == np.float64 else np.zeros((1, 1))
+    message = m.Emitted("g", (eMap(cells, heights),))
+    assert Decoder(Vocabulary.of(eMap)).from_member("g", encode(message)) == message
+
+
+def test_a_matrix_that_is_no_row_order_travels_as_it_is():
+    eMap = EventType("eMap", cells=Cells)
+    turned = np.arange(6, dtype=np.int16).reshape(2, 3).T
+    message = m.Emitted("g", (eMap(turned),))
+    back = Decoder(Vocabulary.of(eMap)).from_member("g", encode(message))
+    assert back.events[0].cells.tolist() == turned.tolist()
+
+
+def test_the_sender_is_who_the_key_says():
+    message = m.Emitted("liar", ())
+    assert Decoder().from_member("honest", encode(message)).member == "honest"
+
+
+def test_default_values_of_strings_travel_with_the_vocabulary():
+    PBox = Primitive("PBox", size=Default(Metres, 1.5), label=Default(str, 'a "b"\n'))
+    back = read_vocabulary(unpack(plain(Vocabulary.of(PBox, PDot))))
+    assert str(back.read("PBox")) == str(PBox())
+
+
+@pytest.mark.parametrize("wrong", [
+    m.TickReply("g", 0, (), {"self": object()}),
+    m.TickReply("g", 0, (), {"set": {1}}),
+    m.Report("g", {"big": 1 << 70}),
+])  # fmt: skip
+def test_what_cannot_be_said_is_the_speaker_s_error(wrong):
+    """A service that saves or reports what is no plain value is told so, and where."""
+    with pytest.raises((ProtocolError, SceneError, TypeError, OverflowError)):
+        encode(wrong)

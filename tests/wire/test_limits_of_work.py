@@ -1,0 +1,214 @@
+"""What is too much work is refused before it is done, with the limit and what to do."""
+
+import sys
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from minerva_bus import Agent, EventType, Vocabulary
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.batch import Events, in_columns, single
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.limits import Limits
+from minerva_bus.wire.plain import pack, unpack
+from minerva_bus.wire.weighing import name_in, values_in
+
+eNear = EventType("eNear", distance=float)
+eText = EventType("eText", text=str)
+eBare = EventType("eBare")
+
+
+class Stone(Agent, symbol="AStone"):
+    """Has nothing, so that a row of it takes no byte."""
+
+
+VOCABULARY = Vocabulary.of(eNear, eText, eBare, Stone)
+SMALL = Limits(
+    single_events=3, host_events=5, emitted_bytes=900, receivers=4, conditions=40, kinds=2, fields=3, names=2, figures=2,
+    events=50, rows=60, values=100, answer_values=200, small_bytes=600,
+)  # fmt: skip
+
+
+def hello(**keys):
+    told = msgpack.unpackb(encode(m.Hello("x", 6)))[1] | keys
+    return pack(["hello", told])
+
+
+def events(name, count, *rest):
+    told = [["eNear", [1.0 * n], *rest] for n in range(count)]
+    return pack([name, told] if name == "emitted" else [name, 7, told, None])
+
+
+def kind(name, fields=0):
+    return [name, [[f"a{n}", "real", "0"] for n in range(fields)], [], [], []]
+
+
+def many(count, ids=None):
+    return ["eBare", count, [], "", None, ids]
+
+
+TOO_MUCH = {
+    "emitted": (events("emitted", 4), "emitted has 4 single events, over 3; send those of one type"),
+    "ticked": (events("ticked", 4), "ticked has 4 single events, over 3; send those of one type"),
+    "receivers": (
+        pack(["emitted", [["eNear", [1.0], "", "", list("abcde")]]]),
+        "emitted has 5 receivers of single events, over 4",
+    ),
+    "conditions": (
+        pack(["emitted", [["eNear", [n], f"x < {n} and x < 100000", "", []] for n in (1.0, 2.0)]]),
+        "emitted has 44 characters of conditions, over 40",
+    ),
+    "columns": (pack(["emitted", [many(51)]]), "51 events at once, over 50"),
+    "columns in all": (pack(["emitted", [many(30), many(30)]]), "60 events at once, over 50"),
+    "emitted by agents": (
+        pack(["evolved", 0, 0, {}, {"a": [many(30)], "b": [many(31)]}, {}]),
+        "columns of more than 60 rows in a message",
+    ),
+    "single events by agents": (
+        pack(["evolved", 0, 0, {}, {n: [["eBare", []]] * 3 for n in "ab"}, {}]),
+        "evolved has 6 single events, over 5",
+    ),
+    "many bytes": (pack(["emitted", [["eText", ["x" * 900]]]]), "emitted has .* bytes, over 900"),
+    "rows of fragments": (
+        pack(["evolved", 0, 0, {n: [1, [30, [n, 0, 30], [["AStone", []]]]] for n in "abc"}, {}, {}]),
+        "columns of more than 60 rows in a message",
+    ),
+    "rows of patches": (
+        pack(["evolved", 0, 0, {n: ["patch", 31, ["AStone"], []] for n in "ab"}, {}, {}]),
+        "columns of more than 60 rows in a message",
+    ),
+    "values": (pack(["emitted", [["eText", [[0] * 200]]]]), "emitted has at least 101 values"),
+    "answer": (pack(["ticked", 0, [], {"x": [0] * 200}]), "ticked has at least 201 values, over 200"),
+    "doing": (pack(["doing", {"a": 1, "b": 2, "c": 3}]), "doing has 3 figures, over 2"),
+    "report": (pack(["report", {"a": 1, "b": 2, "c": 3}]), "report has 3 figures, over 2"),
+    "kinds": (hello(kinds=[kind("AX"), kind("AY"), kind("AZ")]), "a hello has 3 kinds, over 2"),
+    "attributes": (
+        hello(kinds=[kind("AX", 2), kind("AY", 2)]), "a hello has 4 attributes of kinds, over 3"
+    ),
+    **{
+        f"names in {key}": (hello(**{key: ["a", "b", "c"]}), f"a hello has 3 names in {key}, over 2")
+        for key in ("generates", "orders", "draws", "topics", "publishes")
+    },
+    "a long hello": (hello(service="x" * 600), "hello has .* bytes, over 600"),
+    "a long failure": (pack(["failed", 0, "x" * 600, ""]), "failed has .* bytes, over 600"),
+    "no name": (b"\x91" * 700, "this is no msgpack list that begins with a message's name"),
+    "an unknown name": (pack(["hallo", "x" * 600]), "hallo has .* bytes, over 600"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", TOO_MUCH)
+def test_what_is_over_a_limit_is_refused(what):
+    data, problem = TOO_MUCH[what]
+    with pytest.raises(ProtocolError, match=problem):
+        Decoder(VOCABULARY, SMALL).from_member("x", data)
+    if what not in ("no name", "an unknown name", "values", "columns", "conditions"):
+        Decoder(VOCABULARY).from_member("x", data)
+
+
+def test_what_is_at_a_limit_is_heard():
+    decoder = Decoder(VOCABULARY, SMALL)
+    assert len(decoder.from_member("x", events("emitted", 3)).events) == 3
+    assert len(decoder.from_member("x", pack(["doing", {"a": 1, "b": 2}])).figures) == 2
+    for _ in range(3):  # The rows of one message are no other's.
+        assert decoder.from_member("x", pack(["emitted", [many(50)]])).events[0].count == 50
+
+
+STALLING = {
+    "many events": events("emitted", 300_000),
+    "different receivers": pack(["emitted", [["eNear", [0.0], "", "", [f"a{n}"]] for n in range(300_000)]]),
+    "figures": pack(["doing", {str(n): n for n in range(200_000)}]),
+    "kinds": hello(kinds=[[f"AX{n}", [], [], [], []] for n in range(200_000)]),
+    "empty lists": pack(["emitted", [[]] * 2_000_000]),
+    "rows of nothing": pack(["ticked", 0, [many(1_000_000, ["a", 0, 1_000_000])] * 5_000, None]),
+    "deep": b"\x92\xa7emitted" + b"\x91" * 1_000_000,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", STALLING)
+def test_what_would_stall_the_coordinator_is_refused_before_it_is_built(what, monkeypatch):
+    """Each took seconds, and some gigabytes: that is known without msgpack and the reader."""
+    if what != "rows of nothing":  # Of these the reader has to see the counts.
+        monkeypatch.setattr("minerva_bus.wire.codec.unpack", lambda *_: pytest.fail("built"))
+    monkeypatch.setattr("minerva_bus.wire.columns.read_ids", lambda *_: pytest.fail("read"))
+    with pytest.raises(ProtocolError):
+        Decoder(VOCABULARY).from_member("x", STALLING[what])
+
+
+def test_as_many_honest_columns_as_before():
+    whole = Events.repeated(eNear(1.0), 1_000_000)
+    assert Decoder(VOCABULARY).from_member("x", encode(m.TickReply("x", 1, (whole,)))).events
+    part = {"~a": [1, [1_000_000, ["a", 0, 1_000_000], [["AStone", []]]]]}
+    Decoder(VOCABULARY).from_member("x", pack(["evolved", 0, 0, part, {}, {}]))
+
+
+# --- counting ---
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers(-(1 << 63), (1 << 64) - 1) | st.floats() | st.text()
+    | st.binary(max_size=400) | st.builds(msgpack.ExtType, st.integers(0, 127), st.binary(max_size=300)),
+    lambda inner: st.lists(inner, max_size=20) | st.dictionaries(st.text(), inner, max_size=5),
+    max_leaves=60,
+)  # fmt: skip
+
+
+def counted(plain):
+    if isinstance(plain, list):
+        return 1 + sum(map(counted, plain))
+    if isinstance(plain, dict):
+        return 1 + len(plain) + sum(map(counted, plain.values()))
+    return 1
+
+
+@given(PLAIN, st.integers(0, 40))
+def test_values_are_counted_as_msgpack_has_them(plain, most):
+    assert values_in(pack(plain), sys.maxsize) == counted(plain)
+    assert values_in(pack(plain), most) == min(counted(plain), most + 1)
+
+
+@given(st.binary(max_size=60))
+def test_garbage_can_be_counted_and_has_a_name_or_none(data):
+    assert values_in(data, 100) <= len(data)
+    assert isinstance(name_in(data), str)
+
+
+@given(st.sampled_from(["hello", "ticked", "x" * 40]), st.integers(1, 20))
+def test_the_name_of_a_message_is_found(name, items):
+    assert name_in(pack([name, *range(items)])) == name
+    for head in (b"\xdc\x00\x02", b"\xdd\x00\x00\x00\x02"):
+        assert name_in(head + bytes([0xD9, len(name)]) + name.encode() + b"\x01") == name
+
+
+# --- how a member keeps within them ---
+
+
+@given(st.lists(st.sampled_from([eNear(1.0), eNear(2.0, receivers=["b"]), eBare(), eText("ä"),
+                                 Events.repeated(eNear(3.0), 2)]), max_size=30))  # fmt: skip
+def test_very_many_events_are_sent_in_columns(some):
+    told = tuple(some) * 60
+    packed = in_columns(told)
+    for event_type in ("eNear", "eBare", "eText"):
+        assert [one for one in single(packed) if one.type == event_type] == [
+            one for one in single(told) if one.type == event_type
+        ]
+    assert in_columns(told[:1000]) == told[:1000]
+
+
+def test_a_generator_of_the_library_stays_within_the_limit():
+    told = in_columns(tuple(eNear(1.0 * n) for n in range(20_000)))
+    assert Decoder(VOCABULARY).from_member("x", encode(m.TickReply("x", 0, told)))
+    assert len(told) == 1
+
+
+@given(st.lists(PLAIN, max_size=5), st.integers(0, 2000), st.binary(max_size=3))
+def test_what_is_read_in_slices_is_the_same(plain, cut, more):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("minerva_bus.wire.plain.SLICE", 7)
+        data = pack(plain)
+        assert pack(unpack(data)) == data
+        for wrong in (data[:cut], data + more):
+            if wrong != data:
+                with pytest.raises(ProtocolError, match="this is no msgpack"):
+                    unpack(wrong)
