@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
+from minerva_bus.acl.message import NEVER, eMessage
 from minerva_bus.errors import nearest
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.events import Event
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
-from minerva_bus.world.acl.message import NEVER, eMessage
 
 EVERYBODY: Final = "everybody"
 NOBODY: Final = "somebody outside"

@@ -5,12 +5,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from minerva_bus import EventType, Vocabulary, on
+from minerva_bus.acl import CONTRACT_NET, MESSAGES, Talker
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.world.acl import CONTRACT_NET, MESSAGES, Talker
 
 eStep = EventType("eStep")
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from minerva_bus import Default, Event, EventType, Ids, MinervaError, Vocabulary
+from minerva_bus.acl import MESSAGES, OUTSIDE, Act, eMessage, reply
+from minerva_bus.acl.acts import ACTS
+from minerva_bus.acl.kqml import NEAREST, act_of, performative_of
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.grammar.types import parse_type, type_of
 from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
-from minerva_bus.world.acl import MESSAGES, OUTSIDE, Act, eMessage, reply
-from minerva_bus.world.acl.acts import ACTS
-from minerva_bus.world.acl.kqml import NEAREST, act_of, performative_of
 
 VOCABULARY = Vocabulary.of(*MESSAGES, *OUTSIDE)
 

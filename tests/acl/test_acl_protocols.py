@@ -5,9 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, EventType, Frame, Moment, Vocabulary, evolve, on
-from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.scene import agents
-from minerva_bus.world.acl import (
+from minerva_bus.acl import (
     CONTRACT_NET,
     MESSAGES,
     PROPOSE,
@@ -20,8 +18,10 @@ from minerva_bus.world.acl import (
     Talker,
     eMessage,
 )
-from minerva_bus.world.acl.acts import ACTS
-from minerva_bus.world.acl.protocols import PROTOCOLS, START
+from minerva_bus.acl.acts import ACTS
+from minerva_bus.acl.protocols import PROTOCOLS, START
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import agents
 
 eStep = EventType("eStep")
 

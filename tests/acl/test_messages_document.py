@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus import Vocabulary
-from minerva_bus.world import acl
-from minerva_bus.world.acl.acts import ACTS
-from minerva_bus.world.acl.kqml import NEAREST, performative_of
-from minerva_bus.world.acl.protocols import PROTOCOLS
+from minerva_bus import Vocabulary, acl
+from minerva_bus.acl.acts import ACTS
+from minerva_bus.acl.kqml import NEAREST, performative_of
+from minerva_bus.acl.protocols import PROTOCOLS
 from minerva_services.spade import Spade
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "messages.md").read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """A small world with agents outside: a buyer that calls them, a clerk whom they ask."""
 
 from minerva_bus import EventType, Vocabulary, on
-from minerva_bus.world.acl import CONTRACT_NET, MESSAGES, OUTSIDE, Talker, eMessage
+from minerva_bus.acl import CONTRACT_NET, MESSAGES, OUTSIDE, Talker, eMessage
 
 eStep = EventType("eStep")
 eDone = EventType("eDone")
@@ -66,7 +66,7 @@ until = "eOver"
 agents = ["spade_yard:Buyer", "spade_yard:Clerk"]
 
 [process.outside]
-agents = "minerva_bus.world.acl:Outside"
+agents = "minerva_bus.acl:Outside"
 
 [process.clock]
 service = "each"

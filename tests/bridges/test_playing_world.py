@@ -36,7 +36,9 @@ topic = "log_scan"
 
 def bus():
     """What runs worlds in real processes; another folder has a module of the same name."""
-    spec = importlib.util.spec_from_file_location("worlds_on_the_bus", TESTS / "runtime" / "running.py")
+    spec = importlib.util.spec_from_file_location(
+        "worlds_on_the_bus", TESTS / "runtime" / "running.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 
 from minerva_bus import EventType, Vocabulary, WorldInfo
+from minerva_bus.acl import MESSAGES, OUTSIDE, Outside, PMail, TOutside, eMessage
+from minerva_bus.acl.message import NEVER
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.log.reader import Record
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.acl import MESSAGES, OUTSIDE, Outside, PMail, TOutside, eMessage
-from minerva_bus.world.acl.message import NEVER
 from minerva_bus.world.services import View
 from minerva_services.bridging.testing import Running
 from minerva_services.spade import Spade, service

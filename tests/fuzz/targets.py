@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-sys.path += [str(Path(__file__).parents[1] / "runtime"), str(Path(__file__).parents[2] / "services")]
+sys.path += [
+    str(Path(__file__).parents[1] / "runtime"),
+    str(Path(__file__).parents[2] / "services"),
+]
 sys.path.append(str(Path(__file__).parents[2] / "agents"))
 import yard
 

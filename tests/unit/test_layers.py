@@ -18,6 +18,7 @@ ORDER = [
     "log",
     "runtime",
     "launch",
+    "acl",
     "study",
     "cli",
 ]

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
+from minerva_bus.acl import eMessage
+from minerva_bus.acl.acts import ACTS
+from minerva_bus.acl.kqml import NEAREST
+from minerva_bus.acl.message import NEVER
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import Geometry
-from minerva_bus.world.acl import eMessage
-from minerva_bus.world.acl.acts import ACTS
-from minerva_bus.world.acl.kqml import NEAREST
-from minerva_bus.world.acl.message import NEVER
 from minerva_services.spade.addresses import Addresses
 
 _TEXTS: Final = {

@@ -7,10 +7,10 @@ from collections import deque
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
+from minerva_bus.acl import Outside, eMail, eMessage
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.acl import Outside, eMail, eMessage
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridging import Bridge
 from minerva_services.making import event_type
@@ -82,7 +82,7 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         if Outside.kind.name not in world.vocabulary.kinds or eMail.name not in world.vocabulary:
             raise MisuseError(
                 f"spade: nobody can be outside of the world {world.world!r}; its vocabulary needs"
-                " *MESSAGES and *OUTSIDE of minerva_bus.world.acl"
+                " *MESSAGES and *OUTSIDE of minerva_bus.acl"
             )
 
     # --- out ---

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from minerva_bus.grammar.events import Event
-from minerva_bus.world.acl.acts import Act
-from minerva_bus.world.acl.conversation import Conversation, Conversations
-from minerva_bus.world.acl.message import reply
-from minerva_bus.world.acl.protocols import (
+from minerva_bus.acl.acts import Act
+from minerva_bus.acl.conversation import Conversation, Conversations
+from minerva_bus.acl.message import reply
+from minerva_bus.acl.protocols import (
     CONTRACT_NET,
     EXPIRED,
     NOT_UNDERSTOOD,
     PROTOCOLS,
     Role,
 )
+from minerva_bus.grammar.events import Event
 
 TOO_LATE = "too late"
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from minerva_bus.acl.message import NEVER, answered_to
+from minerva_bus.acl.protocols import PROTOCOLS, START, Protocol, Role
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.types import Type
-from minerva_bus.world.acl.message import NEVER, answered_to
-from minerva_bus.world.acl.protocols import PROTOCOLS, START, Protocol, Role
 
 PConversation = Primitive(
     "PConversation",

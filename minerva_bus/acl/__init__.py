@@ -12,11 +12,11 @@
 A vocabulary takes it all in by one line: `Vocabulary.of(*MESSAGES, ...)`. See docs/messages.md.
 """
 
-from minerva_bus.world.acl.acts import Act
-from minerva_bus.world.acl.conversation import Conversation, Conversations, PConversation
-from minerva_bus.world.acl.message import eMessage, reply
-from minerva_bus.world.acl.outside import Outside, PMail, TOutside, eMail
-from minerva_bus.world.acl.protocols import (
+from minerva_bus.acl.acts import Act
+from minerva_bus.acl.conversation import Conversation, Conversations, PConversation
+from minerva_bus.acl.message import eMessage, reply
+from minerva_bus.acl.outside import Outside, PMail, TOutside, eMail
+from minerva_bus.acl.protocols import (
     CONTRACT_NET,
     PROPOSE,
     QUERY,
@@ -25,7 +25,7 @@ from minerva_bus.world.acl.protocols import (
     Protocol,
     Role,
 )
-from minerva_bus.world.acl.talker import Talker
+from minerva_bus.acl.talker import Talker
 
 MESSAGES = (eMessage, PConversation)
 """What a vocabulary needs where agents converse."""

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from minerva_bus.acl.acts import ACTS, Act
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.world.acl.acts import ACTS, Act
 
 NEAREST: Final[Mapping[str, Act | None]] = MappingProxyType(
     {

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from minerva_bus.acl.message import NEVER, eMessage
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
-from minerva_bus.world.acl.message import NEVER, eMessage
 from minerva_bus.world.agent import Agent, on, view
 from minerva_bus.world.moment import Moment
 

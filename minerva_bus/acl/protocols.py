@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from minerva_bus.world.acl.acts import Act
+from minerva_bus.acl.acts import Act
 
 
 class Role(StrEnum):

@@ -19,14 +19,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+from minerva_bus.acl.acts import ACTS, Act
+from minerva_bus.acl.conversation import Conversation, Conversations
+from minerva_bus.acl.hearing import hear, numbered
+from minerva_bus.acl.message import NEVER, eMessage, reply
+from minerva_bus.acl.protocols import EXPIRED, START, Protocol, Role
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Scene
-from minerva_bus.world.acl.acts import ACTS, Act
-from minerva_bus.world.acl.conversation import Conversation, Conversations
-from minerva_bus.world.acl.hearing import hear, numbered
-from minerva_bus.world.acl.message import NEVER, eMessage, reply
-from minerva_bus.world.acl.protocols import EXPIRED, START, Protocol, Role
 from minerva_bus.world.agent import Agent, on
 from minerva_bus.world.moment import Moment
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from minerva_bus.acl.acts import ACTS, Act
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.types import Type
-from minerva_bus.world.acl.acts import ACTS, Act
 
 NEVER = -1
 """No frame: there is no deadline."""
