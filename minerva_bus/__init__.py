@@ -4,6 +4,8 @@ The names a user needs; see README.md. Each is imported when it is first asked f
 command line answers before numpy is there.
 """
 
+from minerva_bus.moved import install as _install
+
 TYPE_CHECKING = False  # As typing has it, which the command line need not wait for.
 if TYPE_CHECKING:
     from typing import Any
@@ -59,6 +61,9 @@ _HOMES = {
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }
+
+
+_install()
 
 
 def __getattr__(name: str) -> "Any":

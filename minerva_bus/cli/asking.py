@@ -16,7 +16,7 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from minerva_bus.acl.exchanges import Exchange, check_drawable, exchange_of
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
-from minerva_bus.log.conversation import Exchange, check_drawable, exchange_of
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output, write_output
 
@@ -34,7 +34,7 @@ def show_conversation(file: Path, conversation: str, output: Path | None, json_t
 
 
 def _write(output: Path, exchange: Exchange) -> None:
-    from minerva_bus.log.sequence import draw
+    from minerva_bus.acl.sequence import draw
 
     text = draw(exchange) if output.suffix.lower() == ".svg" else exchange.mermaid()
     write_output(output, text.encode(), "conversation")

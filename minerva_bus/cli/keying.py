@@ -13,8 +13,8 @@ import typer
 from minerva_bus.cli.saying import say
 
 if TYPE_CHECKING:
-    from minerva_bus.launch.keys import Keys
-    from minerva_bus.launch.keys_certificates import Issued
+    from minerva_bus.security.certificates import Issued
+    from minerva_bus.security.keys import Keys
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -71,7 +71,7 @@ def issue(
     ] = False,
 ) -> None:
     """Make a certificate and its key: NAME.pem and NAME.key, to be taken there with ca.pem."""
-    from minerva_bus.launch.keys_certificates import Wanted
+    from minerva_bus.security.certificates import Wanted
 
     keys = _keys(dir)
     said = (role, host, kinds, events, topics)
@@ -120,10 +120,10 @@ def router(
 ) -> None:
     """Print a configuration for zenohd: a router that lets in whom the world itself would."""
     from minerva_bus.errors import KeysError
-    from minerva_bus.runtime.access import access_control
-    from minerva_bus.runtime.credentials import ROUTER
     from minerva_bus.runtime.endpoints import check_listening
     from minerva_bus.runtime.session import router_config
+    from minerva_bus.security.access import access_control
+    from minerva_bus.security.credentials import ROUTER
     from minerva_bus.wire.keys import Keys as WorldKeys
 
     check_listening(listen, keys=True, insecure=False)
@@ -154,7 +154,7 @@ _TITLES = _Row(("name", "roles", "state", "until", "for"))
 
 
 def _plain(one: Issued, now: datetime) -> dict[str, Any]:
-    from minerva_bus.runtime.credentials import FAMILY
+    from minerva_bus.security.credentials import FAMILY
 
     rights = one.rights
     return {
@@ -192,7 +192,7 @@ def _day(now: datetime, days: int) -> str:
 
 
 def _keys(folder: Path) -> Keys:
-    from minerva_bus.launch.keys import Keys
+    from minerva_bus.security.keys import Keys
 
     return Keys(folder)
 

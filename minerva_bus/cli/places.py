@@ -7,7 +7,7 @@ from pathlib import Path
 
 from minerva_bus.launch.registry import find
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.security.credentials import Credentials
 
 
 @dataclass(slots=True)
@@ -32,7 +32,7 @@ def identity(name: str = "") -> Credentials | None:
     """
     if not _chosen.keys:
         return None
-    from minerva_bus.launch.keys import Keys
+    from minerva_bus.security.keys import Keys
 
     path = Path(_chosen.keys)
     named = path.suffix == ".pem"

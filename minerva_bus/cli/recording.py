@@ -60,7 +60,7 @@ def recover_record(file: Path, output: Path | None, json_too: bool) -> None:
 
 def draw_plot(file: Path, output: Path | None) -> None:
     """Draw a record into a picture. Raises RecordError and MisuseError."""
-    from minerva_bus.log.plot import plot
+    from minerva_bus.study.plot import plot
 
     into = output or file.with_suffix(".png")
     check_output(into, "picture")

@@ -11,9 +11,9 @@ from typing import Final
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.table import Table
-from minerva_bus.runtime.credentials import Rights, family_start, rights_of
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
 from minerva_bus.runtime.guard import LOCAL_KIND, Security
+from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.limits import DEFAULT, Limits
 
@@ -93,7 +93,7 @@ def security(border: Border, world: str, started: Iterable[str] = ()) -> Securit
     """
     if border.keys is None:
         return None
-    from minerva_bus.launch.keys import Keys
+    from minerva_bus.security.keys import Keys
 
     keys = Keys(border.keys)
     own = keys.credentials(COORDINATOR)

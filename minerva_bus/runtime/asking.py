@@ -10,7 +10,7 @@ from typing import Any
 import zenoh
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.credentials import Credentials
+from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
 from minerva_bus.wire.plain import mapped, pack, text, unpack
 

@@ -22,7 +22,6 @@ from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import answer
-from minerva_bus.runtime.credentials import covers
 from minerva_bus.runtime.gate import STRANGERS, may_be_awaited
 from minerva_bus.runtime.greetings import Greetings
 from minerva_bus.runtime.guard import Guard, Place, Security
@@ -40,6 +39,7 @@ from minerva_bus.runtime.totals import Totals
 from minerva_bus.runtime.turned_away import TurnedAway
 from minerva_bus.runtime.waiting import FEW, Deadlines, Waits
 from minerva_bus.runtime.watchers import Asked, Printed, Started, Status, Watchers
+from minerva_bus.security.credentials import covers
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys, who_asks

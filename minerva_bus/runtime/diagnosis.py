@@ -9,8 +9,8 @@ import socket
 import ssl
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.credentials import Credentials
 from minerva_bus.runtime.endpoints import Endpoint
+from minerva_bus.security.credentials import Credentials
 
 ALERT_WITHIN = 0.5
 """Seconds that a server has to object to a client's certificate: in TLS 1.3 it comes last."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus.errors import BusError
+from minerva_bus.security.credentials import SECURED
 
-SECURED: Final = ("tls", "quic")
 _KINDS: Final = ("tcp", *SECURED, "udp", "ws", "unixsock-stream")
 _PATH: Final = "unixsock-stream"
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from minerva_bus.frame.messages import Hello
-from minerva_bus.runtime.credentials import AGENT, GENERATOR, OPERATOR, VIEW, Rights, rights_of
+from minerva_bus.security.credentials import AGENT, GENERATOR, OPERATOR, VIEW, Rights, rights_of
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 

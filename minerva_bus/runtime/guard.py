@@ -14,14 +14,14 @@ import zenoh
 
 from minerva_bus.errors import KeysError
 from minerva_bus.runtime import audit
-from minerva_bus.runtime.access import access_control
-from minerva_bus.runtime.credentials import HUB, Credentials, Rights, rights_of
 from minerva_bus.runtime.gate import STRANGERS, Gate
 from minerva_bus.runtime.links import Linked, Links, cut, watched
 from minerva_bus.runtime.session import Secured, listening_at
 from minerva_bus.runtime.system import REAL, System
 from minerva_bus.runtime.turned_away import LEVELS, TurnedAway, turned_away
 from minerva_bus.runtime.zenoh_log import begin_logging, log_read
+from minerva_bus.security.access import access_control
+from minerva_bus.security.credentials import HUB, Credentials, Rights, rights_of
 from minerva_bus.wire.keys import COORDINATOR, Keys, is_name
 from minerva_bus.wire.limits import Limits
 

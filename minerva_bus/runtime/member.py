@@ -18,7 +18,6 @@ from minerva_bus.frame.participant import Participant, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.asking import ask, question_key
-from minerva_bus.runtime.credentials import Credentials
 from minerva_bus.runtime.inbox import Heard, Inbox, heard
 from minerva_bus.runtime.lookout import Look, Looked, Lookout
 from minerva_bus.runtime.name import Name
@@ -29,6 +28,7 @@ from minerva_bus.runtime.restraint import Restraint
 from minerva_bus.runtime.session import not_let_in
 from minerva_bus.runtime.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.runtime.system import REAL, System, Timer, run_through
+from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.epochs import stamp, stamped
 from minerva_bus.wire.keys import COORDINATOR, Keys, checked_name

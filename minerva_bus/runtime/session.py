@@ -20,10 +20,10 @@ from typing import Any
 import zenoh
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.credentials import Credentials
 from minerva_bus.runtime.diagnosis import check_reachable, why_unreachable
 from minerva_bus.runtime.endpoints import check_endpoint, check_port_free
 from minerva_bus.runtime.sockets import let_dead_links_go
+from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.limits import DEFAULT
 
 LOOPBACK = "tcp/127.0.0.1:0"

@@ -16,10 +16,10 @@ from typing import Final, Protocol, TypeVar
 
 import zenoh
 
-from minerva_bus.runtime.credentials import Credentials
 from minerva_bus.runtime.diagnosis import obstacle
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import Secured, closed_in_time, open_client, open_hub
+from minerva_bus.security.credentials import Credentials
 
 REACHED_WITHIN: Final = 2.0
 

@@ -8,10 +8,9 @@ from statistics import fmean
 from typing import Any, Final
 
 from minerva_bus.launch.resuming import option_text
-from minerva_bus.log.style import INK
 from minerva_bus.study.grid import SEED
 from minerva_bus.study.results import Table
-from minerva_bus.study.style import COLORS, draw
+from minerva_bus.study.style import COLORS, INK, draw
 
 MOST: Final = 40
 """So many rows are shown at most."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.log.style import FAINT, INK
 from minerva_bus.study.evolution import Evolution
-from minerva_bus.study.style import BEST, COLORS, draw
+from minerva_bus.study.style import BEST, COLORS, FAINT, INK, draw
 
 
 def draw_course(evolution: Evolution, name: str, path: Path) -> None:

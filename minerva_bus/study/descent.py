@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from minerva_bus.log.style import FAINT, INK
 from minerva_bus.study.evolution import Evolution, Individual
-from minerva_bus.study.style import BEST, PALE, draw
+from minerva_bus.study.style import BEST, FAINT, INK, PALE, draw
 
 WIDEST: Final = 34
 """Letters of a line beside the tree."""

@@ -1,19 +1,42 @@
-"""How the pictures of studies look. Needs the extra `plot`."""
+"""How pictures of runs and studies look: settings, colors and sizes. Needs the extra `plot`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.style import DOTS, STYLE, write_figure
-from minerva_bus.outputs import check_output
+from minerva_bus.outputs import check_output, write_output
+
+INK: Final = "#2f3640"
+FAINT: Final = "#8a929c"
+DOTS: Final = 150
+"""Dots per inch."""
 
 PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"
 COLORS: Final = ("#2f6f8f", BEST, "#4f8049", "#b3205f", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
 ENDINGS: Final = (".png", ".svg", ".pdf")
+
+STYLE: Final[Mapping[str, Any]] = {
+    "font.size": 9,
+    "axes.edgecolor": "#c4c9cf",
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "text.color": INK,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "grid.color": "#e6e8eb",
+    "legend.frameon": False,
+}
+"""What all pictures share: settings of matplotlib."""
 
 _STYLE: Final = {**STYLE, "axes.titlesize": 11, "svg.hashsalt": "minerva"}
 
@@ -44,3 +67,16 @@ def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) ->
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         paint(figure)
         write_figure(figure, path)
+
+
+def write_figure(figure: Any, path: Path) -> None:
+    """Save a matplotlib figure; the suffix of the path names the format.
+
+    Raises MisuseError for another format, and where the file may not or cannot be written.
+    """
+    content = io.BytesIO()
+    try:
+        figure.savefig(content, format=path.suffix[1:] or "png", facecolor="white")
+    except ValueError as error:
+        raise MisuseError(f"{path}: the picture cannot be written: {error}") from None
+    write_output(path, content.getvalue(), "picture")

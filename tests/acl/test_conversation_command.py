@@ -12,11 +12,11 @@ import pytest
 
 from minerva_bus import Agent, EventType, Vocabulary
 from minerva_bus.acl import MESSAGES, eMessage
+from minerva_bus.acl.exchanges import MOST
 from minerva_bus.cli.conversing import show_conversation
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.description import World
 from minerva_bus.frame.messages import FrameRecord
-from minerva_bus.log.conversation import MOST
 from minerva_bus.log.description import Description
 from minerva_bus.log.errors import RecordError
 from tests.acl.auction import WORLD, auction

@@ -8,8 +8,6 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
-from tests.bus.running import here
-
 from minerva_agents.robot.vocabulary import eCamera
 from minerva_bus import Frame, Tick, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
@@ -23,6 +21,7 @@ from minerva_services.ros2.geometry import Command
 from minerva_services.ros2.steering import Limits
 from minerva_services.ros2.stepping import NANO, is_rounding, phases
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
+from tests.runtime.running import here
 
 EXACT = ("--clock", "--laser-yaw", "0", "--acceleration", "inf", "--turn-acceleration", "inf")
 DEVICE = """[process.physics]

@@ -7,8 +7,6 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from tests.bus.running import eventually
-
 from minerva_agents.robot.vocabulary import PGoal, PGrid, PMarker, PPath, TPlace
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import WorldInfo
@@ -20,6 +18,7 @@ from minerva_services.ros2.network import Network
 from minerva_services.ros2.session import Session
 from minerva_services.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router
+from tests.runtime.running import eventually
 
 LAYOUTS = ("rmw_zenoh", "dds")
 INFO = WorldInfo("w", vocabulary, 0, 0.1)

@@ -7,17 +7,17 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("cryptography")
 import zenoh
-from tests.bus.running import eventually
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.keys import Keys
-from minerva_bus.launch.keys_certificates import Wanted
+from minerva_bus.security.certificates import Wanted
+from minerva_bus.security.keys import Keys
 from minerva_services.bridging import SourceError
 from minerva_services.ros2 import Ros2
 from minerva_services.ros2 import messages as types
 from minerva_services.ros2.messages import messages
 from minerva_services.ros2.network import Network, Tls
 from minerva_services.ros2.session import Session
+from tests.runtime.running import eventually
 
 
 def keys_in(folder):

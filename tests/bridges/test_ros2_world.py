@@ -10,9 +10,8 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from tests.bus.running import World, eventually
-
 from tests.bridges.ros2_rig import ROBOT, RosRobot, free_endpoint, hall
+from tests.runtime.running import World, eventually
 
 FILE = ROBOT.with_name("ros_world.toml")
 DOOR = (3.2, 1.5)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.bus.running import World, eventually
+
+from tests.runtime.running import World, eventually
 
 cv2 = pytest.importorskip("cv2")
 from rendered import FX, SIZE, rendered  # noqa: E402

@@ -4,7 +4,8 @@ import subprocess
 import sys
 
 import pytest
-from tests.record.recorded_runs import ROOT
+
+from tests.log.recorded_runs import ROOT
 
 INTERRUPTED = """
 import _signal, sys

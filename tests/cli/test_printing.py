@@ -5,9 +5,9 @@ import sys
 import threading
 
 import pytest
-from tests.bus.running import MEMBERS, here, write_world
 
 from minerva_bus.launch.printed import printed
+from tests.runtime.running import MEMBERS, here, write_world
 
 SCREEN = MEMBERS + '\n[process.screen]\nservice = "yard:Screen"\nsaid = true\n'
 

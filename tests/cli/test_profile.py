@@ -2,9 +2,8 @@
 
 import json
 
-from tests.bus.running import MEMBERS, minerva, summary, write_world
-
 from minerva_bus.runtime.profile import Tally
+from tests.runtime.running import MEMBERS, minerva, summary, write_world
 
 SAMPLER = '''
 class Profiler:

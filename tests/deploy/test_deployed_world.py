@@ -6,12 +6,12 @@ import shutil
 import signal
 
 import pytest
-from tests.bus.running import Run, World, eventually
 
-from minerva_bus.launch.keys import Keys
-from minerva_bus.launch.keys_certificates import Wanted
 from minerva_bus.runtime.client import Client
+from minerva_bus.security.certificates import Wanted
+from minerva_bus.security.keys import Keys
 from tests.deploy.deployed import PODS
+from tests.runtime.running import Run, World, eventually
 
 pytest.importorskip("prometheus_client")
 pytest.importorskip("mcap")

@@ -7,10 +7,10 @@ import urllib.request
 from urllib.error import HTTPError
 
 import pytest
-from tests.bus.running import Run, World, eventually, here, write_world
 
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from tests.runtime.running import Run, World, eventually, here, write_world
 
 pytest.importorskip("prometheus_client")
 

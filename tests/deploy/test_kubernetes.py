@@ -6,13 +6,13 @@ import subprocess
 
 import pytest
 import yaml
-from tests.bus.running import here
 
-from minerva_bus.launch.keys import Keys
-from minerva_bus.runtime.credentials import covers
+from minerva_bus.security.credentials import covers
+from minerva_bus.security.keys import Keys
 from minerva_bus.wire.keys import is_name
 from tests.deploy.commands import DEPLOY, in_markdown
 from tests.deploy.deployed import CONTAINERS, MANIFESTS, PODS, README, SETS, manifests
+from tests.runtime.running import here
 
 
 def test_manifests_are_of_their_schemas():

@@ -7,10 +7,10 @@ import subprocess
 
 import pytest
 import zenoh
-from tests.bus.running import here
 
 from tests.deploy.commands import DEPLOY
 from tests.deploy.deployed import UNITS
+from tests.runtime.running import here
 
 
 def zenoh_config():

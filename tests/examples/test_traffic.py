@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.bus.running import here, minerva, summary
 
 from minerva_bus import Frame, evolve
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -15,6 +14,7 @@ from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from tests.runtime.running import here, minerva, summary
 
 FOLDER = Path(__file__).parents[2] / "examples" / "traffic"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

@@ -6,10 +6,10 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.record.recorded_runs import bytes_of, record_of, strings_of
 
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
+from tests.log.recorded_runs import bytes_of, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

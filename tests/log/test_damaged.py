@@ -11,16 +11,6 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.record.recorded_runs import (
-    CHECKPOINTS,
-    ROOT,
-    bytes_of,
-    description,
-    happened,
-    record_of,
-    strings_of,
-)
-from tests.record.test_broken import boundaries
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
@@ -34,6 +24,16 @@ from minerva_bus.log.info import info_of
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recovering import recover, recovered_name
 from minerva_bus.log.writer import RecordWriter
+from tests.log.recorded_runs import (
+    CHECKPOINTS,
+    ROOT,
+    bytes_of,
+    description,
+    happened,
+    record_of,
+    strings_of,
+)
+from tests.log.test_broken import boundaries
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

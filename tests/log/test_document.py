@@ -4,16 +4,16 @@ import re
 from pathlib import Path
 
 import pytest
-from tests.record.recorded_runs import bytes_of, happened, strings_of
 
 from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import FEWEST_MESSAGES, Chunks
 from minerva_bus.log.description import LIMITS
 from minerva_bus.log.recorder import PATIENCE, WAITING
 from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
-from minerva_bus.log.tracks import AGENTS
 from minerva_bus.log.writer import KEY_AFTER, SHOWN, SHOWN_EVERY
+from minerva_bus.study.tracks import AGENTS
 from minerva_bus.wire.plain import unpack
+from tests.log.recorded_runs import bytes_of, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -3,7 +3,6 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.record.recorded_runs import happened, strings_of
 
 from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
@@ -15,6 +14,7 @@ from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.values import Reader, plain_scene
+from tests.log.recorded_runs import happened, strings_of
 
 PStar = Primitive("PStar", size=Metres)
 TMove = Transformation("TMove", dist=Metres)

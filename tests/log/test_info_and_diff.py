@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 
 import pytest
-from tests.record.recorded_runs import bytes_of, description, happened, strings_of
 
 from minerva_bus.cli.recording import show_difference, show_info
 from minerva_bus.grammar.batch import single
@@ -13,6 +12,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.messages import encode_frame
 from minerva_bus.log.writer import RecordWriter
+from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -10,8 +10,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.bus.running import environment
-from tests.record.recorded_runs import ROOT
 
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.replaying import recomputed
@@ -20,6 +18,8 @@ from minerva_bus.log.comparison import compare
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.info import info_of
 from minerva_bus.log.reader import Record
+from tests.log.recorded_runs import ROOT
+from tests.runtime.running import environment
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

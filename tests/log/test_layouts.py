@@ -5,7 +5,8 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from tests.bus.running import here, minerva, summary
+
+from tests.runtime.running import here, minerva, summary
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

@@ -1,7 +1,8 @@
 """A literal world over real processes: one record in any layout, recomputed, resumed, swapped."""
 
 import pytest
-from tests.bus.running import here, minerva, summary, write_world
+
+from tests.runtime.running import here, minerva, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from tests.bus.running import here
-from tests.record.recorded_runs import bytes_of, happened, strings_of
 
 from minerva_bus.grammar.batch import single
+from tests.log.recorded_runs import bytes_of, happened, strings_of
+from tests.runtime.running import here
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

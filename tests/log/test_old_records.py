@@ -1,6 +1,6 @@
 """Records of earlier versions are read: every frame, string and event, without the world's code.
 
-    python -m tests.record.test_old_records
+    python -m tests.log.test_old_records
 
 writes one of this version; older ones stay.
 """
@@ -9,12 +9,12 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.record.recorded_runs import bytes_of
 
 from minerva_bus.cli.main import main
 from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.log.description import FORMAT
 from minerva_bus.log.reader import Record
+from tests.log.recorded_runs import bytes_of
 
 mcap = pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

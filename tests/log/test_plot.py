@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from tests.record.recorded_runs import bytes_of, happened, record_of, strings_of
 
 from minerva_bus import (
     Agent,
@@ -21,8 +20,9 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.frame.description import World
 from minerva_bus.log.description import Description
 from minerva_bus.log.places import Surveyor
-from minerva_bus.log.tracks import story_of
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.study.tracks import story_of
+from tests.log.recorded_runs import bytes_of, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from tests.record.recorded_runs import description, happened, record_of, strings_of
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.log import recorder as module
@@ -20,6 +19,7 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recorder import Recorder
 from minerva_bus.log.writer import RecordWriter
+from tests.log.recorded_runs import description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-from tests.record.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
 from minerva_bus.grammar.batch import single
 from minerva_bus.log import channels as c
@@ -14,6 +13,7 @@ from minerva_bus.log.description import encode_description
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.messages import encode_frame
 from minerva_bus.log.writer import RecordWriter
+from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
 mcap = pytest.importorskip("mcap")
 

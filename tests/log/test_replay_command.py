@@ -3,12 +3,12 @@
 import json
 
 import pytest
-from tests.bus.running import Run, World, eventually, here, minerva, summary, write_world
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.recording import recording
+from tests.runtime.running import Run, World, eventually, here, minerva, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

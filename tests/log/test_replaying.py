@@ -3,7 +3,6 @@
 from functools import cache
 
 import pytest
-from tests.record.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
 from minerva_bus import Device
 from minerva_bus.errors import MinervaError
@@ -17,6 +16,7 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.log.film import RecordFilm
 from minerva_bus.log.recomputing import recompute
+from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
 mcap = pytest.importorskip("mcap")
 

@@ -5,15 +5,6 @@ import io
 import struct
 
 import pytest
-from tests.record.recorded_runs import (
-    CHECKPOINTS,
-    ROOT,
-    bytes_of,
-    description,
-    happened,
-    record_of,
-    world_file,
-)
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -30,6 +21,15 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.wire.values import Reader
+from tests.log.recorded_runs import (
+    CHECKPOINTS,
+    ROOT,
+    bytes_of,
+    description,
+    happened,
+    record_of,
+    world_file,
+)
 
 mcap = pytest.importorskip("mcap")
 

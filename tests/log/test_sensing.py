@@ -8,8 +8,6 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from tests.bus.running import ALL_KINDS, here, minerva, summary, write_world
-from tests.record.recorded_runs import description, happened, record_of
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -37,6 +35,8 @@ from minerva_bus.world.readings import (
     Sighting,
     Sightings,
 )
+from tests.log.recorded_runs import description, happened, record_of
+from tests.runtime.running import ALL_KINDS, here, minerva, summary, write_world
 
 mcap = pytest.importorskip("mcap")
 

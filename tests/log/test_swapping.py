@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from tests.bus.running import ALL_KINDS, here, summary, write_world
+
+from tests.runtime.running import ALL_KINDS, here, summary, write_world
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 

@@ -6,10 +6,10 @@ import sys
 import urllib.request
 
 import pytest
-from tests.bus.running import eventually
 
 from tests.deploy.deployed import COMPOSE, README
 from tests.machines.conftest import ROOT, needs, run
+from tests.runtime.running import eventually
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
 OURS = [name for name, one in COMPOSE["services"].items() if "profiles" not in one]

@@ -4,7 +4,8 @@ import json
 import re
 
 import pytest
-from tests.bus.running import eventually, here, summary
+
+from tests.runtime.running import eventually, here, summary
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
 SMALL = ("--read-only", "--cap-drop=ALL", "--security-opt=no-new-privileges")

@@ -5,11 +5,11 @@ import sys
 import threading
 
 import zenoh
-from tests.bus.running import eventually
 
 from minerva_bus.runtime import inbox as inboxes
 from minerva_bus.runtime.inbox import HubInbox, Inbox, Tick
 from minerva_bus.runtime.session import open_client, open_hub
+from tests.runtime.running import eventually
 
 
 def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():

@@ -5,11 +5,11 @@ import os
 import signal
 
 import numpy as np
-from tests.bus.running import MEMBERS, World, eventually, minerva, summary, write_world
-from tests.bus.yard import Walker
 
 from minerva_bus import parse
 from minerva_bus.launch.memory import FOLDER, column_bytes, has_room, sweep
+from tests.runtime.running import MEMBERS, World, eventually, minerva, summary, write_world
+from tests.runtime.yard import Walker
 
 BIG = "PDot<x=1> · " * 60_000
 

@@ -5,13 +5,13 @@ from contextlib import suppress
 
 import pytest
 from pond import Add, Screen, counters, eAdd, expect, service
-from tests.bus.running import World, eventually, write_world
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.pacing import Glances
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
+from tests.runtime.running import World, eventually, write_world
 
 
 class Bell(Add, lockstep=False):

@@ -9,11 +9,11 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.keys import Keys
-from minerva_bus.launch.keys_certificates import Wanted
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.credentials import Credentials
 from minerva_bus.runtime.member import BusMember
+from minerva_bus.security.certificates import Wanted
+from minerva_bus.security.credentials import Credentials
+from minerva_bus.security.keys import Keys
 
 BUS = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
 

@@ -4,8 +4,8 @@ import zenoh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus.runtime.access import access_control
-from minerva_bus.runtime.credentials import HUB, ROLES, ROUTER, Rights
+from minerva_bus.security.access import access_control
+from minerva_bus.security.credentials import HUB, ROLES, ROUTER, Rights
 from minerva_bus.wire.keys import COORDINATOR, Keys, asking_key, control_key
 
 KEYS = Keys("w")

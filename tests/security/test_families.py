@@ -7,15 +7,15 @@ import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.bus import yard
-from tests.bus.running import Run, here, summary
 
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.launch.border import Border, security
-from minerva_bus.runtime.access import access_control
-from minerva_bus.runtime.credentials import Rights, covers, overlap, rights_of
 from minerva_bus.runtime.session import open_client
+from minerva_bus.security.access import access_control
+from minerva_bus.security.credentials import Rights, covers, overlap, rights_of
 from minerva_bus.wire.keys import Keys as WorldKeys
+from tests.runtime import yard
+from tests.runtime.running import Run, here, summary
 from tests.security.secured import (
     Client,
     Joined,

@@ -4,9 +4,9 @@ import pytest
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.credentials import Rights
 from minerva_bus.runtime.gate import MOST_NAMES, STRANGERS, Gate, may_be_awaited
 from minerva_bus.runtime.guard import LOOK_EVERY, NO_NAME, Guard, Security
+from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import Limits

@@ -34,9 +34,9 @@ from secured import (
 
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.launch.keys_certificates import now
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client
+from minerva_bus.security.certificates import now
 
 STRING = " · ".join(f"AWalker#{name}<x={x}>" for x, name in enumerate("abcdefgh"))
 LIMITS = "[limits]\nmessages = 500\nmessage_bytes = 4194304\n"

@@ -13,9 +13,9 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import here
 
 from minerva_bus.errors import KeysError
-from minerva_bus.launch.keys import Keys
-from minerva_bus.launch.keys_certificates import Wanted, now
-from minerva_bus.runtime.credentials import ROLES
+from minerva_bus.security.certificates import Wanted, now
+from minerva_bus.security.credentials import ROLES
+from minerva_bus.security.keys import Keys
 
 
 @pytest.fixture

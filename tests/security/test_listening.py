@@ -10,10 +10,10 @@ from running import write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
 from minerva_bus.launch.border import BorderOverrides, local_endpoint, security
-from minerva_bus.launch.keys import Keys
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint
+from minerva_bus.security.keys import Keys
 from minerva_bus.wire.limits import DEFAULT
 
 

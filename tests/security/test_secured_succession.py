@@ -1,7 +1,6 @@
 """A coordinator that is killed is followed by one that others still find where it was."""
 
-from tests.bus.yard import Screen
-
+from tests.runtime.yard import Screen
 from tests.security.secured import (
     Joined,
     World,

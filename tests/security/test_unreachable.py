@@ -12,11 +12,11 @@ from running import here
 from secured import stolen
 
 from minerva_bus.errors import BusError
-from minerva_bus.launch.keys import Keys
-from minerva_bus.launch.keys_certificates import Wanted, now
-from minerva_bus.runtime.access import access_control
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
 from minerva_bus.runtime.turned_away import NOTHING, reason_in
+from minerva_bus.security.access import access_control
+from minerva_bus.security.certificates import Wanted, now
+from minerva_bus.security.keys import Keys
 from minerva_bus.wire.keys import Keys as WorldKeys
 
 GENERATOR = Wanted(("generator",))

@@ -16,13 +16,14 @@ ORDER = [
     "frame",
     "wire",
     "log",
+    "security",
     "runtime",
     "launch",
     "acl",
     "study",
     "cli",
 ]
-ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "record"}
+ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
 
 
 def imports(path):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.style import write_figure
+from minerva_bus.study.style import write_figure
 from minerva_bus.world.poses import Pose
 
 Reals: TypeAlias = NDArray[np.float64]

@@ -9,11 +9,11 @@ import numpy as np
 from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.palette import Palette
 from minerva_bus.log.showing import corner_of, painted
-from minerva_bus.log.tracks import Story, Track
 from minerva_bus.semantics.bounds import Bounds, bounds
 from minerva_bus.semantics.plane import PlaneGeometry, resolve
+from minerva_bus.study.palette import Palette
+from minerva_bus.study.tracks import Story, Track
 
 MARGIN: Final = 0.03
 SEGMENTS: Final = 60_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any, Final
 
-from minerva_bus.log.tracks import Story, Track
+from minerva_bus.study.tracks import Story, Track
 
 COLORS: Final = (
     "#d9641e",

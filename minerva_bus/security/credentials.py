@@ -22,6 +22,8 @@ ROLES: Final = {
 SERVERS: Final = frozenset({HUB, ROUTER})
 """Roles of those whom others connect to."""
 
+SECURED: Final = ("tls", "quic")
+"""Protocols of endpoints whose links show certificates."""
 FAMILY: Final = "-*"
 """How the common name of a family ends: by hosts-* one may come in as hosts-a, as hosts-b, ..."""
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError
-from minerva_bus.runtime.credentials import FAMILY, SERVERS, Rights
+from minerva_bus.security.credentials import FAMILY, SERVERS, Rights
 
 try:
     from cryptography import x509

@@ -12,7 +12,7 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 from minerva_bus.acl.acts import Act
-from minerva_bus.log.conversation import Exchange, Said
+from minerva_bus.acl.exchanges import Exchange, Said
 
 COLUMN, ROW, FRAME_ROW = 150, 34, 12
 LEFT, TOP, MARGIN = 84, 92, 28

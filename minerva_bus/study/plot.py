@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.log.drawing import Ground, draw_tracks, halo, limits
-from minerva_bus.log.palette import Palette
 from minerva_bus.log.reader import Record
-from minerva_bus.log.style import DOTS, FAINT, INK, STYLE, write_figure
-from minerva_bus.log.tracks import Story, story_of
 from minerva_bus.semantics.geometry import interpret
+from minerva_bus.study.drawing import Ground, draw_tracks, halo, limits
+from minerva_bus.study.palette import Palette
+from minerva_bus.study.style import DOTS, FAINT, INK, STYLE, write_figure
+from minerva_bus.study.tracks import Story, story_of
 
 
 def plot(record: Record, into: Path) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.errors import KeysError, MisuseError, nearest
-from minerva_bus.launch.keys_certificates import (
+from minerva_bus.security.certificates import (
     Authority,
     Issued,
     Wanted,
@@ -28,7 +28,7 @@ from minerva_bus.launch.keys_certificates import (
     read_key,
     read_revoked,
 )
-from minerva_bus.runtime.credentials import (
+from minerva_bus.security.credentials import (
     FAMILY,
     HUB,
     ROLES,

@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Final
 
-from minerva_bus.runtime.credentials import (
+from minerva_bus.security.credentials import (
     AGENT,
     GENERATOR,
     HUB,
     OPERATOR,
     ROUTER,
+    SECURED,
     VIEW,
     Rights,
     family_start,
 )
-from minerva_bus.runtime.endpoints import SECURED
 from minerva_bus.wire.keys import ANY_WORLD, COORDINATOR, Keys, asking_key, control_key
 
 _PUT: Final = ("put", "delete")

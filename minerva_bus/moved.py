@@ -1,0 +1,68 @@
+"""Modules that have moved: worlds and scripts written for their former names keep working.
+
+A former name gives the same module as the new one, and a DeprecationWarning.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Final
+
+MOVED: Final = {
+    "minerva_bus.world.acl": "minerva_bus.acl",
+    "minerva_bus.record": "minerva_bus.log",
+}
+"""Former name to new name; it applies to the modules inside too."""
+
+
+def new_name(name: str) -> str | None:
+    """New name of a module, or None where `name` is not a former one."""
+    for old, new in MOVED.items():
+        if name == old or name.startswith(f"{old}."):
+            return new + name[len(old) :]
+    return None
+
+
+class _Alias:
+    """Loads the module at its new name in place of one at its former name."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._spec: ModuleSpec | None = None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        module = import_module(self._name)
+        self._spec = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__spec__ = self._spec  # The import system has put the former name here.
+
+
+class _Finder:
+    """Finds modules by their former names."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        name = new_name(fullname)
+        if name is None:
+            return None
+        import warnings
+
+        warnings.warn(f"{fullname} is now {name}", DeprecationWarning, stacklevel=2)
+        return ModuleSpec(fullname, _Alias(name))  # pyright: ignore[reportArgumentType]
+
+
+def install() -> None:
+    """Make former names importable.
+
+    The finder comes first: by the path of a package at its former name, the usual finder would
+    load the modules inside a second time.
+    """
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Finder())

@@ -1,0 +1,1 @@
+"""Who may take part in a world: rights, credentials, certificates. See docs/security.md."""
