@@ -34,7 +34,7 @@ from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.readings import Image, Scan
 from minerva_bus.world.services import Emit
-from minerva_services.laser import Laser
+from minerva_services.sensors.laser import Laser
 
 IMAGE_BYTES, IMAGE_HERTZ = 40_000, 30.0
 WARM_UP = 1.0

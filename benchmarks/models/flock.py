@@ -29,8 +29,8 @@ from minerva_bus import (
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.world.population import Moments
 from minerva_bus.world.services import Service
-from minerva_services.neighbours import Neighbours
-from minerva_services.neighbours.plane import near
+from minerva_services.physics.neighbours import Neighbours
+from minerva_services.physics.neighbours.plane import near
 
 NAME = "flock"
 CYCLE = 2

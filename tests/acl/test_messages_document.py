@@ -10,7 +10,7 @@ from minerva_bus import Vocabulary, acl
 from minerva_bus.acl.acts import ACTS
 from minerva_bus.acl.kqml import NEAREST, performative_of
 from minerva_bus.acl.protocols import PROTOCOLS
-from minerva_services.spade import Spade
+from minerva_services.bridges.spade import Spade
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "messages.md").read_text(encoding="utf-8")
 

@@ -73,7 +73,7 @@ service = "each"
 event = "eStep"
 
 [process.xmpp]
-service = "minerva_services.spade:Spade"
+service = "minerva_services.bridges.spade:Spade"
 speaks_for = "AOutside"
 inside = ["buyer", "clerk"]
 domain = "localhost"

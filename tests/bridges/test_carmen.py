@@ -14,10 +14,10 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.carmen import Carmen, CarmenLog
-from minerva_services.carmen.lines import LineError, angles_of, read_line
-from minerva_services.carmen.log import Topics
-from minerva_services.playing import Mounting
+from minerva_services.sensors.carmen import Carmen, CarmenLog
+from minerva_services.sensors.carmen.lines import LineError, angles_of, read_line
+from minerva_services.sensors.carmen.log import Topics
+from minerva_services.sensors.playing import Mounting
 
 
 def readings(path, **options):

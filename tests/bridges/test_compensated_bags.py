@@ -16,12 +16,12 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.beams import hits
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
+from minerva_services.bridges.ros2 import Ros2, Ros2Robot
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.sensors import _Listening
+from minerva_services.bridges.ros2.track import Track
+from minerva_services.bridges.rosbag import Rosbag
 from minerva_services.bridging.testing import Running
-from minerva_services.ros2 import Ros2, Ros2Robot
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.sensors import _Listening
-from minerva_services.ros2.track import Track
-from minerva_services.rosbag import Rosbag
 
 PLACE = partial(place_at, speed=0.3, turn=80.0)
 

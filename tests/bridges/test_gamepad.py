@@ -9,8 +9,8 @@ import pytest
 from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
 from minerva_services.bridging import SourceError
 from minerva_services.bridging.testing import Running
-from minerva_services.gamepad import Gamepad
-from minerva_services.gamepad.pad import Held
+from minerva_services.input.gamepad import Gamepad
+from minerva_services.input.gamepad.pad import Held
 
 pygame = pytest.importorskip("pygame", reason="the extra `gamepad` is not installed")
 
@@ -65,7 +65,7 @@ def slot(monkeypatch):
             raise SourceError(f"there is no gamepad {number}: none is plugged in")
         return pads[-1]
 
-    monkeypatch.setattr("minerva_services.gamepad.service.open_pad", open_own)
+    monkeypatch.setattr("minerva_services.input.gamepad.service.open_pad", open_own)
     return pads
 
 
@@ -187,7 +187,7 @@ def sdl():
 @pytest.fixture
 def virtual(sdl):
     """A joystick of SDL's with four axes and eight buttons, plugged in by a call."""
-    from minerva_services.gamepad.pad import _begun
+    from minerva_services.input.gamepad.pad import _begun
 
     _begun()
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
-from minerva_services.keyboard import Keyboard
-from minerva_services.keyboard.keys import Keys
+from minerva_services.input.keyboard import Keyboard
+from minerva_services.input.keyboard.keys import Keys
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MINERVA, World, environment

@@ -15,7 +15,7 @@ from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.poses import Pose, moved
 from minerva_bus.world.recordings import MapChoice
-from minerva_services.carmen import CarmenLog, open_log
+from minerva_services.sensors.carmen import CarmenLog, open_log
 
 
 def located(path, matched=False):

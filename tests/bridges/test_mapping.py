@@ -22,9 +22,9 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded, RecordingError
-from minerva_services.carmen import CarmenLog
-from minerva_services.laser import Laser
-from minerva_services.playing import Mounting
+from minerva_services.sensors.carmen import CarmenLog
+from minerva_services.sensors.laser import Laser
+from minerva_services.sensors.playing import Mounting
 
 QUARTER = math.pi / 2
 

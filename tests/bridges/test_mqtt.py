@@ -22,8 +22,8 @@ from minerva_bus import (
 )
 
 pytest.importorskip("paho.mqtt")
+from minerva_services.bridges.mqtt import Mqtt
 from minerva_services.bridging import SourceError
-from minerva_services.mqtt import Mqtt
 
 pytestmark = needs_mosquitto
 
@@ -125,7 +125,7 @@ def test_a_flood_is_heard_whole(broker):
 
 
 def test_a_flood_above_what_is_allowed_waits_and_drops(broker, monkeypatch):
-    monkeypatch.setattr("minerva_services.mqtt.traffic.WAITING", 100)
+    monkeypatch.setattr("minerva_services.bridges.mqtt.traffic.WAITING", 100)
     service = bridge(broker, most=1)
     with running(service) as heard, broker.client() as client:
         eventually(is_open(service), "open")
@@ -350,7 +350,7 @@ def test_somebody_who_is_no_broker():
 
 
 def test_somebody_who_says_nothing(monkeypatch):
-    monkeypatch.setattr("minerva_services.mqtt.connection.GREETED_WITHIN", 0.3)
+    monkeypatch.setattr("minerva_services.bridges.mqtt.connection.GREETED_WITHIN", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with pytest.raises(SourceError, match="does not answer as a broker does"):

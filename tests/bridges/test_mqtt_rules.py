@@ -16,14 +16,14 @@ from minerva_bus import (
     Vocabulary,
     WorldInfo,
 )
-from minerva_services.mqtt import Mqtt
-from minerva_services.mqtt.broker import Broker, Login
-from minerva_services.mqtt.making import Making
-from minerva_services.mqtt.outbox import Message, Outbox
-from minerva_services.mqtt.pattern import Pattern
-from minerva_services.mqtt.payload import Garbage
-from minerva_services.mqtt.rule import rules_of
-from minerva_services.mqtt.traffic import Allowance
+from minerva_services.bridges.mqtt import Mqtt
+from minerva_services.bridges.mqtt.broker import Broker, Login
+from minerva_services.bridges.mqtt.making import Making
+from minerva_services.bridges.mqtt.outbox import Message, Outbox
+from minerva_services.bridges.mqtt.pattern import Pattern
+from minerva_services.bridges.mqtt.payload import Garbage
+from minerva_services.bridges.mqtt.rule import rules_of
+from minerva_services.bridges.mqtt.traffic import Allowance
 
 eAir = EventType("eAir", celsius=float, room=Default(str, "?"))
 eDoor = EventType("eDoor", open=bool)

@@ -12,9 +12,9 @@ pytest.importorskip("pynmea2", reason="the extra `serial` is not installed")
 from minerva_bus import MinervaError
 from minerva_bus.world.readings import Position
 from minerva_services.bridging.testing import Running
-from minerva_services.nmea import Nmea
-from minerva_services.nmea.sentences import Fix, Useless, read_fix
-from minerva_services.serial_line import Lines
+from minerva_services.sensors.nmea import Nmea
+from minerva_services.sensors.nmea.sentences import Fix, Useless, read_fix
+from minerva_services.sensors.serial_line import Lines
 
 
 def said(body):

@@ -12,7 +12,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Battery, Mount
 from minerva_bus.world.recordings import Recorded, RecordingError
 from minerva_services.bridging import SourceError
-from minerva_services.playing import LONGEST_GAP, Mounting, Pace, Player, Playing, due_times
+from minerva_services.sensors.playing import LONGEST_GAP, Mounting, Pace, Player, Playing, due_times
 
 STAMPS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=40)
 

@@ -16,14 +16,14 @@ from minerva_bus import Frame, Tick, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import View
-from minerva_services.ros2 import Ros2Robot
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.driver import STILL
-from minerva_services.ros2.messages import messages
-from minerva_services.ros2.network import Network
-from minerva_services.ros2.session import Session
-from minerva_services.ros2.steering import Velocity, driven
-from minerva_services.ros_messages.readings import heading_of
+from minerva_services.bridges.ros2 import Ros2Robot
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.driver import STILL
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network
+from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.steering import Velocity, driven
+from minerva_services.bridges.ros_messages.readings import heading_of
 from tests.bridges.ros2_rig import network
 
 PERIOD = 0.01

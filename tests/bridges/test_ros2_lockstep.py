@@ -16,10 +16,10 @@ from minerva_bus.launch.specs import find_world
 from minerva_bus.log.reader import Record
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_services.camera import Camera
-from minerva_services.ros2.geometry import Command
-from minerva_services.ros2.steering import Limits
-from minerva_services.ros2.stepping import NANO, is_rounding, phases
+from minerva_services.bridges.ros2.geometry import Command
+from minerva_services.bridges.ros2.steering import Limits
+from minerva_services.bridges.ros2.stepping import NANO, is_rounding, phases
+from minerva_services.sensors.camera import Camera
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
 from tests.runtime.running import here
 

@@ -8,15 +8,15 @@ pytest.importorskip("rosbags")
 from minerva_agents.robot.vocabulary import eLaser
 from minerva_bus import Cells, Degrees, EventType, Metres, Vocabulary, WorldInfo
 from minerva_bus.errors import MisuseError
+from minerva_services.bridges.ros2 import Ros2
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network
+from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.view import occupancy
+from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.readings import known_of
 from minerva_services.bridging.testing import Running
-from minerva_services.ros2 import Ros2
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.messages import messages
-from minerva_services.ros2.network import Network
-from minerva_services.ros2.session import Session
-from minerva_services.ros2.view import occupancy
-from minerva_services.ros_messages import GarbageError
-from minerva_services.ros_messages.readings import known_of
 from tests.bridges.ros2_rig import network
 
 eMap = EventType("eMap", cells=Cells, cell=Metres, x=Metres, y=Metres, angle=Degrees)

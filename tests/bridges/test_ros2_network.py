@@ -11,12 +11,12 @@ from minerva_agents.robot.vocabulary import PGoal, PGrid, PMarker, PPath, TPlace
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import WorldInfo
 from minerva_bus.world.services import View
-from minerva_services.ros2 import Ros2, Ros2View
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.messages import messages
-from minerva_services.ros2.network import Network
-from minerva_services.ros2.session import Session
-from minerva_services.ros2.view import occupancy
+from minerva_services.bridges.ros2 import Ros2, Ros2View
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network
+from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router
 from tests.runtime.running import eventually
 
@@ -136,7 +136,7 @@ def test_a_network_that_is_not_there_yet_and_one_that_comes_back(capsys):
 
 def test_more_than_can_wait_is_dropped_and_counted():
     bridge = Ros2("tcp/127.0.0.1:1")
-    from minerva_services.ros2.sensors import _Listening
+    from minerva_services.bridges.ros2.sensors import _Listening
 
     source = _Listening(None, bridge)
     hear = source.hears(types.LASER_SCAN)
@@ -210,7 +210,7 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
 
 
 def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
-    from minerva_services.ros2.network import Attachment
+    from minerva_services.bridges.ros2.network import Attachment
 
     with network() as (endpoint, hub):
         session = Session(Network(endpoint), "motors")

@@ -16,10 +16,10 @@ pytest.importorskip(
 )
 pytest.importorskip("rosbags")
 
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.messages import messages
-from minerva_services.ros2.network import Network
-from minerva_services.ros2.session import Session
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network
+from minerva_services.bridges.ros2.session import Session
 from tests.bridges.ros2_rig import network
 from tests.runtime.running import eventually
 

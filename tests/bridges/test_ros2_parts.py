@@ -11,15 +11,15 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
-from minerva_services.ros2.driver import STILL, Care, Driver, State
-from minerva_services.ros2.geometry import Command, MotorGeometry
-from minerva_services.ros2.mounts import mount_of
-from minerva_services.ros2.network import Attachment, Network
-from minerva_services.ros2.rhythm import Rhythm
-from minerva_services.ros2.senses import scanned_from, seen_from
-from minerva_services.ros2.steering import Limits, driven
-from minerva_services.ros2.track import Track
-from minerva_services.ros_messages import Frames, Mounting
+from minerva_services.bridges.ros2.driver import STILL, Care, Driver, State
+from minerva_services.bridges.ros2.geometry import Command, MotorGeometry
+from minerva_services.bridges.ros2.mounts import mount_of
+from minerva_services.bridges.ros2.network import Attachment, Network
+from minerva_services.bridges.ros2.rhythm import Rhythm
+from minerva_services.bridges.ros2.senses import scanned_from, seen_from
+from minerva_services.bridges.ros2.steering import Limits, driven
+from minerva_services.bridges.ros2.track import Track
+from minerva_services.bridges.ros_messages import Frames, Mounting
 
 SCAN = "sensor_msgs/msg/LaserScan"
 HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"

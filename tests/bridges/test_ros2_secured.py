@@ -11,12 +11,12 @@ import zenoh
 from minerva_bus.errors import MisuseError
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.keys import Keys
+from minerva_services.bridges.ros2 import Ros2
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network, Tls
+from minerva_services.bridges.ros2.session import Session
 from minerva_services.bridging import SourceError
-from minerva_services.ros2 import Ros2
-from minerva_services.ros2 import messages as types
-from minerva_services.ros2.messages import messages
-from minerva_services.ros2.network import Network, Tls
-from minerva_services.ros2.session import Session
 from tests.runtime.running import eventually
 
 

@@ -15,8 +15,8 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Odometry, Position
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.playing import Mounting
-from minerva_services.rosbag import Bag, Rosbag
+from minerva_services.bridges.rosbag import Bag, Rosbag
+from minerva_services.sensors.playing import Mounting
 
 KINDS = pytest.mark.parametrize("suffix", ["bag", "db3", "mcap"])
 

@@ -14,10 +14,10 @@ pytest.importorskip("serial", reason="the extra `serial` is not installed")
 
 from minerva_bus import Degrees, EventType, Frame, Metres, MinervaError, Tick, Vocabulary, WorldInfo
 from minerva_services.bridging.testing import Running
-from minerva_services.laser import Laser
-from minerva_services.rplidar import Rplidar, protocol
-from minerva_services.rplidar.packets import ExpressPackets, Samples, StandardPackets
-from minerva_services.rplidar.turns import LONGEST, Turns, ranges
+from minerva_services.sensors.laser import Laser
+from minerva_services.sensors.rplidar import Rplidar, protocol
+from minerva_services.sensors.rplidar.packets import ExpressPackets, Samples, StandardPackets
+from minerva_services.sensors.rplidar.turns import LONGEST, Turns, ranges
 
 BEAMS = 120
 
@@ -117,7 +117,7 @@ def test_a_cable_pulled_in_mid_scan_and_plugged_in_again(cable, capsys):
 
 
 def test_a_lidar_that_falls_silent_is_started_again(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.rplidar.lidar.SPEAKS_WITHIN", 0.2)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.SPEAKS_WITHIN", 0.2)
     with Emulator(cable) as lidar, Running(bridge(cable)) as runs:
         runs.readings(1)
         lidar.mute = True
@@ -143,7 +143,7 @@ def test_a_lidar_that_stays_in_error_is_told(cable, capsys):
 
 
 def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("minerva_services.rplidar.lidar.ANSWERS_WITHIN", 0.1)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWERS_WITHIN", 0.1)
     cable = Cable(tmp_path / "lidar")
     with Running(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
@@ -159,7 +159,7 @@ def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
 
 
 def test_what_is_no_lidar_is_told(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.rplidar.lidar.ANSWERS_WITHIN", 0.2)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWERS_WITHIN", 0.2)
     with Running(bridge(cable)) as runs:
 
         def chatters():
@@ -178,7 +178,7 @@ def test_a_line_that_another_process_uses(cable):
 
 
 def test_the_ioctl_of_dtr_may_fail():
-    from minerva_services.serial_line import SerialLine
+    from minerva_services.sensors.serial_line import SerialLine
 
     class Device:
         @property

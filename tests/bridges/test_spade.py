@@ -21,10 +21,10 @@ from minerva_bus.grammar.scene import agents
 from minerva_bus.log.reader import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import View
+from minerva_services.bridges.spade import Spade, service
+from minerva_services.bridges.spade.addresses import Addresses
+from minerva_services.bridges.spade.mail import Clock, Garbage, Mailbox, event_of, metadata_of
 from minerva_services.bridging.testing import Running
-from minerva_services.spade import Spade, service
-from minerva_services.spade.addresses import Addresses
-from minerva_services.spade.mail import Clock, Garbage, Mailbox, event_of, metadata_of
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG = Path(__file__).with_name("spade_rig.py")

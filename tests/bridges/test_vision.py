@@ -26,13 +26,13 @@ cv2 = pytest.importorskip("cv2")
 from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
-from minerva_services.vision import Markers, Vision  # noqa: E402
-from minerva_services.vision.detecting import DICTIONARIES, detector, dictionary_of  # noqa: E402
-from minerva_services.vision.edges import refined  # noqa: E402
-from minerva_services.vision.eye import _place, from_centre  # noqa: E402
-from minerva_services.vision.images import grey_of  # noqa: E402
-from minerva_services.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
-from minerva_services.vision.library import opencv  # noqa: E402
+from minerva_services.sensors.vision import Markers, Vision  # noqa: E402
+from minerva_services.sensors.vision.detecting import DICTIONARIES, detector, dictionary_of  # noqa: E402
+from minerva_services.sensors.vision.edges import refined  # noqa: E402
+from minerva_services.sensors.vision.eye import _place, from_centre  # noqa: E402
+from minerva_services.sensors.vision.images import grey_of  # noqa: E402
+from minerva_services.sensors.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
+from minerva_services.sensors.vision.library import opencv  # noqa: E402
 
 PHOTOS = Path(__file__).parents[3] / "shared" / "data" / "markers"
 WORLD = WorldInfo("w", Vocabulary.of(), 0, 0.1)
@@ -470,7 +470,7 @@ def test_an_image_that_cannot_be_read_is_counted():
 
 
 def test_a_marker_becomes_the_robot_s_event():
-    from minerva_services.camera import Camera
+    from minerva_services.sensors.camera import Camera
 
     event = EventType("eCamera", marker=str, dist=Metres, angle=Default(Degrees, 0.0))
     camera = Camera()

@@ -13,7 +13,7 @@ cv2 = pytest.importorskip("cv2")
 from rendered import FX, SIZE, rendered  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
-from minerva_services.vision import Vision  # noqa: E402
+from minerva_services.sensors.vision import Vision  # noqa: E402
 
 
 class Camera(BaseHTTPRequestHandler):
@@ -100,7 +100,7 @@ def test_a_stream_that_stops_and_comes_back(capfd):
 
 def test_a_stream_that_falls_silent(monkeypatch):
     with camera() as server:
-        monkeypatch.setattr("minerva_services.vision.live.PATIENCE", 1.0)
+        monkeypatch.setattr("minerva_services.sensors.vision.live.PATIENCE", 1.0)
         service = vision(f"http://127.0.0.1:{server.server_port}/")
         with running(service) as told:
             eventually(lambda: told, "it sees")
@@ -122,7 +122,7 @@ def test_a_camera_that_is_not_there(source, capfd):
 
 
 def test_a_stream_of_garbage(monkeypatch):
-    monkeypatch.setattr("minerva_services.vision.live.PATIENCE", 2.0)
+    monkeypatch.setattr("minerva_services.sensors.vision.live.PATIENCE", 2.0)
     with camera(image=b"nonsense" * 100) as server:
         service = vision(f"http://127.0.0.1:{server.server_port}/")
         with running(service) as told:

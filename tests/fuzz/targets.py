@@ -43,18 +43,18 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.carmen.log import open_log
-from minerva_services.mqtt.pattern import Pattern
-from minerva_services.mqtt.payload import Garbage, Payload
-from minerva_services.nmea.sentences import Useless, read_fix
-from minerva_services.ros2.messages import messages
-from minerva_services.ros_messages import GarbageError, images
-from minerva_services.ros_messages import readings as ros
-from minerva_services.rosbag.bag import open_bag
-from minerva_services.rplidar import protocol as rplidar
-from minerva_services.rplidar.packets import ExpressPackets, StandardPackets
-from minerva_services.rplidar.turns import Turns, ranges
-from minerva_services.serial_line.lines import Lines
+from minerva_services.bridges.mqtt.pattern import Pattern
+from minerva_services.bridges.mqtt.payload import Garbage, Payload
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros_messages import GarbageError, images
+from minerva_services.bridges.ros_messages import readings as ros
+from minerva_services.bridges.rosbag.bag import open_bag
+from minerva_services.sensors.carmen.log import open_log
+from minerva_services.sensors.nmea.sentences import Useless, read_fix
+from minerva_services.sensors.rplidar import protocol as rplidar
+from minerva_services.sensors.rplidar.packets import ExpressPackets, StandardPackets
+from minerva_services.sensors.rplidar.turns import Turns, ranges
+from minerva_services.sensors.serial_line.lines import Lines
 
 MOST = 500
 """Readings, or frames, that are looked at of one file."""

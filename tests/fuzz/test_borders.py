@@ -13,8 +13,8 @@ import pytest
 
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.maps import load_map
-from minerva_services.laser import Laser
-from minerva_services.mqtt.pattern import Pattern
+from minerva_services.bridges.mqtt.pattern import Pattern
+from minerva_services.sensors.laser import Laser
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 import yard
@@ -94,7 +94,7 @@ def test_an_image_that_says_it_is_huge_is_refused_before_it_takes_memory(tmp_pat
 
 def test_a_camera_s_image_that_says_it_is_huge_is_none():
     pytest.importorskip("cv2")
-    from minerva_services.vision.images import NoImage, grey_of
+    from minerva_services.sensors.vision.images import NoImage, grey_of
 
     with pytest.raises(NoImage):
         grey_of(Image("r", png(60_000, 60_000), "png", 60_000, 60_000, 0.0))

@@ -6,7 +6,7 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
-sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("bus", "security")]
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("runtime", "security")]
 from running import eventually, here, write_world
 from secured import Keys, Wanted, goes_on
 

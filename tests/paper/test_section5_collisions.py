@@ -42,8 +42,8 @@ from minerva_bus.grammar.scene import agents
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.semantics.volumes import volumes
 from minerva_bus.world.order import Order
-from minerva_services.collisions import Collisions
-from minerva_services.each import Each
+from minerva_services.input.each import Each
+from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.service import Physics
 from tests.collision_event import eCollision
 

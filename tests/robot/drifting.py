@@ -13,9 +13,9 @@ from minerva_agents.robot.world import scene, vocabulary
 from minerva_bus import Frame, Tick, View, WorldInfo, evolve, visualize
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.order import Order, collect
-from minerva_services.camera import Camera
-from minerva_services.laser import Laser
 from minerva_services.physics.service import Physics
+from minerva_services.sensors.camera import Camera
+from minerva_services.sensors.laser import Laser
 
 FILE = Path(minerva_agents.robot.__file__).parent / "robot.toml"
 ORDER = Order(tuple(tomllib.loads(FILE.read_text(encoding="utf-8"))["world"]["order"]))

@@ -36,10 +36,10 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service
-from minerva_services.camera import Camera
-from minerva_services.each import Each
-from minerva_services.laser import Laser
+from minerva_services.input.each import Each
 from minerva_services.physics.service import Physics
+from minerva_services.sensors.camera import Camera
+from minerva_services.sensors.laser import Laser
 
 PMap = Primitive(
     "PMap",

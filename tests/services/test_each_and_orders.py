@@ -6,8 +6,8 @@ import pytest
 from driving_world import INFO, joined, tick
 
 from minerva_bus import Event, MinervaError
-from minerva_services.each import Each
-from minerva_services.orders import Orders
+from minerva_services.input.each import Each
+from minerva_services.input.orders import Orders
 
 eObjective = INFO.vocabulary.events["eObjective"]
 

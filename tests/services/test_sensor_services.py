@@ -11,8 +11,8 @@ from minerva_bus import Degrees, EventType, Metres, MinervaError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.fields import Default
 from minerva_bus.world.readings import Scan, Sighting, Sightings
-from minerva_services.camera import Camera
-from minerva_services.laser import Laser
+from minerva_services.sensors.camera import Camera
+from minerva_services.sensors.laser import Laser
 
 
 def scan(ranges: list[float], first: float = -90.0, step: float = 45.0, **rest: Any) -> Scan:

@@ -22,8 +22,8 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.semantics.picture import Lists
-from minerva_services.svg import Svg
-from minerva_services.window.painter import Sight
+from minerva_services.views.svg import Svg
+from minerva_services.views.window.painter import Sight
 
 FRAMES = 60
 ORANGE = (224, 122, 47)
@@ -62,7 +62,7 @@ def projected(painter, x, y, height):
 
 
 def test_sprites(moment):
-    from minerva_services.sprites.painter import SpritePainter
+    from minerva_services.views.sprites.painter import SpritePainter
 
     scene, x, y = moment
     painter = SpritePainter()
@@ -72,7 +72,6 @@ def test_sprites(moment):
 
 
 def test_opengl(moment):
-    sys.path.append(str(Path(__file__).parents[1] / "opengl"))
     opengl = pytest.importorskip("opengl_world")
     if not opengl.has_driver():
         pytest.skip("there is no OpenGL driver (EGL) here")
@@ -86,10 +85,9 @@ def test_opengl(moment):
 
 def test_the_page(moment):
     pytest.importorskip("viser", reason="pip install 'minerva-bus[web]'")
-    sys.path.append(str(Path(__file__).parents[1] / "web"))
     from web_world import listened
 
-    from minerva_services.web.stage import Stage
+    from minerva_services.views.web.stage import Stage
 
     scene, x, y = moment
     with listened() as (server, _):

@@ -14,9 +14,9 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sighting, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_services.colliding import Collision, Teller
 from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.body import Command, Odometer, Outcome
+from minerva_services.physics.colliding import Collision, Teller
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
 from minerva_services.physics.imperfect import Imperfection
@@ -31,7 +31,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
 
     `eCollision(shortfall)` tells a robot that it was stopped, and how many of the metres that it
     had commanded it did not drive; also by what and where, if the world's type has data for it: see
-    `minerva_services.colliding`.
+    `minerva_services.physics.colliding`.
 
     Args:
         beams: of each robot's laser.

@@ -1,0 +1,1 @@
+"""Bridges to other systems: ROS 2, MQTT and XMPP, and what bridges share."""

@@ -1,0 +1,170 @@
+"""One connection to a broker, from the greeting to its loss; used in one thread."""
+
+# paho's own types leave some open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+import ssl
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from minerva_bus.errors import MisuseError
+from minerva_services.bridges.mqtt.broker import Broker, Login
+from minerva_services.bridging import SourceError
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import Client, MQTTMessage
+
+GREETED_WITHIN: Final = 5.0
+KEEPALIVE: Final = 15
+WAITING: Final = 1000
+ONLINE, OFFLINE = b"online", b"offline"
+
+
+def check_library() -> None:
+    """Raises MisuseError where the library for MQTT is not installed."""
+    try:
+        import paho.mqtt.client as _  # noqa: F401
+    except ImportError:
+        raise MisuseError("mqtt: it needs paho-mqtt: pip install 'minerva-bus[mqtt]'") from None
+
+
+def tls_context(login: Login) -> ssl.SSLContext:
+    """What TLS trusts and shows. Raises MisuseError where a file is none."""
+    for name, path in (("ca", login.ca), ("cert", login.cert), ("key", login.key)):
+        if path and not Path(path).is_file():
+            raise MisuseError(f"mqtt: {name}: there is no file {path}")
+    try:
+        context = ssl.create_default_context(cafile=login.ca or None)
+        if login.cert:
+            context.load_cert_chain(login.cert, login.key or None)
+    except (ssl.SSLError, OSError) as error:
+        raise MisuseError(f"mqtt: ca, cert and key are no PEM files that fit: {error}") from None
+    return context
+
+
+class Connection:
+    """A broker that has greeted us.
+
+    `receive` gets each message, within `turn`. Where `status` is a topic, it says `online` there
+    while the connection lasts, and the broker says `offline` when it is lost (the last will).
+    """
+
+    def __init__(
+        self,
+        broker: Broker,
+        login: Login,
+        receive: Callable[[MQTTMessage], None],
+        *,
+        keeps: bool = False,
+        status: str = "",
+    ) -> None:
+        self.broker = broker
+        self._status = status
+        self._refused: dict[int, str] = {}
+        self._greeted = False
+        self._wrong = ""
+        self._client = _client(broker, login, keeps)
+        client = self._client
+        client.on_connect = self._on_connect
+        client.on_subscribe = self._on_subscribe
+        client.on_message = lambda _client, _data, message: receive(message)
+        if status:
+            client.will_set(status, OFFLINE, 1, retain=True)
+        try:
+            self._connect()
+        except BaseException:
+            self._hang_up()
+            raise
+        if status:
+            self.publish(status, ONLINE, 1, retain=True)
+
+    def subscribe(self, filters: dict[str, int]) -> None:
+        """Ask for what comes on these topic filters, each with its QoS."""
+        for pattern, qos in sorted(filters.items()):
+            _, number = self._client.subscribe(pattern, qos)
+            self._refused[number or 0] = pattern
+
+    def publish(self, topic: str, payload: bytes, qos: int = 0, *, retain: bool = False) -> bool:
+        """Send a message; False where too many wait to be sent already."""
+        if self._client.want_write():
+            return False
+        return self._client.publish(topic, payload, qos, retain).rc == 0
+
+    def turn(self, wait: float) -> None:
+        """Take what has come, and wait for it so many seconds at most. Raises SourceError."""
+        try:
+            failed = self._client.loop(wait)
+        except OSError as error:
+            raise self._lost(str(error)) from None
+        if failed or self._wrong:
+            raise self._lost(self._wrong or "the connection is lost")
+
+    def close(self) -> None:
+        """Say goodbye, so that the last will is not carried out, and hang up."""
+        client = self._client
+        try:
+            if self._status:
+                client.publish(self._status, OFFLINE, 0, retain=True)
+            client.disconnect()
+            client.loop(0.1)
+        except OSError:
+            pass  # It is lost, which is what it shall be.
+        self._hang_up()
+
+    # --- the greeting ---
+
+    def _connect(self) -> None:
+        try:
+            self._client.connect(self.broker.host, self.broker.port, KEEPALIVE)
+        except ssl.SSLCertVerificationError as error:
+            raise self._out_of_reach(f"its certificate: {error.verify_message}") from None
+        except (OSError, ValueError) as error:
+            raise self._out_of_reach(getattr(error, "strerror", None) or str(error)) from None
+        until = time.monotonic() + GREETED_WITHIN
+        while not self._greeted:
+            self.turn(0.1)
+            if time.monotonic() > until:
+                raise self._out_of_reach("it does not answer as a broker does")
+
+    def _on_connect(self, _client: Any, _data: Any, _flags: Any, code: Any, _more: Any) -> None:
+        self._greeted = not code.is_failure
+        self._wrong = f"it refuses us: {code}" if code.is_failure else ""
+
+    def _on_subscribe(self, _client: Any, _data: Any, number: int, codes: Any, _more: Any) -> None:
+        pattern = self._refused.pop(number, "a topic")
+        if any(code.is_failure for code in codes):
+            self._wrong = f"it refuses us the topic {pattern}"
+
+    def _out_of_reach(self, why: str) -> SourceError:
+        return SourceError(f"mqtt: no connection to the broker {self.broker}: {why}")
+
+    def _lost(self, why: str) -> SourceError:
+        return SourceError(f"mqtt: the broker {self.broker}: {why}")
+
+    def _hang_up(self) -> None:
+        socket = self._client.socket()
+        if socket is not None:
+            socket.close()
+
+
+def _client(broker: Broker, login: Login, keeps: bool) -> Client:
+    from paho.mqtt.client import Client, MQTTv311
+    from paho.mqtt.enums import CallbackAPIVersion
+
+    client = Client(
+        CallbackAPIVersion.VERSION2,
+        client_id=login.client,
+        clean_session=not keeps,
+        protocol=MQTTv311,
+        reconnect_on_failure=False,
+    )
+    client.connect_timeout = GREETED_WITHIN
+    client.max_queued_messages_set(WAITING)
+    if login.user:
+        client.username_pw_set(login.user, login.password())
+    if broker.tls:
+        client.tls_set_context(tls_context(login))
+    return client

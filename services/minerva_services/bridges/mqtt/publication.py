@@ -1,0 +1,102 @@
+"""What becomes of figures: what a world file says of it, read and checked."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, cast
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.scene import Scene
+from minerva_services.bridges.mqtt.outbox import Message
+from minerva_services.bridges.mqtt.rule import checked_qos
+
+_KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
+_NAME = re.compile(r"\{(\w+)\}")
+_LONGEST = 65535
+
+
+class NoTopic(Exception):
+    """A topic cannot be made of what a figure says."""
+
+
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """How figures of one symbol are published.
+
+    `{name}` in topic and payload is a parameter of the figure, or of a transformation around it.
+    Without a payload it is a JSON object of the figure's own parameters.
+    """
+
+    topic: str
+    payload: str = ""
+    retain: bool = False
+    qos: int = 0
+    gone: str | None = None
+
+    def message(self, names: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, Message]:
+        """Topic and message of a figure, from the names in scope and its own. Raises NoTopic."""
+        topic = _NAME.sub(lambda found: _level(found[1], names), self.topic)
+        if not topic or len(topic.encode()) > _LONGEST:
+            raise NoTopic(f"{topic[:40]!r} is no topic")
+        if self.payload:
+            text = _NAME.sub(lambda found: _word(names.get(found[1], "")), self.payload)
+        else:
+            text = json.dumps(dict(own), default=_plain, ensure_ascii=False)
+        gone = None if self.gone is None else self.gone.encode()
+        return topic, Message(text.encode(), self.qos, self.retain, gone)
+
+    def names(self) -> set[str]:
+        """The names that it uses."""
+        return set(_NAME.findall(self.topic + self.payload))
+
+
+def publications_of(given: Mapping[str, Any], qos: int) -> Mapping[str, Publication]:
+    """The publications by primitive: a topic, or a table. Raises MisuseError."""
+    return {symbol: _publication(symbol, one, qos) for symbol, one in given.items()}
+
+
+def _publication(symbol: str, given: Any, qos: int) -> Publication:
+    where = f"mqtt: publish.{symbol}"
+    told = {"topic": given} if isinstance(given, str) else given
+    if not isinstance(told, Mapping):
+        raise MisuseError(f"{where} must be a topic, or a table with one")
+    table = cast("Mapping[str, Any]", told)
+    for key in table:
+        if key not in _KEYS:
+            near = nearest(key, list(_KEYS))
+            raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(_KEYS)}")
+    for key in ("topic", "payload", "gone"):
+        if not isinstance(table.get(key, ""), str):
+            raise MisuseError(f"{where}: {key} must be a text")
+    topic, retain = table.get("topic", ""), table.get("retain", False)
+    if not topic or set(topic) & set("+#\0"):
+        raise MisuseError(f"{where}: topic is {topic!r}; expected one without + and #")
+    if not isinstance(retain, bool):
+        raise MisuseError(f"{where}: retain must be true or false")
+    checked = checked_qos(where, table.get("qos", qos))
+    return Publication(topic, table.get("payload", ""), retain, checked, table.get("gone"))
+
+
+def _level(name: str, names: Mapping[str, Any]) -> str:
+    level = _word(names.get(name, ""))
+    if not level or set(level) & set("+#\0"):
+        raise NoTopic(f"{name} is {level[:40]!r}, which cannot stand in a topic")
+    return level
+
+
+def _word(value: Any) -> str:
+    """A value as devices read it: ON and OFF, numbers and texts as they are."""
+    if isinstance(value, bool):
+        return "ON" if value else "OFF"
+    return value if isinstance(value, str) else json.dumps(value, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return cast("Any", value).tolist()
+    return str(value) if isinstance(value, Scene) else list(value)

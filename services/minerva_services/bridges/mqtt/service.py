@@ -1,0 +1,158 @@
+"""The MQTT bridge: messages become events, and views become messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.bridges.mqtt.broker import Broker, Login
+from minerva_services.bridges.mqtt.connection import Connection, check_library, tls_context
+from minerva_services.bridges.mqtt.geometry import PLACE, Messages
+from minerva_services.bridges.mqtt.making import Making
+from minerva_services.bridges.mqtt.outbox import Outbox
+from minerva_services.bridges.mqtt.publication import publications_of
+from minerva_services.bridges.mqtt.rule import checked_qos, rules_of
+from minerva_services.bridges.mqtt.traffic import Traffic
+from minerva_services.bridging import Bridge
+from minerva_services.making import event_type
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import MQTTMessage
+
+
+class Mqtt(Bridge, Device, lockstep=False):
+    """Events from the messages of an MQTT broker, and messages from a world's views.
+
+    As a device its geometric system is one of messages: α of a primitive is a publication.
+
+    Args:
+        broker: `mqtt://HOST[:PORT]`, or `mqtts://` for TLS.
+        topics: what becomes an event: by topic pattern an event type, or a table, or several.
+        publish: what becomes a message: by primitive a topic, or a table.
+        draws: the visual event type whose views are published.
+        every: frames from one view to the next; 0 leaves it to a generator to ask for them.
+        user: as whom; the password is in an environment variable or in a file.
+        password_env: the environment variable.
+        password_file: the file.
+        ca: a PEM file of the authorities that are trusted; the system's by default.
+        cert: a PEM file with a certificate of our own, for brokers that want one.
+        key: its key, where that is in another file.
+        client: the client id; made up by the broker by default.
+        keeps: whether the broker keeps for this client id what comes with QoS 1 or 2 while the
+            bridge is away.
+        qos: of what is asked for and published, where a table does not say: 0, 1 or 2.
+        status: a topic that says `online` while the bridge is there, and `offline` else.
+        most: events a second, at most; more wait, and are dropped where too many wait. 0: any.
+        people: whether norms take what comes in for sent by people; false: they take it for the
+            bridge's own, as a sensor's.
+
+    """
+
+    source_option: ClassVar[str] = "broker"
+
+    def __init__(
+        self,
+        broker: str,
+        topics: Mapping[str, Any] | None = None,
+        publish: Mapping[str, Any] | None = None,
+        draws: str = "ePicture",
+        every: int = 1,
+        user: str = "",
+        password_env: str = "",
+        password_file: str = "",
+        ca: str = "",
+        cert: str = "",
+        key: str = "",
+        client: str = "",
+        keeps: bool = False,
+        qos: int = 0,
+        status: str = "",
+        most: int = 1000,
+        people: bool = True,
+    ) -> None:
+        super().__init__()
+        self.people = people
+        self._broker = Broker.at(broker)
+        _check(keeps and not client, "keeps needs a client id; give the option client")
+        _check(every < 0, f"every is {every}; expected a number of frames from 0")
+        _check(most < 0, f"most is {most}; expected a number of events a second from 0")
+        _check(bool(set(status) & set("+#\0")), f"status is {status!r}; expected a topic")
+        _check(not topics and not publish, "nothing to do; give topics (in), publish (out) or both")
+        self._login = Login(client, user, password_env, password_file, ca, cert, key)
+        self._keeps, self._status, self._most = keeps, status, most
+        self.source = f"mqtt: the broker {self._broker}"
+        checked_qos("mqtt", qos)
+        self._rules = rules_of(_mapping("topics", topics), qos)
+        self._publications = publications_of(_mapping("publish", publish), qos)
+        self.draws = (draws,) if self._publications else ()
+        self.every = every
+        self._outbox = Outbox(self.count)
+        self._makings: list[Making] = []
+        self._complained: set[str] = set()
+
+    def generates(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(rule.event for rule in self._rules))
+
+    def joined(self, world: WorldInfo) -> None:
+        check_library()
+        self._login.password()
+        if self._broker.tls:
+            tls_context(self._login)
+        self._vocabulary = world.vocabulary
+        self._makings = [
+            Making(rule, world.vocabulary, event_type("mqtt", world, rule.event))
+            for rule in self._rules
+        ]
+        self._check_publications()
+
+    def _check_publications(self) -> None:
+        primitives = self._vocabulary.primitives
+        around = {
+            name for one in self._vocabulary.transformations.values() for name in one.fields.names
+        }
+        for symbol, how in self._publications.items():
+            near = nearest(symbol, list(primitives))
+            _check(symbol not in primitives, f"the world has no primitive {symbol}{near}")
+            known = {*PLACE, *around, *primitives[symbol].fields.names}
+            for name in sorted(how.names() - known):
+                near = nearest(name, sorted(known))
+                _check(True, f"publish.{symbol}: nothing has a parameter {name}{near}")
+
+    # --- in ---
+
+    def open(self) -> Traffic:
+        return Traffic(
+            self._connect, self._makings, self._outbox, self._most, self.count, self._say
+        )
+
+    def _connect(self, receive: Callable[[MQTTMessage], None]) -> Connection:
+        return Connection(
+            self._broker, self._login, receive, keeps=self._keeps, status=self._status
+        )
+
+    # --- out ---
+
+    def show(self, view: View) -> None:
+        messages = Messages(self._vocabulary, self._publications, self._complain)
+        interpret(view.scene, messages)
+        self._outbox.put(messages.said)
+
+    def _complain(self, problem: str) -> None:
+        self.count("unpublished")
+        if problem not in self._complained and len(self._complained) < 10:
+            self._complained.add(problem)
+            self._say(f"mqtt: {problem}; such figures are counted as unpublished")
+
+
+def _check(wrong: bool, problem: str) -> None:
+    if wrong:
+        raise MisuseError(f"mqtt: {problem}")
+
+
+def _mapping(name: str, given: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    if given is not None and not isinstance(given, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(f"mqtt: {name} must be a table")
+    return given or {}

@@ -1,0 +1,154 @@
+"""A session on a robot's Zenoh network: ROS 2 topics are heard and published through it.
+
+This network is another one than the world's own.
+"""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+import zenoh.ext
+
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import GID_BYTES, Attachment, Network
+from minerva_services.bridging import SourceError
+
+_PATIENCE_MS: Final = 2000
+_CONFIG: Final[dict[str, Any]] = {
+    "mode": "client",
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,
+    "connect/timeout_ms": _PATIENCE_MS,
+    "connect/exit_on_failure": True,
+    "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
+    "timestamping/enabled": True,  # Those who come late ask for what is newest.
+    "transport/link/tx/lease": 3000,
+    "transport/shared_memory/enabled": False,
+}
+
+
+class Publisher:
+    """Publishes messages of one type on one topic."""
+
+    def __init__(self, message: str, publisher: Any, gid: bytes, *, attaches: bool) -> None:
+        self._message = message
+        self._publisher = publisher
+        self._gid = gid
+        self._attaches = attaches
+        self._sequence = 0
+
+    def put(self, value: Any) -> None:
+        """Publish a message; where the network is out of reach it is lost."""
+        self._sequence += 1
+        data = messages().encode(self._message, value)
+        if self._attaches:
+            told = Attachment(self._sequence, time.time_ns(), self._gid).packed()
+            self._publisher.put(data, attachment=told)
+        else:
+            self._publisher.put(data)
+
+
+class Session:
+    """A ROS 2 node of a name, on a network; closed with `close`.
+
+    Raises SourceError where nobody answers.
+    """
+
+    def __init__(self, network: Network, node: str) -> None:
+        config = zenoh.Config()
+        settings = _CONFIG | {"connect/endpoints": [network.router]}
+        if network.tls:
+            settings |= {"transport/link/tls": network.tls.settings()}
+        for key, value in settings.items():
+            config.insert_json5(key, json.dumps(value))
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError:
+            raise SourceError(f"no ROS 2 network answers at {network.router}") from None
+        self.network = network
+        self._node = node
+        self._id = str(self._session.zid())
+        self._declared: list[Any] = []
+        if network.layout == "rmw_zenoh":
+            self._show(network.node_token(self._id, node))
+
+    @property
+    def connected(self) -> bool:
+        """Whether the link to the network's router is there."""
+        return bool(list(self._session.info.routers_zid()))
+
+    def subscribe(
+        self, topic: str, message: str, hear: Callable[[bytes], None], *, lasting: bool = False
+    ) -> None:
+        """Hear a topic's payloads, in a thread of Zenoh's; `lasting` asks for those before too.
+
+        Raises SourceError where the session is lost.
+        """
+
+        def heard(sample: zenoh.Sample) -> None:
+            hear(sample.payload.to_bytes())
+
+        pattern = self.network.pattern(topic, message)
+        history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+        declare = self._session.declare_subscriber
+        if lasting:
+            declare = partial(zenoh.ext.declare_advanced_subscriber, self._session, history=history)
+        self._declared.append(_declared(topic, declare, pattern, heard))
+        self._announce("MS", topic, message, lasting=lasting)
+
+    def publisher(self, topic: str, message: str, *, lasting: bool = False) -> Publisher:
+        """A publisher; what is `lasting` comes to those too who subscribe later.
+
+        Raises SourceError where the session is lost.
+        """
+        key = self.network.key(topic, message, messages().hash(message))
+        cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
+        if lasting:
+            declare = partial(
+                zenoh.ext.declare_advanced_publisher,
+                self._session, cache=cache, publisher_detection=True,
+            )  # fmt: skip
+        declared = _declared(topic, declare, key)
+        self._declared.append(declared)
+        token = self._announce("MP", topic, message, lasting=lasting)
+        gid = hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
+        attaches = self.network.layout == "rmw_zenoh"
+        return Publisher(message, declared, gid, attaches=attaches)
+
+    def close(self) -> None:
+        """Leave the network."""
+        with suppress(zenoh.ZError):
+            for one in reversed(self._declared):
+                one.undeclare()
+        self._session.close()
+
+    def _announce(self, kind: Any, topic: str, message: str, *, lasting: bool) -> str:
+        entity, type_hash = len(self._declared), messages().hash(message)
+        token = self.network.topic_token(
+            self._id, self._node, entity, kind, topic, message, type_hash, lasting=lasting
+        )
+        if self.network.layout == "rmw_zenoh":
+            self._show(token)
+        return token
+
+    def _show(self, token: str) -> None:
+        declare = self._session.liveliness().declare_token
+        self._declared.append(_declared("a liveliness token", declare, token))
+
+
+def _declared(what: str, declare: Callable[..., Any], *arguments: Any) -> Any:
+    """What Zenoh makes of it. Raises SourceError where the session is lost meanwhile."""
+    try:
+        return declare(*arguments)
+    except zenoh.ZError as error:
+        raise SourceError(f"{what} cannot be declared: {str(error).split(' at ', 1)[0]}") from None

@@ -1,0 +1,122 @@
+"""The velocities that take a robot along a command: pure functions of poses.
+
+A robot is steered to where its command leads from where odometry has it, never faster than it can
+stop there. How it holds its line is from Kanayama, Kimura, Miyazaki and Noguchi (1990, "A stable
+tracking control method for an autonomous mobile robot").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Final
+
+from minerva_bus import portable
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.poses import Pose
+from minerva_services.bridges.ros2.geometry import Command
+
+_AHEAD: Final = 8.0
+"""Speed for each metre that is missing, 1/s, where that is less than braking allows."""
+
+_TURNED: Final = 9.0
+"""The same of a turn."""
+
+_ASIDE: Final = 12.0
+"""Turn for each metre that is missing to the side, 1/m²."""
+
+_FACING: Final = 12.0
+"""Degrees off its line from which a robot turns before it drives."""
+
+_REACHED: Final = 0.015
+"""Metres from a corner at which a robot may turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Metres per second along the heading, degrees per second counter-clockwise."""
+
+    speed: float = 0.0
+    turn: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a robot's motors may be told, in m/s, degrees/s, m/s² and degrees/s².
+
+    Raises MisuseError where one is not above 0.
+    """
+
+    speed: float
+    turn: float
+    acceleration: float
+    turn_acceleration: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise MisuseError(f"ros2: {field.name} is {value!r}; expected a number above 0")
+
+    def clipped(self, wanted: Velocity) -> Velocity:
+        """The velocity, no faster than allowed."""
+        return Velocity(_clip(wanted.speed, self.speed), _clip(wanted.turn, self.turn))
+
+    def slewed(self, before: Velocity, wanted: Velocity, seconds: float) -> Velocity:
+        """The velocity nearest to the wanted one that can be had so many seconds after another."""
+        speed, turn = self.acceleration * seconds, self.turn_acceleration * seconds
+        return Velocity(
+            before.speed + _clip(wanted.speed - before.speed, speed),
+            before.turn + _clip(wanted.turn - before.turn, turn),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A command from a pose on: a turn in `start`, and then a straight line to `end`."""
+
+    start: Pose
+    command: Command
+
+    @property
+    def end(self) -> Pose:
+        """Where the command leads."""
+        turned = self.start.then(Pose(angle=self.command.turn))
+        return turned.then(Pose(x=self.command.forward))
+
+    def reached(self, pose: Pose) -> bool:
+        """Whether a robot that comes from behind may turn here."""
+        if not self.command.turn:
+            return True
+        missing = pose.seen(self.start)
+        return abs(missing.x) <= _REACHED
+
+
+def steer(pose: Pose, wanted: Pose, limits: Limits) -> Velocity:
+    """The velocity that brings a robot to a pose and lets it stop there."""
+    missing = pose.seen(wanted)
+    off = missing.angle
+    straight = wanted.seen(pose)
+    speed = _braking(-straight.x, _AHEAD, limits.speed, limits.acceleration)
+    speed *= max(0.0, 1.0 - abs(off) / _FACING)
+    aside = math.degrees(speed * _ASIDE * -straight.y)
+    turn = _braking(off, _TURNED, limits.turn, limits.turn_acceleration)
+    return limits.clipped(Velocity(speed, turn + aside))
+
+
+def _braking(missing: float, gain: float, most: float, acceleration: float) -> float:
+    """How fast to go with so much missing: so that it can be stopped in time."""
+    stoppable = math.sqrt(2 * acceleration * abs(missing))
+    return math.copysign(min(most, stoppable, gain * abs(missing)), missing)
+
+
+def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
+    """Where a robot is that has gone at a velocity for so long, on an arc of a circle."""
+    angle, dist = velocity.turn * seconds, velocity.speed * seconds
+    half = math.radians(angle) / 2
+    chord = dist * (portable.sin(half) / half if half else 1.0)
+    return pose.then(Pose(angle=angle / 2)).then(Pose(x=chord)).then(Pose(angle=angle / 2))
+
+
+def _clip(value: float, most: float) -> float:
+    return min(most, max(-most, value))

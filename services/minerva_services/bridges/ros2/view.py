@@ -1,0 +1,250 @@
+"""RViz as a window on the world: what a robot knows and means, and a goal that is clicked."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus import portable
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.grammar.forms import Label, Shape
+from minerva_bus.grammar.scene import FigureNode, Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.semantics.plane import PlaneGeometry
+from minerva_bus.world.poses import Pose
+from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.bridges.ros2 import messages as types
+from minerva_services.bridges.ros2.link import Link, say
+from minerva_services.bridges.ros2.messages import messages
+from minerva_services.bridges.ros2.network import Network, Tls
+from minerva_services.bridges.ros2.session import Publisher, Session
+from minerva_services.bridges.ros_messages import GarbageError
+from minerva_services.bridges.ros_messages.readings import place_of
+
+Cells = NDArray[np.int16]
+_BEAT: Final = 0.25
+
+
+class Known(PlaneGeometry):
+    """What a picture says that RViz can show.
+
+    PGrid   what a robot knows: 0 unknown, 1 free, 2-9 an obstacle, 10 and more free
+    PPath   the way that it means to go
+    PGoal   where it takes its objective to be
+    Labels of all sorts are places with a name.
+    """
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        super().__init__(vocabulary)
+        self.grids: list[tuple[Cells, float, Pose]] = []
+        self.ways: list[list[Pose]] = []
+        self.goals: list[Pose] = []
+        self.places: dict[str, Pose] = {}
+
+    def PGrid(self, cells: Cells, cell: float, x: float, y: float) -> None:
+        """α: an occupancy grid with its corner at (x, y)."""
+        self.grids.append((cells, cell, self._here().then(Pose(x, y))))
+
+    def PPath(self, xs: tuple[float, ...], ys: tuple[float, ...]) -> None:
+        """α: a path through these points."""
+        here = self._here()
+        self.ways.append([here.then(Pose(x, y)) for x, y in zip(xs, ys, strict=True)])
+
+    def PGoal(self, **_: object) -> None:
+        """α: a goal."""
+        self.goals.append(self._here())
+
+    def shape(self, shape: Shape, figure: FigureNode) -> None:
+        """α of a label: a place."""
+        if isinstance(shape, Label):
+            self.places[str(figure.parameters[shape.text])] = self._here()
+
+    def _here(self) -> Pose:
+        return Pose(self.pose.x, self.pose.y, self.pose.angle)
+
+
+def occupancy(cells: Cells) -> NDArray[np.int8]:
+    """Cells [along x, along y] as an OccupancyGrid has them: by y, -1, 0 or 100."""
+    walls = (cells >= 2) & (cells <= 9)
+    values = np.where(cells == 0, -1, np.where(walls, 100, 0))
+    return np.ascontiguousarray(values.T, np.int8).ravel()
+
+
+def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
+    """The name of the place nearest to a goal, the first of equals. Raises MisuseError."""
+    ordered = sorted(
+        (portable.hypot(at.x - goal.x, at.y - goal.y), name) for name, at in places.items()
+    )
+    if not ordered or ordered[0][0] > radius:
+        near = f"; the nearest is {ordered[0][1]}, {ordered[0][0]:.1f} m away" if ordered else ""
+        raise MisuseError(
+            f"no marker within {radius:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}){near}"
+        )
+    return ordered[0][1]
+
+
+class Ros2View(Device, draws=("ePicture",)):
+    """Publishes what a robot knows for RViz, and makes an objective of a goal that is clicked.
+
+    The world's coordinates are those of the map frame. A goal stands for the marker nearest to it.
+
+    Args:
+        router: the endpoint of the Zenoh router or zenoh-bridge-ros2dds.
+        robot: the id of the agent; may be left out where there is one only.
+        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
+        domain: the ROS domain, for rmw_zenoh.
+        namespace: what stands before all topics that do not begin with a slash.
+        humble: ROS 2 Humble, which has no type hashes.
+        map: topic of the OccupancyGrid messages.
+        plan: topic of the Path messages.
+        objective: topic of PoseStamped messages, where the robot takes its objective to be.
+        goal: topic of PoseStamped messages; each is an order. "": takes no goals.
+        radius: metres from a goal within which its marker must stand.
+        event: the type of the order, whose `marker` is the marker's name.
+        frame: the map frame.
+        every: frames from one picture to the next.
+        authority: for tls/: the certificate of who has signed the router's, a PEM file.
+        certificate: our own, where the router asks for one.
+        key: and its private key.
+
+    """
+
+    source_option: ClassVar[str] = "router"
+
+    def __init__(
+        self,
+        router: str,
+        robot: str = "",
+        layout: str = "rmw_zenoh",
+        domain: int = 0,
+        namespace: str = "",
+        humble: bool = False,
+        map: str = "map",
+        plan: str = "plan",
+        objective: str = "objective",
+        goal: str = "goal_pose",
+        radius: float = 2.0,
+        event: str = "eObjective",
+        frame: str = "map",
+        every: int = 10,
+        authority: str = "",
+        certificate: str = "",
+        key: str = "",
+    ) -> None:
+        tls = Tls(authority, certificate, key)
+        self._network = Network(router, layout, domain, namespace, humble, tls)
+        self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
+        for topic in (*self._out.values(), goal):
+            if topic:
+                self._network.name(topic)
+        if goal and goal == objective:
+            raise MisuseError("ros2_view: goal and objective are one topic; it would hear itself")
+        self._robot, self._goal, self._radius = robot, goal, radius
+        self._event, self._frame = event, frame
+        self.every = every
+        self._link: Link | None = None
+        self._publishers: dict[str, Publisher] = {}
+        self._known: Known | None = None
+        self._counts = {"goals": 0, "garbage": 0}
+        self._lock = threading.Lock()
+
+    def joined(self, world: WorldInfo) -> None:
+        """Raises MisuseError where rosbags is missing."""
+        messages()
+        self._world = world
+        self._link = Link(self._network, "minerva_view", self._declare, lambda: None, _BEAT)
+        self._link.start()
+
+    def show(self, view: View) -> None:
+        """φ of the picture, published where there is somebody to publish to."""
+        known = Known(self._world.vocabulary)
+        interpret(view.scene, known)
+        mine = self._of_robot(view, known)
+        with self._lock:
+            self._known = known
+            publishers = dict(self._publishers)
+        header = messages().header(self._frame, time.time_ns())
+        if types.GRID in publishers and mine.grids:
+            publishers[types.GRID].put(_grid_message(header, *mine.grids[0]))
+        if types.PATH in publishers:
+            way = mine.ways[0] if mine.ways else []
+            publishers[types.PATH].put(_path_message(header, way))
+        if types.POSE_STAMPED in publishers and mine.goals:
+            publishers[types.POSE_STAMPED].put(_pose_message(header, mine.goals[0]))
+
+    def report(self) -> dict[str, bool | int | float | str]:
+        """How the link is, and how many goals were orders."""
+        state = self._link.state if self._link is not None else "not open yet"
+        return {**self._counts, "source": state}
+
+    def close(self) -> None:
+        """Leave the network."""
+        if self._link is not None:
+            self._link.close()
+
+    def _of_robot(self, view: View, known: Known) -> Known:
+        part: Scene | None = view.parts.get(self._robot) if self._robot else None
+        if part is None:
+            return known
+        mine = Known(self._world.vocabulary)
+        interpret(part, mine)
+        return mine
+
+    def _declare(self, session: Session) -> None:
+        made = {
+            message: session.publisher(topic, message, lasting=message == types.GRID)
+            for message, topic in self._out.items()
+            if topic
+        }
+        if self._goal:
+            session.subscribe(self._goal, types.POSE_STAMPED, self._hear_goal)
+        with self._lock:
+            self._publishers = made
+
+    def _hear_goal(self, data: bytes) -> None:
+        """A goal is an order, or a line that says why not."""
+        try:
+            message = messages().decode(types.POSE_STAMPED, data)
+            goal = Pose(*place_of(message.pose))
+        except GarbageError:
+            self._counts["garbage"] += 1
+            return
+        with self._lock:
+            places = dict(self._known.places) if self._known is not None else {}
+        try:
+            if message.header.frame_id.strip("/") != self._frame:
+                raise MisuseError(f"a goal in {message.header.frame_id!r}, not in {self._frame!r}")
+            marker = nearest_place(places, goal, self._radius)
+            declared = self._world.vocabulary.events[self._event]
+            receivers = [self._robot] if self._robot else []
+            self._world.operator.order(declared(marker=marker, receivers=receivers))
+        except (MinervaError, KeyError) as error:
+            say(f"ros2_view: {error}; the goal is passed over")
+        else:
+            self._counts["goals"] += 1
+
+
+def _grid_message(header: Any, cells: Cells, cell: float, corner: Pose) -> Any:
+    make = messages()
+    about = make.make(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=header.stamp, resolution=cell,
+        width=cells.shape[0], height=cells.shape[1],
+        origin=make.pose(corner.x, corner.y, corner.angle),
+    )  # fmt: skip
+    return make.make(types.GRID, header=header, info=about, data=occupancy(cells))
+
+
+def _path_message(header: Any, way: list[Pose]) -> Any:
+    poses = [_pose_message(header, one) for one in way]
+    return messages().make(types.PATH, header=header, poses=poses)
+
+
+def _pose_message(header: Any, at: Pose) -> Any:
+    pose = messages().pose(at.x, at.y, at.angle)
+    return messages().make(types.POSE_STAMPED, header=header, pose=pose)

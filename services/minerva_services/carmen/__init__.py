@@ -1,6 +1,0 @@
-"""Logs of the CARMEN robot navigation toolkit, played into a world."""
-
-from minerva_services.carmen.log import CarmenLog, open_log
-from minerva_services.carmen.service import Carmen
-
-__all__ = ["Carmen", "CarmenLog", "open_log"]

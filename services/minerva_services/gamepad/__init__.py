@@ -1,5 +1,0 @@
-"""A gamepad's stick and buttons, as orders to a world."""
-
-from minerva_services.gamepad.service import Gamepad
-
-__all__ = ["Gamepad"]

@@ -1,0 +1,1 @@
+"""Input: people and clocks as event generators (Table 4)."""

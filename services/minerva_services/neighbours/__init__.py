@@ -1,5 +1,0 @@
-"""Who is near whom: what agents see of one another, as events."""
-
-from minerva_services.neighbours.service import Neighbours
-
-__all__ = ["Neighbours"]

@@ -1,5 +1,0 @@
-"""A world in three dimensions, in an OpenGL window: the paper's figure 3."""
-
-from minerva_services.opengl.service import OpenGL
-
-__all__ = ["OpenGL"]

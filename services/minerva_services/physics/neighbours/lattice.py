@@ -1,0 +1,142 @@
+"""What agents are told of their neighbours on a lattice: how many of them are of which kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.errors import MisuseError
+from minerva_services.physics.neighbours.spots import Spots
+
+Array = NDArray[Any]
+HOODS = ("moore", "von neumann")
+
+
+class Lattice:
+    """Cells 0 to width - 1 and 0 to height - 1, each with a neighbourhood.
+
+    Args:
+        width: in cells.
+        height: in cells.
+        reach: how many cells a neighbourhood reaches.
+        hood: moore, a square; or von neumann, as many steps along the axes.
+        periodic: whether opposite edges are one.
+
+    """
+
+    def __init__(
+        self, width: float, height: float, reach: float, hood: str, periodic: bool
+    ) -> None:
+        self._size = _whole("width", width), _whole("height", height)
+        self._reach = reach = _whole("radius", reach)
+        if periodic and min(self._size) <= 2 * reach:
+            raise MisuseError(
+                f"neighbours: width and height of a periodic lattice are {width} and {height};"
+                f" expected numbers above {2 * reach}, twice the radius"
+            )
+        self._mode: Any = "wrap" if periodic else "constant"
+        square = range(-reach, reach + 1)
+        self._around = [
+            (reach + dx, reach + dy)
+            for dx in square
+            for dy in square
+            if (dx, dy) != (0, 0) and (hood == "moore" or abs(dx) + abs(dy) <= reach)
+        ]
+        self._square = hood == "moore"
+        self._kinds: tuple[Array, list[Array]] | None = None
+
+    def cells(self, spots: Spots) -> Array:
+        """The number of each agent's cell. Raises MisuseError for one that is in none."""
+        found = []
+        for name, at, size in zip("xy", (spots.x, spots.y), self._size, strict=True):
+            whole = at.astype(np.int64, copy=False)
+            if len(at) and (whole.min() < 0 or whole.max() >= size or (whole != at).any()):
+                row = int(np.argmax((whole != at) | (whole < 0) | (whole >= size)))
+                raise MisuseError(
+                    f"neighbours: #{spots.ids[row]} is in no cell: its {name} is {at[row]}, and"
+                    f" not a whole number from 0 to {size - 1}"
+                )
+            found.append(whole)
+        return found[0] * self._size[1] + found[1]
+
+    def around(self, cells: Array, values: Array | None = None) -> Array:
+        """The sum of the neighbours' values for each agent in these cells; None: how many."""
+        if values is None:
+            return self._counted(cells)[cells] - 1
+        inside = np.bincount(cells, values, self._size[0] * self._size[1])
+        total = self._summed(inside.reshape(self._size))
+        return total.reshape(-1)[cells] + (inside[cells] - values)
+
+    def like(self, cells: Array, kinds: Array) -> tuple[Array, Array]:
+        """How many neighbours each agent has, and how many of them have its own value."""
+        same = np.zeros(len(cells), np.int64)
+        all_kinds = np.zeros(self._size[0] * self._size[1], np.int32)
+        for rows in self._rows_by(kinds):
+            mine = cells[rows]
+            counted = self._counted(mine)
+            same[rows] = counted[mine] - 1
+            all_kinds += counted
+        return all_kinds[cells] - 1, same
+
+    def _rows_by(self, kinds: Array) -> list[Array]:
+        """The rows of each value; of those that do not change they are found once."""
+        if self._kinds is None or self._kinds[0] is not kinds:
+            self._kinds = kinds, [np.flatnonzero(kinds == one) for one in np.unique(kinds)]
+        return self._kinds[1]
+
+    def _counted(self, cells: Array) -> Array:
+        """How many agents there are in and around each cell; those in these cells count."""
+        size = self._size
+        inside = np.bincount(cells, minlength=size[0] * size[1]).astype(np.int32).reshape(size)
+        if not self._square:
+            return (self._summed(inside) + inside).reshape(-1)
+        for axis in (0, 1):  # along one edge of the square, then along the other
+            inside = self._along(inside, axis)
+        return inside.reshape(-1)
+
+    def _along(self, inside: Array, axis: int) -> Array:
+        padded = self._padded(inside, axis)
+        length, total = inside.shape[axis], np.zeros_like(inside)
+        for step in range(2 * self._reach + 1):
+            total += padded[step : step + length] if axis == 0 else padded[:, step : step + length]
+        return total
+
+    def _padded(self, inside: Array, axis: int) -> Array:
+        edges = [(self._reach, self._reach) if axis == one else (0, 0) for one in (0, 1)]
+        return np.pad(inside, edges, mode=self._mode)
+
+    def _summed(self, inside: Array) -> Array:
+        """The sum around each cell, one neighbour after another."""
+        width, height = self._size
+        padded = np.pad(inside, self._reach, mode=self._mode)
+        total = np.zeros((width, height), inside.dtype)
+        for x, y in self._around:
+            total += padded[x : x + width, y : y + height]
+        return total
+
+
+def _whole(name: str, number: float) -> int:
+    if number < 1 or number != int(number):
+        raise MisuseError(f"neighbours: {name} of a lattice is {number}; expected cells, from 1")
+    return int(number)
+
+
+def counts(
+    spots: Spots, lattice: Lattice, wanted: AbstractSet[str], same: str
+) -> Mapping[str, Any]:
+    """Of each agent's neighbours what is wanted: how many, how many are the same, and means."""
+    cells = lattice.cells(spots)
+    found: dict[str, Any] = {}
+    if "same" in wanted and same in spots.shown:
+        found["number"], found["same"] = lattice.like(cells, spots.shown[same])
+    else:
+        found["number"] = lattice.around(cells)
+    several = np.maximum(found["number"], 1)
+    numbers = spots.numbers()
+    for name in sorted(numbers.keys() & wanted - found.keys()):
+        found[name] = lattice.around(cells, numbers[name]) / several
+    return {name: found[name] for name in found.keys() & wanted}

@@ -1,5 +1,0 @@
-"""RPLIDAR laser scanners of SLAMTEC's A series, on a serial line."""
-
-from minerva_services.rplidar.service import Rplidar
-
-__all__ = ["Rplidar"]

@@ -1,0 +1,1 @@
+"""Sensors: devices and files whose readings become events (Table 4)."""

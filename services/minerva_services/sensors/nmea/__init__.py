@@ -1,0 +1,5 @@
+"""Receivers of satellite navigation that speak NMEA 0183, on a serial line."""
+
+from minerva_services.sensors.nmea.service import Nmea
+
+__all__ = ["Nmea"]

@@ -1,0 +1,167 @@
+"""From the bytes of a scan to measurements, with what is damaged left out and counted.
+
+Formats: chapter 4, "Start scan" (figure 4-5) and "Start express scan" (figures 4-12, 4-13). How the
+angles of an express scan are recovered: ibid., "Data processing of the express scan data".
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_services.sensors.rplidar.protocol import CAPSULES, SAMPLES, checksum
+
+Count: TypeAlias = Callable[[str], None]
+
+IN_A_ROW: Final = 8
+"""Samples of a standard scan that must be right before it is taken to be in step again."""
+
+WIDEST: Final = 90.0
+"""Degrees that a capsule spans at most; more, and capsules between two have been lost."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Measurements in the order of time, each of shape (n,).
+
+    `angles` are degrees clockwise from the lidar's front, as it turns; `distances` metres, 0 where
+    nothing was measured; `starts` is true where a new turn begins.
+    """
+
+    angles: NDArray[np.float64]
+    distances: NDArray[np.float64]
+    starts: NDArray[np.bool_]
+
+
+NOTHING: Final = Samples(np.empty(0), np.empty(0), np.empty(0, np.bool_))
+
+
+class Packets:
+    """Takes bytes as they come, in whatever parts, and gives the samples in them.
+
+    `count` is told of each thing that goes wrong. After damage the next packet is looked for, byte
+    by byte.
+    """
+
+    def __init__(self, count: Count) -> None:
+        self._count = count
+        self._bytes = b""
+
+    def feed(self, data: bytes) -> Iterator[Samples]:
+        """The samples that are complete now."""
+        self._bytes += data
+        while (found := self._next()) is not None:
+            if len(found.angles):
+                yield found
+
+    @abstractmethod
+    def _next(self) -> Samples | None:
+        """What comes next, maybe nothing for now; None where more bytes are needed."""
+
+
+class StandardPackets(Packets):
+    """The five bytes of each sample of a standard scan.
+
+    Each has but two checks, S against its inverse and a bit that is 1. So after a failure some in a
+    row must be right.
+    """
+
+    def __init__(self, count: Count) -> None:
+        super().__init__(count)
+        self._in_step = True
+
+    def _next(self) -> Samples | None:
+        needed = 1 if self._in_step else IN_A_ROW
+        whole = len(self._bytes) // SAMPLES.size
+        if whole < needed:
+            return None
+        rows = np.frombuffer(self._bytes, np.uint8, whole * SAMPLES.size).reshape(whole, -1)
+        wrong = np.flatnonzero(((rows[:, 0] ^ (rows[:, 0] >> 1)) & rows[:, 1] & 1) == 0)
+        right = int(wrong[0]) if len(wrong) else whole
+        if right >= needed:
+            self._in_step = True
+            self._bytes = self._bytes[right * SAMPLES.size :]
+            return _standard(rows[:right])
+        if self._in_step:
+            self._count("damaged packets")
+        self._in_step = False
+        self._bytes = self._bytes[1:]
+        return NOTHING
+
+
+def _standard(rows: NDArray[np.uint8]) -> Samples:
+    words = rows.astype(np.uint16)
+    angles = ((words[:, 1] >> 1) | (words[:, 2] << 7)) / 64.0
+    distances = (words[:, 3] | (words[:, 4] << 8)) / 4000.0
+    return Samples(angles, distances, (rows[:, 0] & 1).astype(np.bool_))
+
+
+class ExpressPackets(Packets):
+    """The capsules of an express scan: 32 samples each, with a checksum.
+
+    The angles in one depend on where the next begins, so it is given when that one is there. The
+    angular compensations are read as numbers without a sign, as the vendor's own driver does,
+    although the document calls their topmost bit one.
+    """
+
+    def __init__(self, count: Count) -> None:
+        super().__init__(count)
+        self._before = b""
+        self._last = 0.0
+
+    def _next(self) -> Samples | None:
+        if not self._find():
+            return None
+        capsule = self._bytes[: CAPSULES.size]
+        if checksum(capsule[2:]) != (capsule[0] & 0xF) | (capsule[1] & 0xF) << 4:
+            self._count("damaged packets")
+            self._bytes, self._before = self._bytes[1:], b""
+            return NOTHING
+        self._bytes = self._bytes[CAPSULES.size :]
+        before, self._before = self._before, capsule
+        return self._between(before, capsule) if before else NOTHING
+
+    def _find(self) -> bool:
+        """Go to the next two bytes that may begin a capsule; whether there is a whole one."""
+        data, at = self._bytes, 0
+        while at + 1 < len(data) and (data[at] >> 4, data[at + 1] >> 4) != (0xA, 0x5):
+            at += 1
+        if at:
+            self._before = b""
+        self._bytes = data[at:]
+        return len(self._bytes) >= CAPSULES.size
+
+    def _between(self, capsule: bytes, after: bytes) -> Samples:
+        first = _start(capsule)
+        width = (_start(after) - first) % 360.0
+        if width > WIDEST:
+            self._count("lost packets")
+            return NOTHING
+        raw, angles, distances = _express(capsule, first, width)
+        starts = np.diff(raw, prepend=self._last) < 0
+        self._last = float(raw[-1])
+        return Samples(angles, distances, starts)
+
+
+def _start(capsule: bytes) -> float:
+    """Degrees at which a capsule begins; its topmost bit, S, only says that a scan has begun."""
+    return ((capsule[2] | capsule[3] << 8) & 0x7FFF) / 64.0
+
+
+def _express(capsule: bytes, first: float, width: float) -> tuple[NDArray[np.float64], ...]:
+    """Raw angles, angles and distances of a capsule that begins at an angle and is so wide.
+
+    θ_k = ω_i + AngleDiff(ω_i, ω_{i+1})/32 · k − dθ_k, degrees; the raw angle is θ_k + dθ_k. A turn
+    begins with a sample whose raw angle is smaller than the one before.
+    """
+    cabins = np.frombuffer(capsule, np.uint8, offset=4).reshape(16, 5).astype(np.uint16)
+    words = np.stack([cabins[:, 0] | cabins[:, 1] << 8, cabins[:, 2] | cabins[:, 3] << 8], axis=1)
+    low = np.stack([cabins[:, 4] & 0xF, cabins[:, 4] >> 4], axis=1)
+    compensation = (low | (words & 3) << 4) / 8.0
+    raw = (first + width / 32.0 * np.arange(32, dtype=np.float64)) % 360.0
+    return raw, (raw - compensation.ravel()) % 360.0, (words >> 2).ravel() / 1000.0

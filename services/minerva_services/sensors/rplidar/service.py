@@ -1,0 +1,140 @@
+"""The bridge to an RPLIDAR: its options, and scans of its turns."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import ClassVar, Final
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.world.readings import Scan
+from minerva_services.bridging import Bridge, SourceError
+from minerva_services.sensors.rplidar.lidar import Lidar
+from minerva_services.sensors.rplidar.packets import Samples
+from minerva_services.sensors.rplidar.protocol import EXPRESS_SINCE
+from minerva_services.sensors.rplidar.turns import Turns, ranges
+from minerva_services.sensors.serial_line import SerialLine, check_installed, open_line
+
+MODES: Final = ("auto", "express", "standard")
+MOST_BEAMS: Final = 7200
+
+
+class Rplidar(Bridge):
+    """Publishes each turn of an RPLIDAR of the A series as a Scan.
+
+    Beam 0 points where the lidar's front does, the others follow counter-clockwise in equal steps.
+
+    Args:
+        port: the device, such as /dev/ttyUSB0, or socket://HOST:PORT.
+        baud: 115200 for A1 and A2M8; 256000 for A2M7, A2M12 and A3.
+        mode: "express" (firmware 1.17 or later), "standard", or "auto": what it can.
+        beams: of a scan.
+        range_max: metres; what is measured beyond counts as nothing.
+        robot: the id of the agent that carries it.
+        mount_x: metres ahead of the robot's centre.
+        mount_y: metres to the left of it.
+        mount_angle: degrees by which its front is turned, counter-clockwise.
+        topic: the sensor topic of the scans.
+
+    """
+
+    source_option: ClassVar[str] = "port"
+
+    def __init__(
+        self,
+        port: str = "/dev/ttyUSB0",
+        baud: int = 115200,
+        mode: str = "auto",
+        beams: int = 360,
+        range_max: float = 12.0,
+        robot: str = "r1",
+        mount_x: float = 0.0,
+        mount_y: float = 0.0,
+        mount_angle: float = 0.0,
+        topic: str = "scan",
+    ) -> None:
+        super().__init__()
+        check_installed("rplidar")
+        if mode not in MODES:
+            raise MisuseError(f"rplidar: mode is {mode!r}; expected one of {', '.join(MODES)}")
+        if not 1 <= beams <= MOST_BEAMS:
+            raise MisuseError(f"rplidar: beams is {beams}; expected 1 to {MOST_BEAMS}")
+        if not 0 < range_max < float("inf"):
+            raise MisuseError(f"rplidar: range_max is {range_max}; expected metres above 0")
+        self.source = f"the lidar at {port}"
+        self.publishes = (topic,)
+        self._port, self._baud, self._mode, self._topic = port, baud, mode, topic
+        self._scan = Scan(
+            robot,
+            np.zeros(beams, np.float32),
+            0.0,
+            360.0 / beams,
+            range_max,
+            0.0,
+            mount_x,
+            mount_y,
+            mount_angle,
+        )
+        self._born = time.monotonic()
+        self._said = ""
+        self._health = ""
+
+    def open(self) -> LidarSource:
+        """Raises SourceError where no lidar answers, or it protects itself."""
+        line = open_line(self._port, self._baud)
+        try:
+            lidar = Lidar(line)
+            self._tell(lidar)
+            express = self._mode == "express" or (
+                self._mode == "auto" and lidar.info.firmware >= EXPRESS_SINCE
+            )
+            return LidarSource(self, line, lidar, express)
+        except SourceError:
+            line.close()
+            raise
+
+    def scan(self, turn: Samples) -> tuple[str, Scan]:
+        """A turn as a scan, with its topic; a lidar has no clock, so its time is that of ours."""
+        found = ranges(turn, len(self._scan.ranges))
+        return self._topic, replace(self._scan, ranges=found, time=time.monotonic() - self._born)
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        return {**super().report(), **({"health": self._health} if self._health else {})}
+
+    def _tell(self, lidar: Lidar) -> None:
+        """Say once which lidar it is, and again where its health has changed."""
+        self._health = str(lidar.health)
+        said = f"{self.source}: {lidar.info}; health {self._health}"
+        if said != self._said:
+            self._say(said)
+        self._said = said
+
+
+class LidarSource:
+    """A lidar that scans."""
+
+    def __init__(self, bridge: Rplidar, line: SerialLine, lidar: Lidar, express: bool) -> None:
+        self._bridge = bridge
+        self._line = line
+        self._lidar = lidar
+        self._packets = lidar.scan(express, bridge.count)
+
+    def read(self, stop: threading.Event) -> Iterator[tuple[str, Scan] | None]:
+        """Scans, as turns end."""
+        turns = Turns(self._bridge.count)
+        for data in self._lidar.read(stop):
+            for samples in self._packets.feed(data):
+                for turn in turns.add(samples):
+                    yield self._bridge.scan(turn)
+            yield None
+
+    def close(self) -> None:
+        """Let it rest, if it can be told to."""
+        with suppress(SourceError):
+            self._lidar.rest()
+        self._line.close()

@@ -1,0 +1,83 @@
+"""Markers in images that somebody publishes: from images to sightings, in step with the world."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.world.readings import Image, Sightings
+from minerva_bus.world.services import Generator, Tick, WorldInfo
+from minerva_services.sensors.vision.eye import Eye, Look, WrongSize, names_of
+from minerva_services.sensors.vision.images import NoImage, grey_of
+
+
+class Markers(Generator):
+    """Sees markers (ArUco, AprilTag) in the images of a topic and publishes `Sightings`.
+
+    In step: a frame waits until its images have been looked at. Robot and mount are those of the
+    image.
+
+    Args:
+        dictionary: that the markers are of, as `6X6_250` or `APRILTAG_36h11`.
+        size: metres, the side of a marker's black square.
+        names: the world's names of markers by their numbers; by default the numbers.
+        calibration: a calibration file of OpenCV or ROS.
+        fx: pixels, the focal length, in place of a file.
+        fy: pixels; 0: as fx.
+        cx: pixels, the optical centre; 0: the middle of the image.
+        cy: pixels, likewise.
+        images: the topic of the images.
+        topic: where the sightings go.
+        takes: of images that come faster than frames, "newest" counts, or "all" of them.
+        nth: of images that come freely, only every n-th counts.
+
+    """
+
+    def __init__(
+        self,
+        dictionary: str,
+        size: float,
+        names: Mapping[str, Any] | None = None,
+        calibration: str = "",
+        fx: float = 0.0,
+        fy: float = 0.0,
+        cx: float = 0.0,
+        cy: float = 0.0,
+        images: str = "image",
+        topic: str = "sightings",
+        takes: str = "newest",
+        nth: int = 1,
+    ) -> None:
+        self._look = Look(dictionary, size, names_of(names), calibration, fx, fy, cx, cy)
+        self.takes, self.nth = takes, nth
+        # Which topics is up to each world, so these hide the class's.
+        self.topics = (images,)
+        self.publishes = (topic,)
+        self._counts: Counter[str] = Counter()
+
+    def joined(self, world: WorldInfo) -> None:
+        self._eye = Eye(self._look, self._count)
+
+    def generate(self, tick: Tick) -> Iterable[AnyEvent]:
+        for image in tick.readings:
+            if not isinstance(image, Image):
+                raise MisuseError(
+                    f"markers: expected images on {self.topics[0]!r}, found {type(image).__name__}"
+                )
+            self._count("images")
+            try:
+                seen = self._eye.sees(grey_of(image), image.mount)
+            except (NoImage, WrongSize) as problem:
+                self._count("wrong size" if isinstance(problem, WrongSize) else "garbage")
+                continue
+            tick.publish(self.publishes[0], Sightings(image.robot, seen, image.time))
+        return ()
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        return dict(self._counts)
+
+    def _count(self, what: str) -> None:
+        self._counts[what] += 1

@@ -1,5 +1,0 @@
-"""Worlds by ear: a view rendered to a WAV file instead of a picture."""
-
-from minerva_services.sound.service import Sound
-
-__all__ = ["Sound"]

@@ -1,5 +1,0 @@
-"""A bridge to agents of SPADE, and any others that speak FIPA ACL over XMPP."""
-
-from minerva_services.spade.service import Spade
-
-__all__ = ["Spade"]

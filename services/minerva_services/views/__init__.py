@@ -1,0 +1,1 @@
+"""Views: geometries that render a world as pictures, pages, windows and sound."""

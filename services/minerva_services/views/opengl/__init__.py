@@ -1,0 +1,5 @@
+"""A world in three dimensions, in an OpenGL window: the paper's figure 3."""
+
+from minerva_services.views.opengl.service import OpenGL
+
+__all__ = ["OpenGL"]

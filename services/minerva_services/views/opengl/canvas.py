@@ -1,0 +1,118 @@
+"""What is drawn on: a window of pygame's, or memory alone, through OpenGL."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_services.views.window.painter import Pixels
+from minerva_services.views.window.screen import begin
+
+_PACKAGES = "libegl1, libgl1 and libgl1-mesa-dri"
+_SAMPLES = 4
+_VERSION = 330
+_SOFTWARE = "llvmpipe", "softpipe", "swrast"
+
+
+def without_window() -> moderngl.Context:
+    """OpenGL without a screen. Raises MisuseError where there is no driver for it."""
+    why = ""
+    backends: tuple[dict[str, Any], ...] = {"backend": "egl"}, {}
+    for options in backends:
+        try:
+            return moderngl.create_context(standalone=True, require=_VERSION, **options)
+        except Exception as error:
+            why = why or _line(error)
+    raise _no_driver(why)
+
+
+def in_window() -> moderngl.Context:
+    """OpenGL in the window that pygame has opened. Raises MisuseError."""
+    try:
+        return moderngl.create_context(require=_VERSION)
+    except Exception as error:
+        raise _no_driver(_line(error)) from None
+
+
+def ask_for_opengl() -> int:
+    """What a window needs for OpenGL 3.3, told to pygame; the flags of its display."""
+    import pygame
+
+    begin("opengl")
+    for what, value in (
+        (pygame.GL_CONTEXT_MAJOR_VERSION, 3),
+        (pygame.GL_CONTEXT_MINOR_VERSION, 3),
+        (pygame.GL_CONTEXT_PROFILE_MASK, pygame.GL_CONTEXT_PROFILE_CORE),
+    ):
+        pygame.display.gl_set_attribute(what, value)
+    return pygame.OPENGL | pygame.DOUBLEBUF
+
+
+class Canvas:
+    """A picture in the graphics card's memory."""
+
+    def __init__(self, gl: moderngl.Context, size: tuple[int, int]) -> None:
+        self._gl = gl
+        self._made: list[Any] = []
+        self.slow = any(name in gl.info["GL_RENDERER"].lower() for name in _SOFTWARE)
+        self.resize(size)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Begin anew with another size in pixels."""
+        self.release()
+        self.size = size
+        colors = self._kept(self._gl.renderbuffer(size, 4))
+        self._finished = self._kept(self._gl.framebuffer(colors))
+        self._plain = self._kept(self._gl.framebuffer(colors, self._depth(0)))
+        samples = min(_SAMPLES, self._gl.max_samples)
+        several = self._kept(self._gl.renderbuffer(size, 4, samples=samples))
+        self._fine = self._kept(self._gl.framebuffer(several, self._depth(samples)))
+        self._drawn = self._plain
+
+    def begin(self, *, smooth: bool) -> None:
+        """Draw on it from now on; smooth edges take four times the work."""
+        self._drawn = self._fine if smooth else self._plain
+        self._drawn.use()
+        self._drawn.clear(depth=1.0)
+
+    def finish(self) -> None:
+        """Edges are made smooth; what is drawn after that stays as it is."""
+        if self._drawn is self._fine:
+            self._gl.copy_framebuffer(self._finished, self._fine)
+        self._finished.use()
+
+    def to(self, screen: moderngl.Framebuffer) -> None:
+        """Copy it to a window."""
+        self._gl.copy_framebuffer(screen, self._finished)
+
+    def _depth(self, samples: int) -> moderngl.Renderbuffer:
+        return self._kept(self._gl.depth_renderbuffer(self.size, samples=samples))
+
+    def _kept(self, made: Any) -> Any:
+        self._made.append(made)
+        return made
+
+    def pixels(self) -> Pixels:
+        """Red, green and blue of shape (height, width, 3), the topmost row first."""
+        width, height = self.size
+        data = np.frombuffer(self._finished.read(components=3, alignment=1), np.uint8)
+        return np.ascontiguousarray(data.reshape(height, width, 3)[::-1])
+
+    def release(self) -> None:
+        """Give its memory back."""
+        for one in reversed(self._made):
+            one.release()
+        self._made = []
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _no_driver(why: str) -> MisuseError:
+    return MisuseError(
+        f"opengl: there is no driver for OpenGL 3.3 ({why}); on Debian, apt install {_PACKAGES}"
+    )

@@ -1,0 +1,99 @@
+"""Discs in the picture: all of them are one call, as copies of one drum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.semantics.picture import Discs
+from minerva_services.views.opengl import shaders
+from minerva_services.views.opengl.gpu import Growing, fitting, program
+from minerva_services.views.opengl.solids import Single, drum
+
+_SHAPE = "2f 3f 2f", ("way", "edge", "facing")
+_COPY = "4f 2f 4f1 /i", ("stand", "size", "paint")
+_RECORD = np.dtype([("stand", "f4", 4), ("size", "f4", 2), ("paint", "u1", 4)])
+_FINEST = ((300, (40, True)), (3000, (16, True)), (1 << 62, (6, False)))
+"""Up to how many discs, in how many segments, and whether their edges are rounded."""
+_LAYER = 0.04
+"""By how much of its height a disc stands higher than the one that it lies over."""
+_MOST = 12
+_COMPARED = 400
+
+
+class Drums:
+    """All discs of a picture."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self._gl = gl
+        self._copies = Growing(gl)
+        self._bright = program(gl, shaders.DRUM_VERTEX, shaders.DRUM_FRAGMENT)
+        self._dark = program(gl, shaders.DRUM_SHADOW, shaders.NOTHING)
+        self._arrays: dict[tuple[int, bool, int, int], moderngl.VertexArray] = {}
+        self._shape = _FINEST[0][1]
+        self.count = 0
+
+    def take(self, batches: Sequence[Discs]) -> None:
+        """Take a picture's discs."""
+        self.count = sum(map(len, batches))
+        self._shape = next(shape for most, shape in _FINEST if self.count <= most)
+        self._copies.write(instances(batches))
+
+    def cast(self) -> None:
+        """Draw what casts shadows: of the simplest drums, only the lids."""
+        segments, rounded = self._shape
+        sides = 0 if rounded else 2 * segments
+        self._draw(self._dark, sides)
+
+    def draw(self) -> None:
+        """Draw them all."""
+        self._draw(self._bright, 0)
+
+    def _draw(self, by: moderngl.Program, first: int) -> None:
+        if self.count:
+            array = self._array(by)
+            rest = array.vertices - 3 * first
+            array.render(moderngl.TRIANGLES, rest, first=3 * first, instances=self.count)
+
+    def _array(self, by: moderngl.Program) -> moderngl.VertexArray:
+        key = (*self._shape, by.glo, self._copies.buffer.glo)
+        if key not in self._arrays:
+            mesh = drum(*self._shape)
+            content = [
+                (self._gl.buffer(mesh.vertices), *fitting(by, *_SHAPE)),
+                (self._copies.buffer, *fitting(by, *_COPY)),
+            ]
+            triangles = self._gl.buffer(mesh.triangles)
+            self._arrays[key] = self._gl.vertex_array(by, content, index_buffer=triangles)
+        return self._arrays[key]
+
+
+def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
+    """A record for each disc: where it stands, how large it is, its colour, whether it has a mark.
+
+    What comes later in the string lies over what comes before, so it stands a little higher.
+    """
+    made = np.zeros(sum(map(len, batches)), _RECORD)
+    start = 0
+    for discs in batches:
+        rows = made[start : start + len(discs)]
+        stand, size, paint = rows["stand"], rows["size"], rows["paint"]
+        stand[:, 0], stand[:, 1], stand[:, 3] = discs.x, discs.y, discs.angle
+        size[:, 0], size[:, 1] = discs.radius, discs.height
+        paint[:, :3], paint[:, 3] = discs.color, 255 * discs.heading
+        start += len(discs)
+    x, y, radius = made["stand"][:, 0], made["stand"][:, 1], made["size"][:, 0]
+    made["size"][:, 1] *= 1 + _LAYER * _layers(x, y, radius)
+    return made
+
+
+def _layers(x: Single, y: Single, radius: Single) -> NDArray[np.float64]:
+    """How many discs each lies over, at most so many; for a crowd, only which comes later."""
+    order = np.arange(len(x))
+    if len(x) > _COMPARED:
+        return _MOST * order / len(x)
+    over = np.hypot(x[:, None] - x, y[:, None] - y) < radius[:, None] + radius
+    return np.minimum(np.tril(over, -1).sum(axis=1), _MOST).astype(np.float64)

@@ -1,0 +1,182 @@
+"""Matrices in the picture: floors, the walls that stand on them, and what lies over them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_services.views.opengl import shaders
+from minerva_services.views.opengl.gpu import COLORS, OPENNESS, Kept, Uploaded, program
+from minerva_services.views.opengl.painting import lidded, open_floor, painted, walled
+from minerva_services.views.opengl.solids import Mesh, tops, upright
+
+_PLACES = "3f 3f", ("where", "facing")
+_SIDES_LIGHTER = 0.78
+_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+
+
+@dataclass(slots=True, eq=False)
+class Floor:
+    """One matrix on the graphics card. It keeps its cells, so that they keep their identity."""
+
+    tiles: Tiles
+    opaque: bool
+    """Whether nothing shines through."""
+    colors: moderngl.Texture
+    openness: moderngl.Texture
+    tops: Uploaded
+    lids: Uploaded
+    sides: Uploaded
+    slab: Uploaded
+
+    def release(self) -> None:
+        """Give its memory back."""
+        for one in (self.colors, self.openness, self.tops, self.lids, self.sides, self.slab):
+            one.release()
+
+
+class Floors:
+    """All matrices of a picture, in its order."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self._gl = gl
+        self._kept: Kept[object, Tiles, Floor] = Kept(self._make, Floor.release)
+        self._shown: list[Floor] = []
+        self._lit = program(gl, shaders.TILES_VERTEX, shaders.TILES_FRAGMENT)
+        self._clear = program(gl, shaders.OVERLAY_VERTEX, shaders.OVERLAY_FRAGMENT)
+        self._draped = program(gl, shaders.DRAPED_VERTEX, shaders.OVERLAY_FRAGMENT)
+        self._standing = program(gl, shaders.WALL_VERTEX, shaders.WALL_FRAGMENT)
+        self._dark = program(gl, shaders.WALL_SHADOW, shaders.NOTHING)
+        mesh = Mesh(_CORNERS, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+        self._sheet = Uploaded(gl, mesh, "2f", ("corner",))
+        self.lift = 0.003
+        self.depth = 0.1
+
+    @property
+    def lies_deep(self) -> bool:
+        """Whether there is a floor, with sides that reach below the level 0."""
+        return any(floor.opaque for floor in self._shown)
+
+    def take(self, tiles: list[Tiles], lift: float, depth: float) -> None:
+        """Take a picture's matrices; each lies `lift` metres over the one before."""
+        if depth != self.depth:
+            self._kept.of(())
+        self.lift, self.depth = lift, depth
+        self._shown = self._kept.of((_identity(one), one) for one in tiles if one.cells.size)
+
+    def cast(self) -> None:
+        """Draw what casts shadows."""
+        for floor in self._shown:
+            floor.tops.draw(self._dark)
+            floor.lids.draw(self._dark)
+            floor.sides.draw(self._dark)
+
+    def draw(self) -> None:
+        """Draw walls and floors, those that hide others first."""
+        opaque = [(rank, floor) for rank, floor in enumerate(self._shown) if floor.opaque]
+        for _, floor in opaque:
+            self._wall(floor)
+        for rank, floor in reversed(opaque):
+            floor.openness.use(OPENNESS)
+            self._lay(floor, rank * self.lift, self._lit)
+
+    def overlay(self) -> None:
+        """Draw what shines through, on the floor and on top of the walls."""
+        for rank, floor in enumerate(self._shown):
+            if floor.opaque:
+                continue
+            self._lay(floor, rank * self.lift, self._clear)
+            _set(self._draped, "over", np.linalg.inv(_lying(floor.tiles)))
+            self._draped["level"] = rank * self.lift
+            for other in self._shown:
+                if other is not floor:
+                    other.tops.draw(self._draped)
+
+    def _lay(self, floor: Floor, level: float, by: moderngl.Program) -> None:
+        _set(by, "lying", _lying(floor.tiles))
+        by["level"] = level
+        floor.colors.use(COLORS)
+        self._sheet.draw(by)
+
+    def _wall(self, floor: Floor) -> None:
+        form = floor.tiles.form
+        last = form.colors[-1][1]
+        base = next((color for _, color in form.colors if color), "#dddddd")
+        if not floor.tops.empty:
+            self._paint(last, _lighter(last), (0.0, form.height))
+            floor.tops.draw(self._standing)
+            floor.sides.draw(self._standing)
+            self._paint(form.colors[0][1], _lighter(last), (0.0, form.height))
+            floor.lids.draw(self._standing)
+        self._paint(base, tuple(0.93 * one for one in _share(base)), (-self.depth, 0.0))
+        floor.slab.draw(self._standing)
+
+    def _paint(self, top: str, side: tuple[float, ...], rise: tuple[float, float]) -> None:
+        self._standing["top_color"] = _share(top)
+        self._standing["side_color"] = side
+        self._standing["rise"] = rise
+
+    def _make(self, tiles: Tiles) -> Floor:
+        wall = walled(tiles)
+        lid = lidded(tiles, wall)
+        where, height = (tiles.cell, tiles.pose), tiles.form.height
+        colors = painted(tiles)
+        opaque = bool((colors[..., 3] == 255).all())
+        ground = np.full(wall.shape, opaque)
+        return Floor(
+            tiles,
+            opaque,
+            self._texture(colors, smooth=False),
+            self._texture(open_floor(wall | lid, tiles.cell)[..., None], smooth=True),
+            self._uploaded(tops(wall, *where, height)),
+            self._uploaded(tops(lid, *where, height)),
+            self._uploaded(upright(wall | lid, *where, 0.0, height)),
+            self._uploaded(upright(ground, *where, -self.depth, 0.0)),
+        )
+
+    def _uploaded(self, mesh: Mesh) -> Uploaded:
+        return Uploaded(self._gl, mesh, *_PLACES)
+
+    def _texture(self, image: np.ndarray, *, smooth: bool) -> moderngl.Texture:
+        height, width, channels = image.shape
+        made = self._gl.texture((width, height), channels, image.tobytes(), alignment=1)
+        made.repeat_x = made.repeat_y = False
+        made.build_mipmaps()
+        near = moderngl.LINEAR if smooth else moderngl.NEAREST
+        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, near)
+        return made
+
+
+def _lying(tiles: Tiles) -> NDArray[np.float64]:
+    """From corners 0 to 1 of a matrix to metres, (3, 3)."""
+    turn, (along, across) = np.radians(tiles.pose.angle), tiles.size
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.array(
+        [
+            [cos * along, -sin * across, tiles.pose.x],
+            [sin * along, cos * across, tiles.pose.y],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def _set(by: moderngl.Program, name: str, matrix: NDArray[np.floating[Any]]) -> None:
+    """Set a matrix, column by column, as OpenGL has them."""
+    cast("moderngl.Uniform", by[name]).write(matrix.T.astype(np.float32).tobytes())
+
+
+def _identity(tiles: Tiles) -> object:
+    return id(tiles.cells), tiles.form, tiles.pose, tiles.cell
+
+
+def _share(color: str) -> tuple[float, ...]:
+    return tuple(one / 255 for one in rgb(color))
+
+
+def _lighter(color: str) -> tuple[float, ...]:
+    return tuple(one + (1 - one) * _SIDES_LIGHTER for one in _share(color))

@@ -1,0 +1,110 @@
+"""What all programs on the graphics card share, and things kept there while they are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable
+from typing import Generic, TypeVar
+
+import moderngl
+import numpy as np
+
+from minerva_services.views.opengl.solids import Mesh
+
+Key = TypeVar("Key", bound=Hashable)
+Thing = TypeVar("Thing")
+Made = TypeVar("Made")
+
+FRAME = 0
+"""The binding of the uniform block that all programs read."""
+SHADE, COLORS, OPENNESS, LETTERS = range(4)
+"""Where textures are bound."""
+_UNITS = {"shade": SHADE, "colors": COLORS, "openness": OPENNESS, "letters": LETTERS}
+
+
+def program(gl: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
+    """A program whose uniform block and textures are those that all share."""
+    made = gl.program(vertex_shader=vertex, fragment_shader=fragment)
+    for name in made:
+        found = made[name]
+        if isinstance(found, moderngl.UniformBlock):
+            found.binding = FRAME
+        elif name in _UNITS:
+            made[name] = _UNITS[name]
+    return made
+
+
+class Uploaded:
+    """A mesh on the graphics card, drawn by several programs."""
+
+    def __init__(self, gl: moderngl.Context, mesh: Mesh, layout: str, names: Iterable[str]) -> None:
+        self._gl = gl
+        self._names = tuple(names)
+        self._layout = layout
+        self.vertices = gl.buffer(mesh.vertices.tobytes() or b"\0" * 4)
+        self.triangles = gl.buffer(mesh.triangles.tobytes() or b"\0" * 4)
+        self.empty = not mesh.triangles.size
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+
+    def draw(self, by: moderngl.Program) -> None:
+        """Draw all its triangles."""
+        if self.empty:
+            return
+        array = self._arrays.get(by.glo)
+        if array is None:
+            content = [(self.vertices, *fitting(by, self._layout, self._names))]
+            array = self._gl.vertex_array(by, content, index_buffer=self.triangles)
+            self._arrays[by.glo] = array
+        array.render(moderngl.TRIANGLES)
+
+    def release(self) -> None:
+        """Give its memory back."""
+        for one in (*self._arrays.values(), self.vertices, self.triangles):
+            one.release()
+
+
+def fitting(by: moderngl.Program, layout: str, names: Iterable[str]) -> tuple[str, ...]:
+    """A buffer's layout and names, with padding for what a program does not read."""
+    parts = layout.split()
+    per, parts = (parts.pop(), parts) if parts[-1].startswith("/") else ("", parts)
+    used = [name in by for name in names]
+    sizes = {"f": 4, "f1": 1}
+    padded = [
+        part if is_used else f"{int(part[0]) * sizes[part[1:]]}x"
+        for part, is_used in zip(parts, used, strict=True)
+    ]
+    read = [name for name, is_used in zip(names, used, strict=True) if is_used]
+    return " ".join([*padded, *([per] if per else [])]), *read
+
+
+class Growing:
+    """A buffer that is written anew for every picture, and grows where it must."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self.buffer = gl.buffer(reserve=4096, dynamic=True)
+
+    def write(self, numbers: np.ndarray) -> None:
+        """Write numbers from the buffer's beginning on."""
+        data = np.ascontiguousarray(numbers)
+        if data.nbytes > self.buffer.size:
+            self.buffer.orphan(2 * data.nbytes)
+        if data.nbytes:
+            self.buffer.write(data)
+
+
+class Kept(Generic[Key, Thing, Made]):
+    """What was made of things, for as long as each picture has them."""
+
+    def __init__(self, make: Callable[[Thing], Made], drop: Callable[[Made], None]) -> None:
+        self._make, self._drop = make, drop
+        self._known: dict[Key, Made] = {}
+
+    def of(self, things: Iterable[tuple[Key, Thing]]) -> list[Made]:
+        """What is made of each, in order; what no longer comes is dropped."""
+        before, self._known = self._known, {}
+        for key, thing in things:
+            if key not in self._known:
+                known = before.pop(key, None)
+                self._known[key] = self._make(thing) if known is None else known
+        for unused in before.values():
+            self._drop(unused)
+        return list(self._known.values())

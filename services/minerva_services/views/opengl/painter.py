@@ -1,0 +1,191 @@
+"""The geometric system of three dimensions: a view in an OpenGL window."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from minerva_services.views.opengl.camera import Camera, Floats
+from minerva_services.views.opengl.canvas import Canvas, ask_for_opengl, in_window, without_window
+from minerva_services.views.opengl.extent import Extent, extent_of
+from minerva_services.views.opengl.signs import PADDING, Signs
+from minerva_services.views.opengl.stage import Stage
+from minerva_services.views.window.painter import Box, Pixels, Sight
+from minerva_services.views.window.picking import spot_of
+from minerva_services.views.window.screen import close_window, open_window, quiet
+
+_DEGREES = 0.3
+"""By which the camera turns when the mouse moves by a pixel."""
+_WHEEL = 1.15
+_MOVING = "right or shift drag", "move along the floor"
+
+
+class GLPainter:
+    """Draws sights with OpenGL; only the process's main thread may use it.
+
+    The camera shows the whole world until it is moved by hand.
+    """
+
+    def __init__(self, azimuth: float, elevation: float, zoom: float) -> None:
+        self._from = Camera(azimuth=azimuth, elevation=elevation)
+        self._zoom = zoom
+        self.camera = self._from
+        self._moved = False
+        self._extent: Extent | None = None
+        self._sight: Sight | None = None
+        self._boxes: list[Box] = []
+        self._window = False
+        self._gl: moderngl.Context | None = None
+
+    def open(self, title: str, size: tuple[int, int]) -> None:
+        """Open a window of so many pixels. Raises MisuseError."""
+        quiet()
+        import pygame
+
+        surface = open_window("opengl", title, size, ask_for_opengl())
+        self._window = True
+        self._begin(in_window(), surface.get_size() or size)
+        pygame.display.flip()
+
+    def offscreen(self, size: tuple[int, int]) -> None:
+        """Draw without a window. Raises MisuseError where there is no driver."""
+        quiet()
+        self._begin(without_window(), size)
+
+    def _begin(self, gl: moderngl.Context, size: tuple[int, int]) -> None:
+        self._gl = gl
+        self._canvas = Canvas(gl, size)
+        self._stage = Stage(gl)
+        self._signs = Signs(gl)
+        self._signs.resized(size[1])
+
+    def resized(self, size: tuple[int, int]) -> None:
+        """The window has another size."""
+        if self._gl is not None and size != self._canvas.size:
+            with self._used():
+                self._canvas.resize(size)
+                self._signs.resized(size[1])
+            self._refit()
+
+    def draw(self, sight: Sight) -> None:
+        """Draw, and show it where there is a window."""
+        with self._used():
+            self._draw(sight)
+
+    def pixels(self) -> Pixels:
+        """What was drawn last: red, green and blue of shape (height, width, 3)."""
+        with self._used():
+            return self._canvas.pixels()
+
+    def project(self, x: Floats, y: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
+        """Where places (m) are in the picture: pixels from the left, the top, and per metre."""
+        places = np.stack(np.broadcast_arrays(x, y, height), axis=-1).reshape(-1, 3)
+        at = self.camera.project(places, *self._canvas.size)
+        per_metre = self.camera.metre(self._canvas.size[1]) / self.camera.depths(places)
+        return at[:, 0], at[:, 1], per_metre
+
+    def labels(self) -> Sequence[Box]:
+        """Where the texts and their pins are."""
+        return self._boxes
+
+    def drag(self, dx: float, dy: float, button: int) -> bool:
+        """Turn about the target with the left button, or move along the ground with another."""
+        self._moved = True
+        if button == 1 and not _shift_held():
+            self.camera = self.camera.orbited(-_DEGREES * dx, _DEGREES * dy)
+            return False
+        self.camera = self.camera.panned(dx, dy, self._canvas.size[1])
+        return True
+
+    def zoom(self, steps: float, at: tuple[float, float]) -> None:
+        """Come nearer by so many steps; what is at the pixel stays there."""
+        self._moved = True
+        before = self.camera.ground(*at, *self._canvas.size)
+        self.camera = self.camera.zoomed(_WHEEL**steps)
+        after = self.camera.ground(*at, *self._canvas.size)
+        if before is not None and after is not None:
+            x, y, z = self.camera.target
+            self.camera = self.camera.aimed(x + before[0] - after[0], y + before[1] - after[1], z)
+
+    def fit(self) -> None:
+        """Show the whole world again."""
+        self._moved = False
+        self._refit()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._gl is not None:
+            self._gl.release()
+            self._gl = None
+        if self._window:
+            self._window = False
+            close_window()
+
+    # --- drawing ---
+
+    def _used(self) -> AbstractContextManager[Any]:
+        """The context to draw in: without windows, there may be others in this process."""
+        assert self._gl is not None
+        return nullcontext() if self._window else self._gl
+
+    def _draw(self, sight: Sight) -> None:
+        if self._sight is None or sight.picture is not self._sight.picture:
+            self._take(sight)
+        self._sight = sight
+        spot = spot_of(sight.picture, sight.selected)
+        if sight.follows and spot is not None:
+            self.camera = self.camera.aimed(spot.x, spot.y)
+        self._stage.mark(spot)
+        self._stage.beam(sight.beams)
+        self._canvas.begin(smooth=not (self._canvas.slow and self._stage.crowded))
+        self._stage.draw(self.camera, self._canvas.size)
+        self._canvas.finish()
+        self._write(sight)
+        if self._window:
+            self._show()
+
+    def _take(self, sight: Sight) -> None:
+        extent = extent_of(sight.picture, self._extent)
+        if extent != self._extent:
+            self._extent = extent
+            self._refit()
+        self._stage.take(sight.picture, extent)
+        self._stage.shadows(self.camera, self._canvas.size)
+
+    def _refit(self) -> None:
+        if not self._moved and self._extent is not None:
+            width, height = self._canvas.size
+            fitted = self._from.fitted(self._extent.corners, width / height)
+            self.camera = fitted.zoomed(self._zoom)
+
+    def _write(self, sight: Sight) -> None:
+        signs, (_, height) = self._signs, self._canvas.size
+        signs.begin()
+        self._boxes = self._stage.pins.write(signs, self.camera, self._canvas.size)
+        top = float(PADDING)
+        if sight.caption:
+            plate = signs.table([(sight.caption, sight.subtitle)])
+            signs.put(plate, PADDING, top)
+            top += plate.height + PADDING / 2
+        if sight.help:
+            signs.put(signs.table([*sight.help, _MOVING]), PADDING, top)
+        if sight.notice:
+            plate = signs.sheet(sight.notice)
+            signs.put(plate, PADDING, height - PADDING - plate.height)
+
+    def _show(self) -> None:
+        import pygame
+
+        assert self._gl is not None
+        self._canvas.to(self._gl.screen)
+        pygame.display.flip()
+
+
+def _shift_held() -> bool:
+    import pygame
+
+    return bool(pygame.display.get_init() and pygame.key.get_mods() & pygame.KMOD_SHIFT)

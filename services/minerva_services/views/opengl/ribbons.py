@@ -1,0 +1,169 @@
+"""Lines in the picture, as flat ribbons, and the beams of lasers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.grammar.forms import Line
+from minerva_bus.semantics.picture import Discs, Picture, Polyline, rgb
+from minerva_services.views.opengl import shaders
+from minerva_services.views.opengl.gpu import Growing, program
+from minerva_services.views.window.painter import Beams
+from minerva_services.views.window.picking import Spot
+
+Single = NDArray[np.float32]
+
+_BEAM_LEVEL = 0.2
+_FAN, _END = (0.86, 0.20, 0.16, 0.13), (0.80, 0.12, 0.10, 0.9)
+_DOT = 0.035
+_CHOSEN = "#1f6fd1"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """A line at a height (m)."""
+
+    line: Polyline
+    level: float
+
+
+def ways(picture: Picture, level: float) -> list[Way]:
+    """The lines of a picture: on the floor or, where they are a detail of an agent's disc, on it.
+
+    A line is a detail if all of it is near a disc that comes before it and has the same owner.
+    """
+    found: list[Way] = []
+    before: list[Discs] = []
+    for item in picture.items:
+        if isinstance(item, Discs):
+            before.append(item)
+        elif isinstance(item, Polyline) and len(item.points) > 1:
+            found.append(Way(item, _top(item, before[-1:]) or level))
+    return found
+
+
+def ring(spot: Spot, level: float) -> Way:
+    """A ring about a disc that is selected."""
+    turn = np.linspace(0, 2 * np.pi, 49)
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * 1.5 * spot.radius
+    form = Line("", "", _CHOSEN, 0.18 * spot.radius)
+    return Way(Polyline(around + np.array([spot.x, spot.y]), form), level)
+
+
+def _top(line: Polyline, discs: Sequence[Discs]) -> float:
+    """The highest top of its owner's discs that a line lies on; 0 where there is none."""
+    highest = 0.0
+    for batch in discs if line.owner else ():
+        mine = np.flatnonzero(np.array(batch.owners) == line.owner)
+        for row in mine:
+            away = np.hypot(line.points[:, 0] - batch.x[row], line.points[:, 1] - batch.y[row])
+            if away.max() <= 2.5 * batch.radius[row]:
+                highest = max(highest, 1.4 * float(batch.height[row]))
+    return highest
+
+
+def ribbon(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sideways steps (n, 2) that keep a ribbon through n points equally wide, and metres so far."""
+    steps = np.diff(points, axis=0)
+    lengths = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
+    across = np.stack([-steps[:, 1], steps[:, 0]], axis=1) / lengths[:, None]
+    before, after = np.vstack([across[:1], across]), np.vstack([across, across[-1:]])
+    middle = before + after
+    # At a sharp corner a mitre would be endless.
+    squared = np.maximum((middle**2).sum(axis=1), 0.8)
+    return 2 * middle / squared[:, None], np.concatenate([[0.0], np.cumsum(lengths)])
+
+
+class Ribbons:
+    """All lines of a picture."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self._buffer = Growing(gl)
+        self._program = program(gl, shaders.RIBBON_VERTEX, shaders.RIBBON_FRAGMENT)
+        content = [(self._buffer.buffer, "3f 3f 4f", "where", "off", "paint")]
+        self._array = gl.vertex_array(self._program, content)
+        self._count = 0
+
+    def take(self, found: Sequence[Way]) -> None:
+        """Take a picture's lines."""
+        numbers = [_strip(one) for one in found]
+        self._count = sum(map(len, numbers))
+        if numbers:
+            self._buffer.write(np.concatenate(numbers))
+
+    def draw(self) -> None:
+        """Draw them all."""
+        if self._count:
+            self._array.render(moderngl.TRIANGLES, vertices=self._count)
+
+
+def _strip(way: Way) -> Single:
+    """Triangles of a ribbon: place, step sideways, metres so far, colour, width."""
+    points, form = way.line.points, way.line.form
+    aside, along = ribbon(points)
+    width = -form.width if form.dashed else form.width
+    n = len(points)
+    corners = np.zeros((2, n, 10), np.float32)
+    for side, sign in enumerate((1.0, -1.0)):
+        corners[side, :, 0:2], corners[side, :, 2] = points, way.level
+        corners[side, :, 3:5], corners[side, :, 5] = sign * aside, along
+    corners[:, :, 6:9], corners[:, :, 9] = np.array(rgb(form.color)) / 255, width
+    left, right = corners
+    faces = [right[:-1], right[1:], left[1:], right[:-1], left[1:], left[:-1]]
+    return np.stack(faces, axis=1).reshape(-1, 10)
+
+
+class Fans:
+    """The beams of lasers: a fan each, and a dot wherever something was hit."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self._buffer = Growing(gl)
+        self._program = program(gl, shaders.BEAM_VERTEX, shaders.BEAM_FRAGMENT)
+        content = [(self._buffer.buffer, "3f 1f", "where", "far")]
+        self._array = gl.vertex_array(self._program, content)
+        self._fans = self._dots = 0
+
+    def take(self, beams: Sequence[Beams]) -> None:
+        """Take the beams of a moment."""
+        fans = [_fan(one) for one in beams if len(one.ends) > 1]
+        dots = [_hits(one) for one in beams if len(one.ends)]
+        self._fans, self._dots = sum(map(len, fans)), sum(map(len, dots))
+        if fans or dots:
+            self._buffer.write(np.concatenate([*fans, *dots]))
+
+    def draw(self) -> None:
+        """Draw them all."""
+        for first, count, color in ((0, self._fans, _FAN), (self._fans, self._dots, _END)):
+            if count:
+                self._program["color"] = color
+                self._array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+
+def _fan(beams: Beams) -> Single:
+    """A narrow triangle for each beam, as wide at its end as half the way to the next."""
+    here = np.array([beams.x, beams.y])
+    after = np.roll(beams.ends, -1, axis=0)
+    apart = np.hypot(*(after - beams.ends).T)
+    reach = np.maximum(np.hypot(*(beams.ends - here).T), 1e-9)
+    wide = np.minimum(np.median(apart / reach) * reach, apart.max()) * 0.25
+    out = (beams.ends - here) / reach[:, None]
+    aside = np.stack([-out[:, 1], out[:, 0]], axis=1) * wide[:, None]
+    made = np.zeros((len(beams.ends), 3, 4), np.float32)
+    made[:, 0, :2], made[:, 1, :2], made[:, 2, :2] = here, beams.ends - aside, beams.ends + aside
+    made[:, :, 2], made[:, 1:, 3] = _BEAM_LEVEL, 1.0
+    return made.reshape(-1, 4)
+
+
+def _hits(beams: Beams) -> Single:
+    """A small upright diamond where each beam ends that has hit something."""
+    ends = beams.ends[beams.hits]
+    made = np.zeros((len(ends), 6, 4), np.float32)
+    around = np.array([(1, 0), (0, 1), (-1, 0), (1, 0), (-1, 0), (0, -1)]) * _DOT
+    made[:, :, :2] = ends[:, None, :] + around
+    made[:, :, 2] = _BEAM_LEVEL + 0.01
+    return made.reshape(-1, 4)

@@ -1,0 +1,5 @@
+"""Worlds by ear: a view rendered to a WAV file instead of a picture."""
+
+from minerva_services.views.sound.service import Sound
+
+__all__ = ["Sound"]

@@ -1,0 +1,84 @@
+"""From views to a file: each frame lasts its simulated time, whenever its view came."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.semantics.geometry import interpret
+from minerva_bus.semantics.plane import Pose
+from minerva_bus.world.services import View, WorldInfo
+from minerva_services.views.sound.hearing import Hearing
+from minerva_services.views.sound.roles import Roles
+from minerva_services.views.sound.synthesis import Synthesis
+from minerva_services.views.sound.tuning import Tone, Tuning
+from minerva_services.views.sound.wavfile import WavFile
+
+_BLOCK = 2**15
+"""Samples that are made at a time, however long a frame lasts."""
+_END = 0.05
+"""Seconds in which all fades away at the end."""
+
+
+class Performance:
+    """What is heard of one world, from the first view that was shown.
+
+    A frame is written once the next one comes: only then are all of its views there, and it is
+    known how long they have to do.
+    """
+
+    def __init__(self, world: WorldInfo, roles: Roles, tuning: Tuning, file: WavFile) -> None:
+        self._world = world
+        self._roles = roles
+        self._tuning = tuning
+        self._file = file
+        self._synthesis = Synthesis(file.rate)
+        self._views: dict[str, Scene] = {}
+        self._first = self._now = -1
+        self._written = 0
+        self._poses: dict[str, Pose] = {}
+        self.clicks = 0
+
+    def hear(self, view: View) -> None:
+        """Take a view, and write what came before its frame."""
+        if not self._views:
+            self._first = self._now = view.frame
+        elif view.frame > self._now:
+            self._play(view.frame)
+            self._now = view.frame
+        self._views[view.event_type] = view.scene
+
+    def end(self) -> None:
+        """Write the last frame, and let all fade away."""
+        if self._views:
+            self._play(self._now + 1)
+            self._write(round(_END * self._file.rate), {})
+        self._file.close()
+
+    def _play(self, until: int) -> None:
+        """One frame in which to glide to the tones of now, which then are held until another."""
+        tones = self._tones()
+        for frame in (self._now + 1, until):
+            end = round((frame - self._first) * self._world.dt * self._file.rate)
+            self._write(end - self._written, tones)
+            self._written = end
+
+    def _tones(self) -> dict[str, Tone]:
+        """The tones of now; a voice that is set back clicks."""
+        heard = Hearing(self._world.vocabulary, self._roles)
+        for scene in self._views.values():
+            interpret(scene, heard)
+        tones, voices = self._tuning.tones(heard), heard.voices()
+        for name, tone in tones.items():
+            before = self._poses.get(name)
+            if before is not None and voices[name].is_set_back_from(before):
+                self._synthesis.click(tone)
+                self.clicks += 1
+        self._poses = {name: voice.at for name, voice in voices.items()}
+        return tones
+
+    def _write(self, count: int, tones: Mapping[str, Tone]) -> None:
+        while count > 0:
+            some = min(count, _BLOCK)
+            self._file.write(self._synthesis.sing(tones, some))
+            count -= some

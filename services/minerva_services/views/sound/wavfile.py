@@ -1,0 +1,99 @@
+"""A WAV file that grows: whoever opens it, whenever, finds a whole one.
+
+Python's `wave` reads it, but does not write it here: its writer raises once more when it is
+deleted after the disk was full.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import MARK, check_output
+from minerva_services.views.sound.synthesis import Samples
+
+_CHANNELS, _WIDTH, _PCM = 2, 2, 1
+_HEADER = struct.Struct("<4sI4s4sIHHIIHH")
+_DATA = struct.Struct("<4sI")
+_TEXT = MARK.encode() + b"\0"  # 20 bytes; chunks have even lengths
+_ABOUT = struct.pack("<4sI4s4sI", b"LIST", 12 + len(_TEXT), b"INFO", b"ISFT", len(_TEXT)) + _TEXT
+"""The program's mark as a chunk LIST of the kind INFO."""
+_FULL = 2**32 - 2**16
+"""Bytes: lengths in a WAV file have 32 bits."""
+
+
+class WavFile:
+    """A stereo file of 16 bits, at so many samples a second.
+
+    Raises MisuseError where it cannot be written.
+    """
+
+    def __init__(self, path: Path, rate: int) -> None:
+        self.path, self.rate = path, rate
+        self._bytes = 0
+        self._is_full = False
+        check_output(path, "sound")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists() and not path.is_file():
+                raise self._unwritable("it is no file")
+            # Unbuffered: what was written is there however the process ends.
+            self._file = path.open("wb", buffering=0)
+            self._put(0, self._header())
+        except OSError as error:
+            raise self._unwritable(error.strerror or "") from None
+
+    def write(self, block: Samples) -> None:
+        """Add samples, and then the header's word of them; nothing where the file is full."""
+        if self._is_full:
+            return
+        data = np.rint(np.clip(block, -1.0, 1.0) * 32767).astype("<i2").tobytes()
+        if self._bytes + len(data) > _FULL:
+            self._is_full = True
+            sys.stderr.write(f"sound: {self.path} is full (4 GiB); the rest is not written\n")
+            return
+        try:
+            self._put(_BEGIN + self._bytes, data)
+            self._bytes += len(data)
+            self._put(0, self._header())
+        except OSError as error:
+            self._is_full = True
+            raise self._unwritable(error.strerror or "") from None
+
+    def close(self) -> None:
+        """No more is to come."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _put(self, at: int, data: bytes) -> None:
+        self._file.seek(at)
+        while data:
+            data = data[self._file.write(data) :]
+
+    def _header(self) -> bytes:
+        frame = _CHANNELS * _WIDTH
+        about = 16, _PCM, _CHANNELS, self.rate, self.rate * frame, frame, 8 * _WIDTH
+        length = _BEGIN - 8 + self._bytes
+        riff = _HEADER.pack(b"RIFF", length, b"WAVE", b"fmt ", *about)
+        return riff + _ABOUT + _DATA.pack(b"data", self._bytes)
+
+    def _unwritable(self, reason: str) -> MisuseError:
+        return MisuseError(
+            f"sound: cannot write {self.path}: {reason}; set path to a place that can"
+        )
+
+
+_BEGIN = _HEADER.size + len(_ABOUT) + _DATA.size
+"""Where the samples begin, bytes."""
+
+
+def wav_path(path: str) -> Path:
+    """The path of a WAV file. Raises MisuseError for one that ends in something else."""
+    if not path.lower().endswith(".wav") or Path(path).name.lower() == ".wav":
+        raise MisuseError(f"sound: path is {path!r}; expected a name that ends in .wav")
+    return Path(path)

@@ -1,0 +1,113 @@
+"""What lies over the world: the line below it, what was just done, and the help."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import pygame
+
+from minerva_services.views.sprites.camera import Camera
+from minerva_services.views.sprites.letters import one_line, written
+from minerva_services.views.sprites.look import BORDER, FAINT, INK, PANEL, PAPER
+from minerva_services.views.window.painter import Sight
+
+_LINE = 34
+_LETTERS = 21
+
+
+def bar_height(ui: float) -> int:
+    """Pixels of the line below the world."""
+    return round(_LINE * ui)
+
+
+def grid_step(camera: Camera) -> float:
+    """Metres between lines of the grid: 1, 2 or 5 times a power of ten, for 20 on a screen."""
+    wanted = camera.size[0] / camera.scale / 20
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= wanted * (1 - 1e-9))
+
+
+def draw_grid(canvas: pygame.Surface, camera: Camera) -> None:
+    """Faint lines at whole multiples of the grid's step."""
+    width, height = camera.size
+    step, shade = grid_step(camera), pygame.Color(INK)
+    left, top = camera.to_world(0, 0)
+    right, bottom = camera.to_world(width, height)
+    upright = pygame.Surface((1, height), pygame.SRCALPHA, 32)
+    level = pygame.Surface((width, 1), pygame.SRCALPHA, 32)
+    for line in (upright, level):
+        line.fill((shade.r, shade.g, shade.b, 17))
+    xs = range(math.ceil(left / step), math.floor(right / step) + 1)
+    ys = range(math.ceil(bottom / step), math.floor(top / step) + 1)
+    canvas.fblits([(upright, (round(camera.to_screen(n * step, 0.0)[0]), 0)) for n in xs])
+    canvas.fblits([(level, (0, round(camera.to_screen(0.0, n * step)[1]))) for n in ys])
+
+
+def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: Camera, ui: float) -> None:
+    """Draw all that lies over the world."""
+    _draw_bar(canvas, sight, camera, ui)
+    if sight.notice:
+        _draw_notice(canvas, sight.notice, ui)
+    if sight.help:
+        _draw_help(canvas, sight.help, ui)
+
+
+def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: Camera, ui: float) -> None:
+    width, height = canvas.get_size()
+    bar, size, pad = bar_height(ui), round(_LETTERS * ui), round(14 * ui)
+    canvas.fill(PAPER, (0, height - bar, width, bar))
+    canvas.fill(BORDER, (0, height - bar, width, max(1, round(ui))))
+    title = written(one_line(sight.caption), size, INK)
+    rest = written(one_line(sight.subtitle, 160), size, FAINT)
+    line = height - bar / 2
+    _put(canvas, title, pad, line)
+    step = grid_step(camera)
+    long = step * camera.scale
+    name = written(f"{step:g} m", size, FAINT)
+    begin = width - pad - long
+    room = begin - 2 * pad - name.get_width()
+    start = pad + title.get_width() + pad
+    canvas.set_clip((0, height - bar, max(0, round(room)), bar))
+    _put(canvas, rest, start, line)
+    canvas.set_clip(None)
+    _put(canvas, name, begin - pad / 2 - name.get_width(), line)
+    thick, tick = max(1, round(1.2 * ui)), round(4 * ui)
+    canvas.fill(FAINT, (round(begin), round(line), round(long), thick))
+    for end in (begin, width - pad - thick):
+        canvas.fill(FAINT, (round(end), round(line - tick), thick, 2 * tick + thick))
+
+
+def _put(canvas: pygame.Surface, text: pygame.Surface, left: float, middle: float) -> None:
+    canvas.blit(text, (round(left), round(middle - text.get_height() / 2)))
+
+
+def _draw_notice(canvas: pygame.Surface, notice: str, ui: float) -> None:
+    size, pad = round(_LETTERS * ui), round(12 * ui)
+    text = written(one_line(notice, 120), size, "#ffffff")
+    width, height = text.get_width() + 2 * pad, text.get_height() + pad
+    box = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    shade = pygame.Color(INK)
+    pygame.draw.rect(box, (shade.r, shade.g, shade.b, 225), box.get_rect(), border_radius=pad // 2)
+    box.blit(text, (pad, pad // 2))
+    canvas.blit(box, (pad, canvas.get_height() - bar_height(ui) - height - pad))
+
+
+def _draw_help(canvas: pygame.Surface, lines: Sequence[tuple[str, str]], ui: float) -> None:
+    size, pad = round(_LETTERS * ui), round(22 * ui)
+    keys = [written(key, size, INK) for key, _ in lines]
+    meanings = [written(one_line(meaning), size, FAINT) for _, meaning in lines]
+    column = max(one.get_width() for one in keys) + pad
+    row = round(1.45 * size)
+    width = column + max(one.get_width() for one in meanings) + 2 * pad
+    height = row * len(lines) + 2 * pad
+    box = pygame.Surface((width, height), pygame.SRCALPHA, 32)
+    panel, line = pygame.Color(PANEL), pygame.Color(BORDER)
+    pygame.draw.rect(box, (panel.r, panel.g, panel.b, 252), box.get_rect(), border_radius=pad // 2)
+    pygame.draw.rect(box, line, box.get_rect(), max(1, round(ui)), border_radius=pad // 2)
+    for at, (key, meaning) in enumerate(zip(keys, meanings, strict=True)):
+        middle = pad + (at + 0.5) * row
+        _put(box, key, pad, middle)
+        _put(box, meaning, pad + column, middle)
+    room = canvas.get_height() - bar_height(ui)
+    canvas.blit(box, ((canvas.get_width() - width) // 2, max(0, (room - height) // 2)))

@@ -1,0 +1,147 @@
+"""Discs as sprites: drawn once, large, scaled down, and put wherever there is one like it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pygame
+from numpy.typing import NDArray
+
+from minerva_bus.semantics.picture import Discs
+from minerva_services.views.sprites.camera import Camera
+from minerva_services.views.sprites.look import OUTLINE
+
+_FINE = 4
+"""Times that a sprite is drawn larger than it is shown."""
+_LARGEST = 160
+"""Pixels of radius; larger discs are drawn as they are."""
+_SMOOTH, _FARTHEST = 4000.0, 400_000.0
+"""Pixels of radius up to which edges are smooth, and drawn at all: larger ones take long."""
+_LEAST = 3.0
+_TURNS = 128
+"""Directions that a sprite is drawn in."""
+_KEPT = 6000
+_ARROW = ((0.78, 0.0), (0.7, 140.0), (0.28, 180.0), (0.7, -140.0))
+"""The heading mark: distances from the centre in radii, and directions in degrees."""
+
+
+class Stamps:
+    """Draws discs, in batches."""
+
+    def __init__(self) -> None:
+        self._sprites: dict[int, pygame.Surface] = {}
+
+    def draw(self, canvas: pygame.Surface, discs: Discs, camera: Camera, ui: float) -> None:
+        """Draw those that can be seen, in their order. `ui`: pixels of a pixel of the overlay."""
+        x, y = camera.to_screen(discs.x, discs.y)
+        radius = np.maximum(discs.radius * camera.scale, _LEAST * ui)
+        width, height = camera.size
+        seen = (x + radius > 0) & (x - radius < width) & (y + radius > 0) & (y - radius < height)
+        rows = np.flatnonzero(seen)
+        large = np.flatnonzero(radius[rows] > _LARGEST)
+        begin = 0
+        for end in [*large, len(rows)]:  # large ones cut the batch, for the order's sake
+            self._stamp(canvas, discs, rows[begin:end], (x, y, radius), ui)
+            if end < len(rows):
+                row = int(rows[end])
+                place = float(x[row]), float(y[row]), float(radius[row])
+                _draw_large(canvas, discs, row, place, ui)
+            begin = end + 1
+
+    def _stamp(
+        self,
+        canvas: pygame.Surface,
+        discs: Discs,
+        rows: NDArray[np.intp],
+        places: tuple[NDArray[np.float64], ...],
+        ui: float,
+    ) -> None:
+        x, y, radius = (one[rows] for one in places)
+        keys = _keys(discs, rows, radius)
+        different, which = np.unique(keys, return_inverse=True)
+        if len(self._sprites) > _KEPT:
+            self._sprites.clear()
+        sprites = [self._sprite(int(key), ui) for key in different]
+        half = np.array([one.get_width() / 2 for one in sprites])[which]
+        left = np.rint(x - half).astype(int).tolist()
+        top = np.rint(y - half).astype(int).tolist()
+        stamped = [sprites[one] for one in which.tolist()]
+        canvas.fblits(
+            list(zip(stamped, zip(left, top, strict=True), strict=True)),
+            pygame.BLEND_PREMULTIPLIED,
+        )
+
+    def _sprite(self, key: int, ui: float) -> pygame.Surface:
+        found = self._sprites.get(key)
+        if found is None:
+            found = self._sprites[key] = _drawn(key, ui)
+        return found
+
+
+def _keys(discs: Discs, rows: NDArray[np.intp], radius: NDArray[np.float64]) -> NDArray[np.int64]:
+    """For each row one number of its colour, radius (in half pixels), and direction."""
+    red, green, blue = discs.color[rows].astype(np.int64).T
+    heading = discs.heading[rows]
+    turn = np.rint(discs.angle[rows] * (_TURNS / 360)).astype(np.int64) % _TURNS
+    color = (red << 16) | (green << 8) | blue
+    halves = np.rint(radius * 2).astype(np.int64)
+    return (color << 24) | (halves << 8) | np.where(heading, turn + 1, 0)
+
+
+def _drawn(key: int, ui: float) -> pygame.Surface:
+    """A sprite, its colours multiplied by its opacity."""
+    color = pygame.Color((key >> 40) & 255, (key >> 32) & 255, (key >> 24) & 255)
+    radius, turn = ((key >> 8) & 0xFFFF) / 2, key & 255
+    side = 2 * math.ceil(radius + 1.5 * ui)
+    fine = pygame.Surface((side * _FINE, side * _FINE), pygame.SRCALPHA, 32)
+    _disc(fine, color, (side * _FINE / 2, side * _FINE / 2), radius * _FINE, ui * _FINE)
+    if turn:
+        middle = side * _FINE / 2, side * _FINE / 2
+        angle = (turn - 1) * 360 / _TURNS
+        pygame.draw.polygon(fine, "white", _arrow(middle, radius * _FINE, angle))
+    return pygame.transform.smoothscale(fine, (side, side))
+
+
+def _disc(
+    surface: pygame.Surface,
+    color: pygame.Color,
+    middle: tuple[float, float],
+    radius: float,
+    ui: float,
+) -> None:
+    line, edge = min(1.6 * ui, radius / 3), pygame.Color(OUTLINE)
+    rim = pygame.Color(*(round(0.55 * one) for one in (edge.r, edge.g, edge.b, 255)))
+    pygame.draw.circle(surface, rim, middle, radius + line / 2)
+    pygame.draw.circle(surface, color.lerp(edge, 0.55), middle, radius)
+    pygame.draw.circle(surface, color, middle, radius - line / 2)
+
+
+def _arrow(middle: tuple[float, float], radius: float, angle: float) -> list[tuple[float, float]]:
+    points: list[tuple[float, float]] = []
+    for distance, direction in _ARROW:
+        turn = math.radians(angle + direction)
+        points.append(
+            (
+                middle[0] + distance * radius * math.cos(turn),
+                middle[1] - distance * radius * math.sin(turn),
+            )
+        )
+    return points
+
+
+def _draw_large(
+    canvas: pygame.Surface, discs: Discs, row: int, place: tuple[float, float, float], ui: float
+) -> None:
+    x, y, radius = place
+    color = pygame.Color(*map(int, discs.color[row]))
+    if radius > _FARTHEST:  # all edges are far away, or as good as straight
+        width, height = canvas.get_size()
+        if math.hypot(x - width / 2, y - height / 2) < radius:
+            canvas.fill(color)
+        return
+    circle = pygame.draw.aacircle if radius < _SMOOTH else pygame.draw.circle
+    circle(canvas, color.lerp(pygame.Color(OUTLINE), 0.55), (x, y), radius)
+    circle(canvas, color, (x, y), radius - 1.6 * ui)
+    if discs.heading[row]:
+        pygame.draw.polygon(canvas, "white", _arrow((x, y), radius, float(discs.angle[row])))

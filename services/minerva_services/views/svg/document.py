@@ -1,0 +1,100 @@
+"""A whole picture: the paper, what a string draws, a grid, labels and a caption."""
+
+from __future__ import annotations
+
+import math
+
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.semantics.geometry import interpret
+from minerva_services.views.svg.drawing import Drawing
+from minerva_services.views.svg.markup import exact, line_of_text, short
+from minerva_services.views.svg.page import Page
+from minerva_services.views.svg.tracing import Tracer
+
+_PAPER, _PANEL, _BORDER, _INK, _FAINT = "#f4f0e6", "#fbfaf6", "#d3ccbb", "#2f3640", "#857e6e"
+FONTS = (
+    "Inter, 'Segoe UI', 'Helvetica Neue', Arial, 'Liberation Sans', Roboto, Ubuntu, 'Noto Sans',"
+    " 'DejaVu Sans', FreeSans, Aileron, sans-serif"
+)
+"""What browsers, desktops, a bare Debian and Pillow (Aileron) have; any of them will do."""
+
+
+def svg_document(
+    scene: Scene, vocabulary: Vocabulary, page: Page, tracer: Tracer, title: str, subtitle: str
+) -> str:
+    """A string of L(E) as an SVG document, well-formed whatever the string's texts hold."""
+    drawing = Drawing(vocabulary, page, tracer)
+    interpret(scene, drawing)
+    left, bottom = page.pixel(0.0, 0.0)
+    scale = exact(page.scale)
+    width, height = page.width, page.height
+    title, subtitle = line_of_text(title), line_of_text(subtitle)
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}"'
+            f' viewBox="0 0 {width} {height}" font-family="{FONTS}">',
+            f"<title>{title}, {subtitle}</title>",
+            f'<rect width="{width}" height="{height}" fill="{_PAPER}"/>',
+            f'<rect {_place(page)} fill="{_PANEL}"/>',
+            f'<g transform="translate({exact(left)} {exact(bottom)}) scale({scale} -{scale})">',
+            *drawing.elements,
+            "</g>",
+            _grid(page),
+            _margins(page),
+            *drawing.labels,
+            _caption(page, title, subtitle),
+            "</svg>\n",
+        ]
+    )
+
+
+def _place(page: Page) -> str:
+    width, height = map(short, page.panel)
+    return f'x="{short(page.padding)}" y="{short(page.padding)}" width="{width}" height="{height}"'
+
+
+def _grid(page: Page) -> str:
+    """Faint lines at whole multiples of the grid's step, over what is drawn."""
+    frame, step = page.frame, page.grid_step
+    start, (width, height) = short(page.padding), map(short, page.panel)
+    across = (page.pixel(x, 0.0)[0] for x in _multiples(frame.left, frame.right, step))
+    along = (page.pixel(0.0, y)[1] for y in _multiples(frame.bottom, frame.top, step))
+    lines = [f"M{short(x)} {start}v{height}" for x in across]
+    lines += [f"M{start} {short(y)}h{width}" for y in along]
+    return f'<path d="{"".join(lines)}" stroke="{_INK}" stroke-opacity=".08"/>'
+
+
+def _margins(page: Page) -> str:
+    """Paper around the frame, which hides what lies outside; a clip path would cost far more."""
+    start, (width, height) = short(page.padding), map(short, page.panel)
+    return (
+        f'<path d="M0 0h{page.width}v{page.height}h-{page.width}z'
+        f'M{start} {start}h{width}v{height}h-{width}z" fill="{_PAPER}" fill-rule="evenodd"/>'
+        f'<rect {_place(page)} fill="none" stroke="{_BORDER}"/>'
+    )
+
+
+def _multiples(least: float, most: float, step: float) -> list[float]:
+    """How far above `least` the multiples of a step are that lie between it and `most`."""
+    first, end = math.floor(least / step) + 1, math.ceil(most / step)
+    return [n * step - least for n in range(first, end)]
+
+
+def _caption(page: Page, title: str, subtitle: str) -> str:
+    """The world's name and the frame on the left, on the right how long a step of the grid is."""
+    size = page.font_size * 0.9
+    left, right = page.padding, page.width - page.padding
+    line = page.padding + page.panel[1] + 1.75 * page.font_size
+    bar = page.grid_step * page.scale
+    start, middle, tick = right - bar, line - size * 0.35, size * 0.25
+    return (
+        f'<g font-size="{short(size)}" fill="{_FAINT}">'
+        f'<text x="{short(left)}" y="{short(line)}">'
+        f'<tspan fill="{_INK}" font-weight="600">{title}</tspan>'
+        f'<tspan dx="{short(size * 0.7)}">{subtitle}</tspan></text>'
+        f'<path d="M{short(start)} {short(middle - tick)}v{short(2 * tick)}m0-{short(tick)}'
+        f'h{short(bar)}m0-{short(tick)}v{short(2 * tick)}" fill="none" stroke="{_FAINT}"/>'
+        f'<text x="{short(start - size * 0.6)}" y="{short(line)}" text-anchor="end">'
+        f"{page.grid_step:g} m</text></g>"
+    )

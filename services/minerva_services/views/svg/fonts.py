@@ -1,0 +1,62 @@
+"""Finding letters for a PNG: a machine without a desktop often has no font at all."""
+
+from __future__ import annotations
+
+import io
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from minerva_services.views.svg.document import FONTS
+
+_SAMPLE = '<svg xmlns="http://www.w3.org/2000/svg" width="40" height="20">{}</svg>'
+_TEXT = f'<text y="16" font-family="{FONTS}">Ag</text>'
+
+
+@cache
+def font_options() -> dict[str, Any]:
+    """What resvg must be told so that text does not vanish: nothing, or where a font is.
+
+    Where the machine has no font, that of Pillow's `load_default` serves. Where Pillow is missing
+    too, one line on stderr says what to install.
+    """
+    if _shows_text():
+        return {}
+    found = _pillow_font()
+    if found is not None and _shows_text(font_files=[found]):
+        return {"font_files": [found]}
+    sys.stderr.write(
+        "picture: no font found, so the PNG has no text; pip install pillow, or install DejaVu\n"
+    )
+    return {}
+
+
+def _shows_text(**options: Any) -> bool:
+    import resvg_py
+
+    blank, text = _SAMPLE.format(""), _SAMPLE.format(_TEXT)
+    return resvg_py.svg_to_bytes(svg_string=text, **options) != resvg_py.svg_to_bytes(
+        svg_string=blank
+    )
+
+
+_folder: list[tempfile.TemporaryDirectory[str]] = []
+
+
+def _pillow_font() -> str | None:
+    """Pillow's font as a file that lasts as long as the process, for resvg reads files only."""
+    try:
+        from PIL import ImageFont
+
+        font = ImageFont.load_default(12)
+    except (ImportError, TypeError):  # no Pillow, or one before 10.1
+        return None
+    data = getattr(font, "path", None)
+    if not isinstance(data, io.BytesIO):
+        return None
+    _folder.append(tempfile.TemporaryDirectory(prefix="minerva-font-"))
+    file = Path(_folder[-1].name) / "letters.ttf"
+    file.write_bytes(data.getvalue())
+    return str(file)

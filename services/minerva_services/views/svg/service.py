@@ -1,0 +1,105 @@
+"""The picture device: a world's views as SVG files, and as PNG files beside them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.outputs import check_output, write_output
+from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.listing import event_types
+from minerva_services.views.svg.document import svg_document
+from minerva_services.views.svg.files import numbered, prepare_folder, svg_path
+from minerva_services.views.svg.page import Page, frame_of
+from minerva_services.views.svg.tracing import Tracer
+
+_WIDTHS = range(100, 10_001)
+
+
+class Svg(Device, draws=("ePicture",)):
+    """Draws every world whose vocabulary declares forms, one picture every so many frames.
+
+    Args:
+        path: where the picture goes; the folder is made where there is none. Each picture
+            replaces the one before, in one step.
+        every: frames between pictures; 0 leaves it to a generator to ask for them.
+        frames: keep all pictures, numbered by frame, as in `minerva-000010.svg`.
+        png: also write a PNG; needs `pip install 'minerva-bus[picture]'`.
+        width: pixels; the height follows from the world.
+        draws: visual event types, separated by commas; their views lie over one another in this
+            order.
+
+    """
+
+    def __init__(
+        self,
+        path: str = "minerva.svg",
+        every: int = 10,
+        frames: bool = False,
+        png: bool = True,
+        width: int = 1200,
+        draws: str = "ePicture",
+    ) -> None:
+        if every < 0:
+            raise MisuseError(f"picture: every is {every}; expected a number of frames from 0")
+        if width not in _WIDTHS:
+            raise MisuseError(f"picture: width is {width}; expected 100 to 10000 pixels")
+        self.every = every
+        self.draws = event_types("picture", draws)
+        self._path = svg_path(path)
+        self._keeps_all = frames
+        self._makes_png = png
+        self._width = width
+        self._world: WorldInfo | None = None
+        self._views: dict[str, Scene] = {}
+        self._frame: Bounds | None = None
+        self._tracer = Tracer()
+        self._written: Path | None = None
+        self._check_outputs()
+
+    def _check_outputs(self) -> None:
+        """Complain of a file that may not be overwritten before the world runs."""
+        if self._keeps_all:
+            return  # The names are known when there is something to write.
+        check_output(self._path, "picture")
+        if self._makes_png:
+            check_output(self._path.with_suffix(".png"), "picture")
+
+    def joined(self, world: WorldInfo) -> None:
+        self._world = world
+        prepare_folder(self._path)
+
+    def show(self, view: View) -> None:
+        self._views[view.event_type] = view.scene
+        document = self._draw(view.frame)
+        path = numbered(self._path, view.frame) if self._keeps_all else self._path
+        write_output(path, document.encode(), "picture")
+        self._written = path
+        if self._makes_png:
+            self._write_png(path.with_suffix(".png"), document)
+
+    def report(self) -> Mapping[str, bool | int | float | str]:
+        return {"picture": str(self._written)} if self._written else {}
+
+    def _draw(self, frame: int) -> str:
+        if self._world is None:
+            raise MisuseError("picture: a view came before the world was joined")
+        world, vocabulary = self._world.world, self._world.vocabulary
+        scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
+        self._frame = frame_of(scene, vocabulary, self._frame)
+        page = Page(self._frame, self._width)
+        return svg_document(scene, vocabulary, page, self._tracer, world, f"frame {frame}")
+
+    def _write_png(self, path: Path, document: str) -> None:
+        try:
+            from minerva_services.views.svg.rendering import png
+        except ImportError:
+            self._makes_png = False
+            sys.stderr.write("picture: no PNG, only SVG; pip install 'minerva-bus[picture]'\n")
+            return
+        write_output(path, png(document), "picture")
+        self._written = path

@@ -1,0 +1,134 @@
+"""Matrices on the page: those with a height as floors with walls, the others as flat pictures."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import ImageHandle, MeshHandle, SceneApi
+
+from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_services.views.web.solids import flat, walls
+from minerva_services.views.web.turning import upright
+
+_Nodes: TypeAlias = "list[MeshHandle | ImageHandle]"
+_SHARP = 400
+_LAYER = 0.004
+
+
+class Floors:
+    """The nodes of all matrices: built when they come, and again when they are others."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self._shown: dict[str, tuple[Tiles, _Nodes]] = {}
+
+    def show(self, found: list[Tiles]) -> None:
+        """Show these and no others."""
+        names: dict[str, Tiles] = {}
+        counts: dict[str, int] = {}
+        for tiles in found:
+            folder = f"/knowledge/{tiles.owner}" if tiles.owner else "/floor"
+            counts[folder] = counts.get(folder, 0) + 1
+            names[f"{folder}/{counts[folder]}"] = tiles
+        for name in [one for one in self._shown if one not in names]:
+            for node in self._shown.pop(name)[1]:
+                node.remove()
+        for layer, (name, tiles) in enumerate(names.items(), start=1):
+            self._show(name, tiles, layer * _LAYER)
+
+    def _show(self, name: str, tiles: Tiles, height: float) -> None:
+        before, nodes = self._shown.get(name, (None, []))
+        if before is not None and _same(before, tiles):
+            return
+        if before is not None and _same_place(before, tiles) and isinstance(nodes[0], ImageHandle):
+            nodes[0].image = image(tiles)
+        else:
+            for node in nodes:
+                node.remove()
+            nodes = (
+                self._built(name, tiles) if tiles.form.height else self._laid(name, tiles, height)
+            )
+        self._shown[name] = tiles, nodes
+
+    def _built(self, name: str, tiles: Tiles) -> _Nodes:
+        """A floor with walls where cells are above 0, one mesh for each colour."""
+        pose, form = tiles.pose, tiles.form
+        nodes: _Nodes = []
+        for number, color in enumerate(_ranges(tiles)):
+            for stands in (False, True):
+                mask = color[1] & ((tiles.cells > 0) == stands)
+                if not mask.any():
+                    continue
+                make, top = (walls, form.height) if stands else (flat, 0.0)
+                solid = make(mask, tiles.cell, top)
+                nodes.append(
+                    self._scene.add_mesh_simple(
+                        f"{name}/{number}/{'walls' if stands else 'ground'}",
+                        solid.vertices,
+                        solid.faces,
+                        color=color[0],
+                        opacity=form.opacity if form.opacity < 1 else None,
+                        flat_shading=True,
+                        cast_shadow=stands,
+                        position=(pose.x, pose.y, 0.0),
+                        wxyz=upright(pose.angle),
+                    )
+                )
+        return nodes
+
+    def _laid(self, name: str, tiles: Tiles, height: float) -> _Nodes:
+        """A picture that lies on the ground."""
+        width, depth = tiles.size
+        middle = tiles.pose.then(width / 2, depth / 2, 0.0, 0.0)
+        laid = self._scene.add_image(
+            name,
+            image(tiles),
+            width,
+            depth,
+            format="png",
+            cast_shadow=False,
+            receive_shadow=False,
+            position=(middle.x, middle.y, height),
+            wxyz=upright(tiles.pose.angle),
+        )
+        return [laid]
+
+
+def image(tiles: Tiles) -> NDArray[np.uint8]:
+    """Pixels (columns of the matrix, its rows, 4), large enough that cells have sharp edges."""
+    pixels = np.zeros((*tiles.cells.shape, 4), np.uint8)
+    opaque = round(255 * min(max(tiles.form.opacity, 0.0), 1.0))
+    for color, mask in _ranges(tiles):
+        pixels[mask] = (*color, opaque)
+    times = max(1, min(8, _SHARP // max(tiles.cells.shape)))
+    return np.ascontiguousarray(
+        pixels.transpose(1, 0, 2).repeat(times, axis=0).repeat(times, axis=1)
+    )
+
+
+def _ranges(tiles: Tiles) -> list[tuple[tuple[int, int, int], NDArray[np.bool_]]]:
+    """Colours, and where in the matrix they are."""
+    colors = tiles.form.colors
+    ends = [*(least for least, _ in colors[1:]), math.inf]
+    cells: NDArray[Any] = tiles.cells
+    return [
+        (rgb(color), (cells >= least) & (cells < end))
+        for (least, color), end in zip(colors, ends, strict=True)
+        if color
+    ]
+
+
+def _same(one: Tiles, other: Tiles) -> bool:
+    return one is other or (one.cells is other.cells and _same_place(one, other))
+
+
+def _same_place(one: Tiles, other: Tiles) -> bool:
+    return (one.pose, one.cell, one.form, one.cells.shape) == (
+        other.pose,
+        other.cell,
+        other.form,
+        other.cells.shape,
+    )

@@ -1,0 +1,60 @@
+"""Texts on the page: pins with a label above."""
+
+from __future__ import annotations
+
+import numpy as np
+from viser import LabelHandle, SceneApi
+
+from minerva_bus.semantics.picture import Texts, rgb
+from minerva_services.views.web.batch import Batch
+from minerva_services.views.web.solids import pin
+from minerva_services.views.web.turning import upright
+
+MOST_LABELS = 300
+
+
+class Pins:
+    """The nodes of all texts; of very many only the first have a label."""
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self._pins = Batch(scene, "/pins")
+        self._labels: list[LabelHandle] = []
+        self._shown: tuple[list[Texts], float] = [], 0.0
+
+    def show(self, found: list[Texts], height: float) -> None:
+        """Show these and no others, with pins of a height in metres."""
+        before, high = self._shown
+        if high == height and len(before) == len(found) and all(map(_is, before, found)):
+            return
+        self._shown = found, height
+        places = np.array(
+            [(x, y, 0.0) for one in found for x, y in zip(one.x, one.y, strict=True)]
+        ).reshape(-1, 3)
+        colors = [rgb(one.form.color) for one in found for _ in one.texts]
+        self._pins.show(
+            pin(),
+            places,
+            upright(np.zeros(len(places))),
+            np.full((len(places), 3), height),
+            np.array(colors, np.uint8).reshape(-1, 3),
+        )
+        self._label([text for one in found for text in one.texts][:MOST_LABELS], places, height)
+
+    def _label(self, texts: list[str], places: np.ndarray, height: float) -> None:
+        while len(self._labels) > len(texts):
+            self._labels.pop().remove()
+        for number, (text, (x, y, _)) in enumerate(zip(texts, places.tolist(), strict=False)):
+            place = (x, y, 1.12 * height)
+            if number == len(self._labels):
+                self._labels.append(
+                    self._scene.add_label(
+                        f"/labels/{number}", text, position=place, anchor="bottom-center"
+                    )
+                )
+            self._labels[number].text = text
+            self._labels[number].position = place
+
+
+def _is(one: Texts, other: Texts) -> bool:
+    return one is other

@@ -1,0 +1,80 @@
+"""A page's server: on a port of its own, silent, and with nobody but those it is meant for."""
+
+from __future__ import annotations
+
+import errno
+import io
+import socket
+from collections.abc import Collection
+from contextlib import closing, redirect_stdout
+
+from viser import ViserServer
+
+from minerva_bus.errors import MisuseError
+from minerva_services.views.web.access import PageAccess, guarding, token_for
+
+FIRST_PORT = 8080
+_PORTS = 1000
+
+
+class Server(ViserServer):
+    """A server that never makes itself known outside, with the rules for who may use it."""
+
+    access: PageAccess
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Nothing: pages are for those who can reach the host."""
+        return None
+
+
+def serve(host: str, port: int, names: Collection[str] = ()) -> Server:
+    """Serve at a host and port; with port 0 at the first free one from 8080.
+
+    `names` are those by which the page may be reached beside its address.
+
+    Raises MisuseError where that cannot be.
+    """
+    chosen = port if port and _free(host, port) else 0
+    if port and not chosen:
+        raise MisuseError(
+            f"web: port {port} of {host} is in use; choose another one, or 0 for the next free one"
+        )
+    ports = range(FIRST_PORT, FIRST_PORT + _PORTS)
+    chosen = chosen or next((one for one in ports if _free(host, one)), 0)
+    if not chosen:
+        raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; choose one (port)")
+    access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
+    with redirect_stdout(io.StringIO()), guarding(access):
+        server = Server(host=host, port=chosen, verbose=False)
+    server.access = access
+    return server
+
+
+def stop(server: ViserServer) -> None:
+    """End a server; its browsers keep what they show."""
+    with redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+def _free(host: str, port: int) -> bool:
+    """Whether one can listen there. Raises MisuseError where the host is none of this machine."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with closing(socket.socket(family)) as tried:
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            tried.bind((host, port))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            return False
+        raise MisuseError(
+            f"web: cannot listen at {host}:{port}: {error.strerror}; expected an address of this"
+            " machine, such as 127.0.0.1, or 0.0.0.0 for all"
+        ) from None
+    return True
+
+
+def url(server: Server) -> str:
+    """Where the page is, for a browser on this machine, with the token that lets it in."""
+    host = server.get_host()
+    shown = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, host)  # noqa: S104
+    return f"http://{shown}:{server.get_port()}/?token={server.access.token}"

@@ -1,0 +1,103 @@
+"""Keyboard and mouse of pygame's window, handed on to a person's hands."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pygame
+
+from minerva_bus.semantics.picture import Picture
+from minerva_services.views.window.deeds import Deed
+from minerva_services.views.window.hands import Hands
+from minerva_services.views.window.keys import Action, action_of
+from minerva_services.views.window.painter import Painter
+from minerva_services.views.window.picking import Hit, pick
+
+_TWICE = 0.4
+_MOVED = 4
+"""Pixels: who moves less than this with a button held has clicked."""
+
+
+class Input:
+    """Looks at what has come from keyboard and mouse; `closed` once the window was closed."""
+
+    def __init__(self, hands: Hands, painter: Painter, do: Callable[[Deed | None], None]) -> None:
+        self.closed = False
+        self._hands = hands
+        self._painter = painter
+        self._do = do
+        self._picture = Picture()
+        self._pressed: dict[int, tuple[float, float]] = {}
+        self._dragged = False
+        self._clicked = 0.0, ""
+
+    def look(self, picture: Picture) -> bool:
+        """Deal with all that has come; whether there is anything to draw anew."""
+        self._picture = picture
+        touched = False
+        for event in pygame.event.get():
+            touched |= self._take(event)
+        return touched
+
+    def _take(self, event: Any) -> bool:
+        if event.type == pygame.QUIT:
+            self.closed = True
+        elif event.type == pygame.KEYDOWN:
+            return self._key(pygame.key.name(event.key))
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3:
+            self._pressed[event.button] = event.pos
+            self._dragged = False
+        elif event.type == pygame.MOUSEBUTTONUP and event.button in self._pressed:
+            return self._release(event.button, event.pos)
+        elif event.type == pygame.MOUSEMOTION:
+            return self._move(event.pos, event.rel)
+        elif event.type == pygame.MOUSEWHEEL:
+            self._painter.zoom(getattr(event, "precise_y", event.y), pygame.mouse.get_pos())
+            return True
+        elif event.type == pygame.VIDEORESIZE:
+            self._painter.resized((event.w, event.h))
+            return True
+        return event.type in (pygame.WINDOWEXPOSED, pygame.WINDOWSHOWN)
+
+    def _key(self, name: str) -> bool:
+        action = action_of(name)
+        if action is None:
+            return False
+        if action is Action.FIT:
+            self._hands.let_go()
+            self._painter.fit()
+        self._do(self._hands.press(action, self._picture))
+        return True
+
+    def _move(self, at: tuple[int, int], by: tuple[int, int]) -> bool:
+        if not self._pressed:
+            return False
+        button, start = next(iter(self._pressed.items()))
+        if not self._dragged and max(abs(at[0] - start[0]), abs(at[1] - start[1])) < _MOVED:
+            return False
+        if not self._dragged:
+            by = at[0] - int(start[0]), at[1] - int(start[1])
+            self._dragged = True
+        if self._painter.drag(*by, button):
+            self._hands.let_go()
+        return True
+
+    def _release(self, button: int, at: tuple[int, int]) -> bool:
+        del self._pressed[button]
+        if self._dragged:
+            self._dragged = bool(self._pressed)
+            return True
+        hit = pick(self._picture, self._painter.project, self._painter.labels(), at)
+        if button == 1:
+            self._do(self._hands.click(hit, double=self._is_second(hit)))
+        elif button == 3:
+            self._do(self._hands.click_aside(hit))
+        return True
+
+    def _is_second(self, hit: Hit | None) -> bool:
+        """Whether it is the second click on the same agent within a short time."""
+        now, agent = time.monotonic(), hit.agent if hit is not None else ""
+        (before, other), self._clicked = self._clicked, (now, agent)
+        return bool(agent) and agent == other and now - before < _TWICE

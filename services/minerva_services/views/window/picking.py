@@ -1,0 +1,100 @@
+"""What is under the mouse: an agent, by the nearest of its discs, or a label."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from minerva_bus.semantics.picture import Discs, Picture
+from minerva_services.views.window.painter import Box, Floats
+
+Projection: TypeAlias = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
+SLACK = 5.0
+"""Pixels by which one may miss a disc."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """An agent's id, or a label's text."""
+
+    agent: str = ""
+    label: str = ""
+
+
+def pick(
+    picture: Picture, project: Projection, labels: Sequence[Box], at: tuple[float, float]
+) -> Hit | None:
+    """What is at a pixel: an agent before a label, of several the nearest, else the topmost."""
+    agent = _agent(picture, project, at)
+    if agent:
+        return Hit(agent=agent)
+    x, y = at
+    for box in reversed(labels):
+        if box.left <= x <= box.right and box.top <= y <= box.bottom:
+            return Hit(label=box.text)
+    return None
+
+
+def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> str:
+    best, found = float("inf"), ""
+    for discs in picture.of(Discs):
+        if len(discs):
+            x, y, scale = project(discs.x, discs.y, discs.height / 2)
+            away = np.hypot(x - at[0], y - at[1])
+            with np.errstate(invalid="ignore"):
+                touched = away <= discs.radius * scale + SLACK
+            for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
+                if away[row] >= best:
+                    break
+                if discs.agent(int(row)):
+                    best, found = float(away[row]), discs.agent(int(row))
+                    break
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Where an agent is seen: metres and degrees; `radius` (m) is that of its disc."""
+
+    x: float
+    y: float
+    angle: float
+    radius: float
+
+
+def spots_of(picture: Picture, agents: Collection[str]) -> dict[str, Spot]:
+    """Where agents are: of each its first disc with a heading, or else its first disc."""
+    found: dict[str, Spot] = {}
+    headed: set[str] = set()
+    for discs in picture.of(Discs) if agents else ():
+        for row, agent in _rows(discs, agents):
+            heads = bool(discs.heading[row])
+            if agent not in found or (heads and agent not in headed):
+                place = discs.x[row], discs.y[row], discs.angle[row], discs.radius[row]
+                found[agent] = Spot(*map(float, place))
+                headed |= {agent} if heads else set()
+    return found
+
+
+def spot_of(picture: Picture, agent: str) -> Spot | None:
+    """Where one agent is; None where it is not seen."""
+    return spots_of(picture, (agent,)).get(agent) if agent else None
+
+
+def _rows(discs: Discs, agents: Collection[str]) -> Iterator[tuple[int, str]]:
+    for row, (owner, name) in enumerate(zip(discs.owners, discs.names, strict=True)):
+        agent = name if owner.startswith("~") else owner
+        if agent in agents:
+            yield row, agent
+
+
+def someone(picture: Picture) -> str:
+    """The first agent that heads somewhere; "" where there is none."""
+    for discs in picture.of(Discs):
+        for row in np.flatnonzero(discs.heading):
+            if discs.agent(int(row)):
+                return discs.agent(int(row))
+    return ""

@@ -1,0 +1,258 @@
+"""A real window on a running world: what people see, and what their clicks and keys do."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+pytest.importorskip("pygame")
+
+from sprites_world import ROBOT, middle_of
+
+from minerva_agents.robot.parcel import AParcel
+from minerva_agents.robot.robot import ARobot
+from minerva_agents.robot.world import scene, vocabulary
+from minerva_bus import visualize
+from minerva_bus.frame.core import Phase
+from minerva_bus.grammar.batch import single
+from minerva_bus.runtime.client import Client
+from minerva_bus.semantics.picture import Lists
+from minerva_services.views.sprites.painter import SpritePainter
+from minerva_services.views.window.painter import Sight
+from tests.screen import Screen, needs_screen
+
+pytestmark = needs_screen
+SIZE = 900, 640
+OPTIONS = f"sprites:width={SIZE[0]},height={SIZE[1]}"
+
+
+def eventually(what, why, patience=60.0):
+    until = time.monotonic() + patience
+    while not (found := what()):
+        assert time.monotonic() < until, f"{why}: not within {patience:.0f} s"
+        time.sleep(0.02)
+    return found
+
+
+class Office:
+    """The robot's world with a window, and a listener to all its events."""
+
+    def __init__(self, folder, screen):
+        self.screen, self.runtime = screen, folder / "runtime"
+        environment = {
+            key: value
+            for key, value in os.environ.items()
+            if not key.startswith(("MINERVA_", "SDL_", "WAYLAND_"))
+        }
+        environment |= {"DISPLAY": screen.display, "MINERVA_RUNTIME_DIR": str(self.runtime)}
+        self.log = (folder / "log").open("w+")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "minerva_bus.cli.main", "run", "robot", "--view", OPTIONS,
+             "--rate", "20"],
+            cwd=folder, env=environment, stdout=self.log, stderr=self.log,
+            stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        self.events, self.frame = [], -1
+        try:
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self):
+        endpoint = eventually(self._endpoint, "the world is there")
+        self.client = Client(endpoint, "robot")
+        self.operator = self.client.operator
+        threading.Thread(target=self._listen, daemon=True).start()
+        self.members("sprites", "present")
+        self.painter = self._like_it()
+        eventually(self._drawn, "a window shows the map")
+
+    def _drawn(self):
+        """Whether the window shows a map, and a person's click on it would mean something."""
+        found = self.screen.window()  # each time, for a window moves when it opens
+        if found is None:
+            return None
+        self.window, self.left, self.top = found
+        wall, paper = (47, 54, 64), (244, 240, 230)
+        shown = self.seen()
+        return middle_of(shown, wall) and middle_of(shown[:10], paper)
+
+    def _endpoint(self):
+        assert self.process.poll() is None, self.said()
+        try:
+            return json.loads((self.runtime / "robot.json").read_text())["endpoint"]
+        except (OSError, ValueError):
+            return None
+
+    def _listen(self):
+        with Client(self._endpoint(), "robot") as client:
+            for record in client.records():
+                self.frame = record.frame
+                self.events += single(record.events)
+
+    def _like_it(self):
+        """A painter that has drawn the world as it begins: it knows where things are."""
+        first = visualize(scene({}), [vocabulary.events["ePicture"]()], [ARobot, AParcel])
+        painter = SpritePainter()
+        painter.offscreen(SIZE)
+        painter.draw(Sight(Lists(vocabulary).picture(first, {})))
+        return painter
+
+    def said(self):
+        self.log.seek(0)
+        return self.log.read()
+
+    def members(self, name, state):
+        """Wait until a member is in a state."""
+
+        def there():
+            members = self.operator.status().members
+            return any((one.name, one.state) == (name, state) for one in members)
+
+        eventually(there, f"{name} is {state}")
+
+    def has(self, text):
+        """Wait for an event with this text."""
+        assert self.heard(text, within=60), text
+
+    def heard(self, text, within):
+        """Whether an event with this text comes within so many seconds."""
+        until = time.monotonic() + within
+        while not any(str(one) == text for one in list(self.events)):
+            if time.monotonic() > until:
+                return False
+            time.sleep(0.02)
+        return True
+
+    def click_on(self, label):
+        box = next(one for one in self.painter.labels() if one.text == label)
+        middle = (box.left + box.right) / 2, (box.top + box.bottom) / 2
+        self.screen.click(self.left + middle[0], self.top + middle[1])
+
+    def rests(self):
+        """The frame at which it is paused, once the one under way is over; None before."""
+        status = self.operator.status()
+        still = status.paused and status.phase == Phase.READY.value
+        return status.frame if still else None
+
+    def step(self):
+        """Press the key for one frame more, and wait for it."""
+        frame = self.operator.status().frame
+        self.screen.hands("key", "n")
+        eventually(lambda: self.rests() == frame + 1, "one frame more")
+
+    def seen(self):
+        """The pixels of the window."""
+        width, height = SIZE
+        return self.screen.pixels()[self.top : self.top + height, self.left : self.left + width]
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+        try:
+            self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.log.close()
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory):
+    with Screen() as screen:
+        made = Office(tmp_path_factory.mktemp("office"), screen)
+        yield made
+        made.close()
+
+
+def robot(office):
+    return ARobot.thaw(vocabulary.read(office.operator.fragment("r1")).pieces[0])
+
+
+def test_a_click_on_a_label_is_an_order(office):
+    def clicked():  # again, should the window not have heard yet which orders are taken
+        office.click_on("lab")
+        return office.heard('eObjective<marker="lab">', within=2)
+
+    eventually(clicked, "an order")
+
+
+def test_keys_change_the_speed(office):
+    before = robot(office).speed
+    office.screen.hands("key", "Up")
+    office.has(f"eSpeed<speed={before + 0.1:.1f}>")
+
+
+def uncovered(office):
+    """Whether no label hides the robot."""
+    where = robot(office)
+    x, y = office.painter.camera.to_screen(*where.metres(where.position))
+    return not any(
+        box.left - 30 < x < box.right + 30 and box.top - 30 < y < box.bottom + 30
+        for box in office.painter.labels()
+    )
+
+
+def test_the_space_bar_pauses_and_n_is_one_frame(office):
+    eventually(lambda: uncovered(office), "the robot is to be seen, for the next test")
+    office.screen.hands("key", "space")
+    eventually(office.rests, "the world is paused")
+    office.step()
+
+
+def test_the_robot_is_where_its_state_says(office):
+    """The world is paused since the test before; a frame's view shows the string it began with."""
+    where = robot(office)
+    office.step()
+    x, y = where.metres(where.position)
+    right, down = office.painter.camera.to_screen(x, y)
+    radius = where.radius * office.painter.camera.scale
+
+    def near():
+        left, top = round(right - radius - 1), round(down - radius - 1)
+        side = round(2 * radius + 2)
+        found = middle_of(office.seen()[top : top + side, left : left + side], ROBOT, 30)
+        return found and math.hypot(found[0] + left - right, found[1] + top - down) < 3
+
+    eventually(near, f"a robot at {right:.0f}, {down:.0f}", patience=20)
+
+
+def test_a_click_on_the_robot_selects_it(office):
+    where = robot(office)
+    x, y = office.painter.camera.to_screen(*where.metres(where.position))
+    office.screen.click(office.left + x, office.top + y)
+    office.click_on("office")
+    office.screen.hands("key", "space")
+    office.has('eObjective<marker="office"> to #r1')
+    office.screen.hands("key", "Escape")
+
+
+def test_a_window_may_be_zoomed_moved_and_resized(office):
+    before = office.seen()
+    hands = office.screen.hands
+    hands("mousemove", office.left + 300, office.top + 300, "click", 4, "click", 4)
+    hands("mousedown", 1, "mousemove", office.left + 350, office.top + 320, "mouseup", 1)
+    hands("key", "h")
+    eventually(lambda: (office.seen() != before).mean() > 0.3, "another picture")
+    hands("windowsize", office.window, 700, 500)
+    beyond = (office.top + 250, office.left + 690), (office.top + 250, office.left + 720)
+    eventually(
+        lambda: [bool(office.screen.pixels()[place].any()) for place in beyond] == [True, False],
+        "a smaller window that is drawn up to its edge",
+    )
+    assert office.operator.status().orders
+
+
+def test_closing_the_window_leaves_the_world_to_go_on(office):
+    office.screen.ask_to_close(office.window)
+    office.members("sprites", "left")
+    eventually(lambda: office.screen.window() is None, "the window is gone")
+    frame = office.operator.status().frame
+    eventually(lambda: office.operator.status().frame > frame + 3, "the world goes on")
+    assert "Traceback" not in office.said()

@@ -1,0 +1,118 @@
+"""A page is for those who have its token, and for no page of another site."""
+
+import urllib.error
+import urllib.request
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+pytest.importorskip("viser", reason="pip install 'minerva-bus[web]'")
+
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from minerva_services.views.web.access import PageAccess, token_for
+from minerva_services.views.web.serving import serve, stop, url
+
+HERE = PageAccess("127.0.0.1", 8080, "secret")
+ALL = PageAccess("0.0.0.0", 8080, "secret", frozenset({"robots.example.org"}))
+COOKIE = "other=1; minerva-8080=secret"
+
+
+@pytest.fixture
+def server(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
+    made = serve("127.0.0.1", 0)
+    yield made
+    stop(made)
+
+
+def opened(address, **headers):
+    """The status of a page's answer, and its cookie."""
+    try:
+        with urllib.request.urlopen(
+            urllib.request.Request(address, headers=headers), timeout=10
+        ) as page:
+            return page.status, page.headers["Set-Cookie"] or ""
+    except urllib.error.HTTPError as error:
+        assert b"<html" not in error.read().lower()
+        return error.code, ""
+
+
+def handshake(server, origin=None, **headers):
+    """The status of a WebSocket's handshake."""
+    options = {"origin": origin, "additional_headers": headers, "open_timeout": 10}
+    try:
+        protocol = f"viser-v{viser.__version__}"
+        with connect(
+            f"ws://127.0.0.1:{server.get_port()}/", subprotocols=[protocol], **options
+        ) as page:
+            assert page.recv(timeout=10)
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def test_the_printed_address_lets_a_browser_in_and_no_other_does(server):
+    bare = f"http://127.0.0.1:{server.get_port()}/"
+    status, cookie = opened(url(server))
+    assert status == 200
+    assert {"HttpOnly", "SameSite=Strict"} <= {part.strip() for part in cookie.split(";")}
+    assert opened(bare)[0] == 403
+    assert opened(f"{bare}?token=guessed")[0] == 403
+    assert opened(bare, Cookie=cookie.partition(";")[0])[0] == 200
+
+
+def test_the_scene_is_sent_to_the_page_itself_only(server):
+    here = f"http://127.0.0.1:{server.get_port()}"
+    cookie = server.access.cookie.partition(";")[0]
+    assert handshake(server, here, Cookie=cookie) == 101
+    assert handshake(server, None, Cookie=cookie) == 101  # a program, not a browser
+    assert handshake(server, here) == 403
+    assert handshake(server, "http://evil.example", Cookie=cookie) == 403
+    assert handshake(server, "null", Cookie=cookie) == 403
+    assert (
+        handshake(
+            server, here.replace("http", "https").replace("127.0.0.1", "localhost"), Cookie=cookie
+        )
+        == 403
+    )
+    assert handshake(server, None) == 403
+
+
+@pytest.mark.parametrize(
+    ("access", "host", "allowed"),
+    [
+        (HERE, "127.0.0.1:8080", True), (HERE, "localhost:8080", True), (HERE, "[::1]:8080", True),
+        (HERE, "evil.example:8080", False), (HERE, "192.168.1.7:8080", False), (HERE, "", False),
+        (HERE, "[", False), (HERE, "127.0.0.1.evil.example", False),
+        (ALL, "192.168.1.7:8080", True), (ALL, "robots.example.org", True), (ALL, "evil.example", False),
+    ],
+)  # fmt: skip
+def test_a_name_that_is_not_the_pages_is_refused(access, host, allowed):
+    refusal = access.refusal("/", {"Host": host, "Cookie": COOKIE})
+    assert (refusal == "") == allowed
+    assert allowed or "not known as" in refusal
+
+
+@given(st.text(max_size=30), st.text(max_size=60), st.text(max_size=30), st.text(max_size=30))
+def test_any_request_without_the_token_is_refused(path, cookie, origin, host):
+    headers = {"Host": host, "Origin": origin, "Cookie": cookie}
+    assert HERE.refusal(f"/{path}", headers)
+    assert HERE.refusal(f"/{path}", {"Host": "127.0.0.1:8080", "Cookie": cookie})
+
+
+def test_a_page_that_is_started_again_keeps_its_token(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
+    assert token_for(8080) == token_for(8080) != token_for(8081)
+    assert len(token_for(8080)) >= 20
+    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "runtime").iterdir()} == {0o600}
+
+
+def test_without_a_folder_of_ones_own_the_token_is_new_each_time(tmp_path, monkeypatch):
+    (tmp_path / "runtime").mkdir()
+    (tmp_path / "runtime").chmod(0o777)
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
+    assert token_for(8080) != token_for(8080)

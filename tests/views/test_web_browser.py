@@ -1,0 +1,233 @@
+"""A real browser at the page of a real run: it sees the world, and its orders arrive there."""
+
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser")
+playwright = pytest.importorskip("playwright.sync_api")
+
+from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
+from minerva_bus.errors import BusError  # noqa: E402
+from minerva_bus.runtime.client import Client  # noqa: E402
+from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
+from minerva_services.views.web.camera import FIELD, bounds_of, outlook  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+WIDTH, HEIGHT = 800, 400
+COARSE = "&fixedDpr=0.2"  # Pixels are drawn by the processor here.
+PATIENCE = 40.0
+
+
+def eventually(what, why, patience=PATIENCE):
+    until = time.monotonic() + patience
+    while not (found := what()):
+        assert time.monotonic() < until, why
+        time.sleep(0.1)
+    return found
+
+
+class Building:
+    """`minerva run robot --view web`, with a record of what its frames have."""
+
+    def __init__(self, folder: Path):
+        kept = {key: value for key, value in os.environ.items() if not key.startswith("MINERVA_")}
+        runtime = folder / "runtime"
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "minerva_bus.cli.main", "run", "robot"),
+                *("--robots", "2", "--parcels", "", "--rate", "5", "--view", "web:shadows=false"),
+            ],
+            env={**kept, "MINERVA_RUNTIME_DIR": str(runtime)}, cwd=folder, text=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True,
+        )  # fmt: skip
+        self.lines: list[str] = []
+        threading.Thread(target=self._gather, daemon=True).start()
+        line = eventually(
+            lambda: next((one for one in list(self.lines) if "http://" in one), ""), "no page"
+        )
+        self.url = line[line.index("http://") :].strip()
+        found = json.loads((runtime / "robot.json").read_text())
+        self.client = Client(found["endpoint"], "robot")
+        self.events: list[str] = []
+        self._watch = threading.Thread(target=self._record, daemon=True)
+        self._watch.start()
+
+    def _gather(self):
+        for line in self.process.stderr:
+            self.lines.append(line)
+
+    def _record(self):
+        try:
+            for record in self.client.records():
+                self.events += map(str, record.events)
+        except BusError:
+            return
+
+    def has(self, event):
+        """Wait until a frame has had an event."""
+        eventually(lambda: event in self.events, f"no {event}")
+
+    def status(self):
+        return self.client.operator.status()
+
+    def end(self):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+@pytest.fixture(scope="module")
+def building(tmp_path_factory):
+    made = Building(tmp_path_factory.mktemp("building"))
+    try:
+        yield made
+    finally:
+        made.end()
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with playwright.sync_playwright() as player:
+        yield lambda: player.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture(scope="module")
+def page(building, chromium):
+    browser = chromium()
+    opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    opened.set_default_timeout(1000 * PATIENCE)
+    opened.asked = []
+    opened.on("request", lambda request: opened.asked.append(request.url))
+    opened.on("websocket", lambda socket: opened.asked.append(socket.url))
+    visit(opened, building)
+    yield opened
+    browser.close()
+
+
+def visit(page, building):
+    page.goto(building.url + COARSE)
+    page.get_by_text("frame ", exact=False).first.wait_for()
+    page.get_by_text("Send eErrand").wait_for()
+
+
+def frame_on(page):
+    words = page.get_by_text("frames/s", exact=False).first.inner_text().split()
+    return int(words[words.index("frame") + 1])
+
+
+def pixels(page):
+    """What the canvases show."""
+    return page.evaluate("[...document.querySelectorAll('canvas')].map(one => one.toDataURL())")
+
+
+def pixel_of(page, name):
+    """Where on the page the head of a marker's pin is."""
+    shown = Lists(vocabulary).picture(scene({}), {})
+    bounds, box = bounds_of(shown), page.locator("canvas").first.bounding_box()
+    seen = outlook(bounds, 1.0, box["width"] / box["height"])
+    high = 0.7 * 0.06 * math.hypot(bounds.right - bounds.left, bounds.top - bounds.bottom)
+    x, y = next((one.x[0], one.y[0]) for one in shown.of(Texts) if one.texts[0] == name)
+    eye, aim = np.array(seen.position), np.array(seen.look_at)
+    ahead = (aim - eye) / np.linalg.norm(aim - eye)
+    to, right = np.array([x, y, high]) - eye, np.array([1.0, 0.0, 0.0])
+    scale = box["height"] / 2 / math.tan(FIELD / 2) / (to @ ahead)
+    return (
+        box["x"] + box["width"] / 2 + to @ right * scale,
+        box["y"] + box["height"] / 2 - to @ np.cross(right, ahead) * scale,
+    )
+
+
+def test_the_page_shows_a_world_that_moves(page, building):
+    first, before = frame_on(page), pixels(page)
+    eventually(lambda: frame_on(page) > first + 2, "the frame on the page stands still")
+    eventually(lambda: pixels(page) != before, "nothing moves")
+
+
+def test_nothing_is_asked_for_from_elsewhere(page, building):
+    here = building.url.removeprefix("http://").partition("/")[0]
+    allowed = (f"http://{here}", f"ws://{here}", f"blob:http://{here}", "data:")
+    assert page.asked
+    assert [one for one in page.asked if not one.startswith(allowed)] == []
+
+
+def test_a_click_on_a_marker_in_the_world_sets_the_objective(page, building):
+    page.mouse.click(*pixel_of(page, "kitchen"))
+    building.has('eObjective<marker="kitchen">')
+    page.get_by_text("eObjective(marker=kitchen) sent to all").wait_for()
+
+
+def test_orders_go_to_the_robot_that_is_chosen(page, building):
+    page.get_by_label("selected", exact=True).first.click()
+    page.get_by_role("option", name="r2", exact=True).click()
+    page.get_by_text("ARobot#r2").wait_for()
+    page.get_by_role("button", name="Send eObjective").click()
+    building.has('eObjective<marker="reception"> to #r2')
+    page.get_by_role("button", name="Send eErrand").click()
+    building.has('eErrand<source="reception", target="office"> to #r2')
+
+
+def test_the_slider_sets_the_speed_and_follows_it(page, building):
+    thumbs = page.get_by_role("slider")
+    speed = thumbs.nth(thumbs.count() - 1)
+    eventually(lambda: speed.get_attribute("aria-valuenow") == "0.8", "the robot's speed is 0.8")
+    speed.focus()
+    speed.press("ArrowRight")
+    building.has("eSpeed<speed=0.85> to #r2")
+
+
+def test_two_browsers_see_the_same_and_one_that_dies_disturbs_nobody(page, building, chromium):
+    other = chromium()
+    second = other.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    second.set_default_timeout(1000 * PATIENCE)
+    visit(second, building)
+    second.get_by_text("ARobot#r2").wait_for()
+    killer = other.new_browser_cdp_session()
+    with suppress(playwright.Error):  # It dies before it can say so.
+        killer.send("Browser.crash")
+    first = frame_on(page)
+    eventually(lambda: frame_on(page) > first + 3, "the page of the other browser stands still")
+    assert "present" in {one.state for one in building.status().members if one.name == "web"}
+
+
+def test_pause_step_and_resume(page, building):
+    page.get_by_role("button", name="Pause").click()
+    eventually(lambda: building.status().paused, "no pause")
+    page.get_by_text("paused").first.wait_for()
+    frame = building.status().frame
+    page.get_by_role("button", name="Step").click()
+    eventually(lambda: building.status().frame == frame + 1, "no step")
+    page.get_by_role("button", name="Resume").click()
+    eventually(lambda: building.status().frame > frame + 2, "does not go on")
+
+
+def test_the_end_is_on_the_page_and_comes_soon(page, building):
+    os.kill(building.process.pid, signal.SIGINT)
+    building.process.wait(PATIENCE)
+    page.get_by_text("the world has ended").first.wait_for()
+    assert not [one for one in building.lines if "Traceback" in one]

@@ -1,0 +1,202 @@
+"""What people do at a page becomes events and orders; what the world refuses is one line."""
+
+import time
+
+import numpy as np
+import pytest
+from web_world import Nobody, listened, yard
+
+pytest.importorskip("viser")
+
+from minerva_bus.world.operator import Happening
+from minerva_services.views.web import wording
+from minerva_services.views.web.desk import Desk
+from minerva_services.views.web.diary import ALL, NOTABLE, Diary
+from minerva_services.views.web.panel import Panel
+from minerva_services.views.web.picking import Clicked
+
+
+class Stage:
+    def __init__(self):
+        self.selected, self.known = [], ("inn", "bar")
+
+    def select(self, agent):
+        self.selected.append(agent)
+
+    def labels(self):
+        return self.known
+
+
+def eventually(holds):
+    until = time.monotonic() + 10.0
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+class Room:
+    """A desk with its panel, on a server without a browser."""
+
+    def __init__(self, server, click=""):
+        self.operator, self.stage = Nobody(), Stage()
+        self.desk = Desk(yard(self.operator), self.stage, click)
+        self.panel = Panel(server, "yard", yard().vocabulary, self.desk)
+        self.gui = server.gui
+
+    def open(self):
+        self.desk.open(self.panel)
+        eventually(lambda: len(self.panel._forms) == 3)
+
+    def inputs(self, kind):
+        handles = list(self.gui._gui_input_handle_from_uuid.values())
+        return {one.label: one for one in handles if type(one).__name__ == f"Gui{kind}Handle"}
+
+    def options(self, label):
+        """What can be chosen: nothing while a form is taken away and made anew."""
+        return getattr(self.inputs("Dropdown").get(label), "options", ())
+
+    def says(self):
+        return self.panel._notice.content
+
+
+@pytest.fixture
+def room():
+    with listened() as (server, _):
+        made = Room(server)
+        made.desk.meet({"c": "ACart", "d": "ACart", "p": "AParcel"})
+        yield made
+        made.desk.close()
+
+
+def test_each_order_type_has_a_form_of_its_data(room):
+    room.open()
+    assert set(room.panel._forms) == {"eGo", "ePace", "eBring"}
+    assert room.inputs("Dropdown")["place"].options == ("inn", "bar")
+    assert (room.inputs("Dropdown")["source"].value, room.inputs("Dropdown")["target"].value) == (
+        "inn",
+        "bar",
+    )
+    assert set(room.inputs("Checkbox")) == {"gently"}
+    assert set(room.inputs("Number")) == {"times"}
+    assert "speed (m/s)" in room.inputs("Slider")
+    room.operator.orders = ("eGo",)
+    eventually(lambda: set(room.panel._forms) == {"eGo"})
+    eventually(lambda: "times" not in room.inputs("Number"))
+
+
+def test_texts_are_typed_in_until_there_are_labels_to_choose_from(room):
+    room.stage.known = ()
+    room.open()
+    assert set(room.inputs("Text")) == {"place", "source", "target"}
+    room.stage.known = ("inn",)
+    eventually(lambda: not room.inputs("Text"))
+    room.stage.known = ("inn", "den")
+    eventually(lambda: room.options("target") == ("inn", "den"))
+
+
+def test_a_form_sends_its_event_to_the_selected_agent_or_to_all(room):
+    room.open()
+    form = room.panel._forms["eBring"]
+    form._send("eBring", form.data())
+    room.desk.select("d")
+    form._send("eBring", form.data())
+    assert [str(one) for one in room.operator.told] == [
+        'eBring<source="inn", target="bar", times=0, gently=false>',
+        'eBring<source="inn", target="bar", times=0, gently=false> to #d',
+    ]
+    assert "eBring(source=inn, target=bar, times=0, gently=false) sent to d" in room.says()
+    assert room.stage.selected == ["d"]
+    assert room.panel._agent.value == "d"
+
+
+def test_a_click_selects_an_agent_and_sends_a_text(room):
+    room.open()
+    room.desk.click(Clicked("c", "c"))
+    room.desk.click(Clicked(text="bar"))
+    assert [str(one) for one in room.operator.told] == ['eGo<place="bar"> to #c']
+
+
+def test_who_does_not_listen_gets_nothing_and_the_page_says_so(room):
+    room.open()
+    room.desk.select("p")
+    room.desk.order("eGo", {"place": "inn"})
+    assert not room.operator.told
+    assert "p takes no eGo" in room.says()
+
+
+def test_the_only_one_that_takes_orders_is_selected(room):
+    room.desk.meet({"c": "ACart", "p": "AParcel"})
+    room.open()
+    eventually(lambda: room.stage.selected == ["c"])
+
+
+def test_of_a_slider_only_the_last_place_counts(room):
+    room.open()
+    for speed in (0.1, 0.2, 0.3):
+        room.desk.slide("ePace", {"speed": speed})
+    eventually(lambda: room.operator.told and room.operator.told[-1].speed == 0.3)
+    assert len(room.operator.told) <= 2
+
+
+def test_sliders_show_what_the_agent_has(room):
+    room.open()
+    room.desk.select("c")
+    eventually(lambda: room.inputs("Slider")["speed (m/s)"].value == 0.75)
+    eventually(lambda: "<b>ACart#c</b>" in room.panel._state.content)
+    assert not room.operator.told
+
+
+def test_pace(room):
+    room.open()
+    room.desk.pause()
+    room.desk.step()
+    room.desk.resume()
+    room.desk.set_rate(30.0)
+    eventually(lambda: room.operator.told == ["pause", "step", "resume", 30.0])
+
+
+def test_the_head_says_how_the_world_is_doing(room):
+    room.open()
+    eventually(lambda: "frame 7 · 0.7 s · 9.5 of 10 frames/s" in room.panel._head.content)
+    eventually(lambda: room.panel._rate.value == 10.0)
+    assert not room.operator.told
+
+
+def test_a_world_that_does_not_answer_is_a_line_on_the_page(room):
+    room.open()
+    room.operator.silent = True
+    room.desk.pause()
+    eventually(lambda: "has not answered" in room.says())
+    assert room.desk._thread.is_alive()
+    room.operator.unheard = 0
+    eventually(lambda: room.operator.unheard)
+    room.operator.silent = False
+    eventually(lambda: not room.says())
+
+
+def test_texts_of_the_world_are_no_markup(room):
+    room.operator.happenings = (Happening(1, 3, "eGo", 'eGo<place="<img src=x>">'),)
+    room.open()
+    eventually(lambda: "&lt;img src=x&gt;" in room.panel._events.content)
+    room.panel.complain("<b>no</b>")
+    assert "<b>no" not in room.says()
+
+
+def test_long_values_are_cut():
+    assert wording.summary(np.zeros((182, 122))) == "182 × 122 numbers"
+    assert wording.summary((1.0,) * 400).startswith("400 values: [1, 1,")
+    assert len(wording.summary("x" * 4000)) < 50
+    assert wording.summary(3.46389583683e-14) == "3.4639e-14"
+
+
+def test_events_of_every_frame_do_not_drown_the_rest():
+    operator, diary = Nobody(), Diary()
+    operator.events = {"eLaser": 900.0, "eGo": 0.1}
+    operator.happenings = tuple(
+        Happening(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
+    )
+    diary.hear(operator.status(0))
+    assert [one.number for one in diary.chosen(NOTABLE, 9)] == [5]
+    assert [one.number for one in diary.chosen(ALL, 3)] == [197, 198, 199]
+    assert diary.choices == (NOTABLE, ALL, "eGo", "eLaser")
+    assert diary.last == 199

@@ -1,0 +1,143 @@
+"""From clicks and keys to what a world is told, whatever its words."""
+
+import pytest
+from window_world import BUGS, WORDS, Ledger, shown_by, status
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.semantics.picture import Picture
+from minerva_services.views.window.deeds import Pause, Resume, Step
+from minerva_services.views.window.hands import Hands
+from minerva_services.views.window.keys import KEYS, Action, action_of
+from minerva_services.views.window.picking import Hit
+from minerva_services.views.window.roles import check_named, roles_of
+
+ALL = ("eGo", "eBring", "eHaste", "eTurn", "eRain")
+
+
+def hands(*orders, **options):
+    made = Hands(WORDS, **options)
+    made.know(status(*(orders or ALL)))
+    return made
+
+
+def test_roles_go_by_the_data_alone():
+    roles = roles_of(WORDS, ALL)
+    assert (roles.click.name, roles.pair.name, roles.slide.name) == ("eGo", "eBring", "eHaste")
+    assert roles_of(WORDS, ["eRain"]) == roles_of(WORDS, [])
+    assert roles_of(WORDS, ALL, slide="eTurn").slide.name == "eTurn"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("eGone", ""), "no event type of the world; did you mean 'eGo'"),
+        (("eBring", ""), "click is 'eBring'; its data must be one text"),
+        (("", "eRain"), "slide is 'eRain'; its data must be one real"),
+    ],
+)
+def test_an_option_that_names_another_type_is_refused(options, words):
+    with pytest.raises(MisuseError, match=words) as caught:
+        check_named("sprites", WORDS, *options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_click_on_a_label_sends_its_text_to_all():
+    deed = hands().click(Hit(label="kitchen"))
+    assert shown_by(deed).told == ['order eGo<place="kitchen">']
+    assert shown_by(deed).said == 'sent eGo<place="kitchen">'
+
+
+def test_or_to_the_agent_that_is_selected():
+    made = hands()
+    assert made.click(Hit(agent="b2")) is None
+    assert made.selected == "b2"
+    assert made.doing == "b2"
+    deed = made.click(Hit(label="kitchen"))
+    assert shown_by(deed).told == ['order eGo<place="kitchen"> to #b2']
+    made.press(Action.DESELECT, BUGS)
+    assert shown_by(made.click(Hit(label="attic"))).told == ['order eGo<place="attic">']
+
+
+def test_a_click_means_nothing_where_nobody_takes_orders():
+    made = hands("eRain")
+    assert made.click(Hit(label="kitchen")) is None
+    assert made.click_aside(Hit(label="kitchen")) is None
+    assert made.press(Action.MORE, BUGS) is None
+    assert made.click(None) is None
+
+
+def test_two_clicks_aside_send_two_labels():
+    made = hands()
+    assert made.click_aside(Hit(label="attic")) is None
+    assert "attic" in made.doing
+    deed = made.click_aside(Hit(label="hall"))
+    assert shown_by(deed).told == ['order eBring<source="attic", target="hall">']
+    assert made.source == ""
+    made.click_aside(Hit(label="attic"))
+    made.click_aside(None)
+    assert made.click_aside(Hit(label="hall")) is None
+
+
+def test_keys_pause_and_go_on_and_step():
+    made = hands()
+    assert made.press(Action.PAUSE, BUGS) == Pause()
+    assert made.press(Action.PAUSE, BUGS) == Resume()
+    assert made.press(Action.STEP, BUGS) == Step()
+    assert made.press(Action.PAUSE, BUGS) == Resume()
+    made.know(status(paused=True))
+    assert made.press(Action.PAUSE, BUGS) == Resume()
+    told = [shown_by(deed).told for deed in (Pause(), Resume(), Step())]
+    assert told == [["pause"], ["resume"], ["step 1"]]
+
+
+def test_keys_change_a_number_from_what_the_agent_has():
+    made, ledger = hands(), Ledger(speed=0.5)
+    for key in (Action.MORE, Action.MORE, Action.LESS):
+        made.press(key, BUGS).do(ledger)  # the agent has not heard of it yet
+    assert [one.split("=")[1] for one in ledger.told] == ["0.6>", "0.7>", "0.6>"]
+    ledger.speed = 2.0  # somebody else has set it
+    made.press(Action.MORE, BUGS).do(ledger)
+    assert ledger.told[-1] == "order eHaste<speed=2.1>"
+
+
+def test_a_speed_is_never_below_zero():
+    made = hands()
+    assert shown_by(made.press(Action.LESS, BUGS), speed=0.05).told == ["order eHaste<speed=0>"]
+
+
+def test_a_number_that_no_agent_has_begins_at_its_default():
+    deed = hands(slide="eTurn").press(Action.MORE, Picture())
+    assert shown_by(deed).told == ["order eTurn<angle=2.1>"]
+
+
+def test_following():
+    made = hands()
+    made.press(Action.FOLLOW, BUGS)
+    assert (made.selected, made.follows) == ("b1", True)
+    made.let_go()
+    assert (made.selected, made.follows) == ("b1", False)
+    made.click(Hit(agent="b2"), double=True)
+    assert (made.selected, made.follows) == ("b2", True)
+    made.press(Action.FOLLOW, BUGS)
+    assert not made.follows
+    nobody = hands()
+    nobody.press(Action.FOLLOW, Picture())
+    assert not nobody.follows
+
+
+def test_the_help_tells_what_this_world_takes():
+    lines = dict(hands().help)
+    assert lines["space"] == "pause, go on"
+    assert lines["click a label"] == "eGo"
+    assert lines["right-click two labels"] == "eBring"
+    assert lines["up +"] == "eHaste: more speed"
+    assert "click a label" not in dict(hands("eRain").help)
+    assert not any("eHaste" in meaning for _, meaning in hands("eRain").help)
+
+
+def test_each_key_does_one_thing():
+    named = [key for keys in KEYS.values() for key in keys]
+    assert len(named) == len(set(named))
+    assert set(KEYS) == set(Action)
+    assert action_of("SPACE") is Action.PAUSE
+    assert action_of("q") is None

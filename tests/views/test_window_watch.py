@@ -1,0 +1,105 @@
+"""The thread that asks a world how it is doing and does deeds."""
+
+import threading
+import time
+
+from window_world import WORDS, Ledger, status
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.events import Event
+from minerva_services.views.window.caption import caption
+from minerva_services.views.window.deeds import Order, Pause
+from minerva_services.views.window.watch import Watch
+
+
+def eventually(what):
+    until = time.monotonic() + 20
+    while not (found := what()):
+        assert time.monotonic() < until
+        time.sleep(0.005)
+    return found
+
+
+def test_it_asks_again_and_again():
+    ledger = Ledger()
+    watch = Watch(ledger, every=0.01)
+    eventually(lambda: ledger.asked > 3)
+    assert watch.status.orders == ("eGo", "eHaste")
+    watch.close()
+    asked = ledger.asked
+    assert not watch._thread.is_alive()
+    assert ledger.asked == asked
+
+
+def test_deeds_are_done_in_their_order_and_told():
+    ledger = Ledger()
+    watch = Watch(ledger, every=60.0)
+    watch.do(Pause())
+    watch.do(None)
+    watch.do(Order(WORDS.events["eGo"]("attic")))
+    eventually(lambda: len(ledger.told) == 2)
+    assert ledger.told == ["pause", 'order eGo<place="attic">']
+    assert eventually(lambda: watch.notice) == 'sent eGo<place="attic">'
+    watch.close()
+
+
+def test_it_is_busy_until_the_status_is_from_after_the_deed():
+    class Slow(Ledger):
+        may = threading.Event()
+
+        def status(self, since=0):
+            if self.told:
+                assert self.may.wait(20)
+            return status(paused=bool(self.told))
+
+    ledger = Slow()
+    watch = Watch(ledger, every=0.01)
+    eventually(lambda: watch.status)
+    assert not watch.busy
+    watch.do(Pause())
+    eventually(lambda: ledger.told)
+    assert watch.busy
+    assert not watch.status.paused
+    ledger.may.set()
+    eventually(lambda: not watch.busy)
+    assert watch.status.paused
+    watch.close()
+
+
+def test_a_world_that_does_not_answer_is_told_of_and_asked_again():
+    ledger = Ledger(error="the world has not answered\nfor a second")
+    watch = Watch(ledger, every=0.01)
+    assert eventually(lambda: watch.notice) == "the world has not answered"
+    ledger.error = ""
+    eventually(lambda: watch.status)
+    watch.close()
+
+
+def test_a_world_without_an_operator_is_asked_once():
+    class Nobody(Ledger):
+        def status(self, since=0):
+            self.asked += 1
+            raise MisuseError("nobody can operate this world from here")
+
+    watch = Watch(Nobody(), every=0.001)
+    eventually(lambda: not watch._thread.is_alive())
+    assert watch._operator.asked == 1
+    watch.close()
+
+
+def test_an_order_that_is_refused_is_told():
+    watch = Watch(Ledger(error="nobody takes eGo"), every=60.0)
+    watch.do(Order(Event("eGo", ("place",), ("x",))))
+    assert eventually(lambda: watch.notice) == "nobody takes eGo"
+    watch.close()
+
+
+def test_the_caption():
+    assert caption(-1, 0.1, None) == "no view yet"
+    assert caption(30, 0.1, None) == "frame 30  ·  3.0 s"
+    assert caption(30, 0.1, status(paused=True), "b1") == "frame 30  ·  3.0 s  ·  paused  ·  b1"
+    slow = status(rate=30.0, hz=12.2)
+    assert caption(30, 0.1, slow).endswith("12 of 30 frames a second")
+    assert caption(30, 0.1, status(hz=30.0, rate=30.0)).endswith("·  30 frames a second")
+    waiting = status(waiting=("foxes",), waited=2.0)
+    assert caption(0, 0.1, waiting).endswith("waiting for foxes")
