@@ -4,8 +4,6 @@ A frame of the robot's world in mid-run, shown by sprites, OpenGL, the page and 
 """
 
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
