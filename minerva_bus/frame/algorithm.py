@@ -18,9 +18,9 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.attendance import Attendance
 from minerva_bus.frame.core import Phase
-from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
 from minerva_bus.frame.enforcement import PEOPLE
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.membership import Change, Member, State
 from minerva_bus.frame.showing import check_all, patch_all
 from minerva_bus.frame.steps import HANDED_OVER
@@ -139,36 +139,36 @@ class FrameAlgorithm(Attendance):
         """The string w of the frame that runs or comes next."""
         return self.composition.scene
 
-    def again(self, course: Course) -> list[s.Instruction]:
-        """Take a frame's course from a journal, before anybody has appeared.
+    def feed(self, inputs: FrameInputs) -> list[s.Instruction]:
+        """Compute a frame from its logged inputs, before any member has appeared.
 
-        Raises ProtocolError where it is not of the frame that comes next, or does not fit.
+        Raises ProtocolError if the inputs are not those of the next frame, or do not fit.
         """
-        if course.frame != self.frame:
-            raise ProtocolError(f"the course of frame {course.frame} is not of {self.frame}")
+        if inputs.frame != self.frame:
+            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
         self._out = []
         self._begin_frame_state()
-        self._inbox = {source: list(events) for source, events in course.taken.items()}
+        self._inbox = {source: list(events) for source, events in inputs.taken.items()}
         self._handed_over = tuple(self._inbox.pop(HANDED_OVER, ()))
         self._orders_allowed(self._handed_over)
-        self._ticked, self._people = dict(course.ticked), course.people
-        self._gather(course.due)
+        self._ticked, self._people = dict(inputs.ticked), inputs.people
+        self._gather(inputs.due)
         try:
-            self.composition.lay_out(course.layout)
-            self._layout = course.layout
-            self._left_out = set(course.left_out)
-            self._judge_again(course)
-            self._inbox = {source: list(events) for source, events in course.waiting.items()}
+            self.composition.lay_out(inputs.layout)
+            self._layout = inputs.layout
+            self._left_out = set(inputs.left_out)
+            self._feed_replies(inputs)
+            self._inbox = {source: list(events) for source, events in inputs.waiting.items()}
             self._apply()
         except Unfit as unfit:
-            raise ProtocolError(f"the course of frame {course.frame}: {unfit}") from None
+            raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
         self._rearrange = True
         return self._out
 
-    def _judge_again(self, course: Course) -> None:
-        """Take the answers of hosts, each time that they were asked, before the norms."""
-        replies = iter(course.replies)
-        for count in course.answers:
+    def _feed_replies(self, inputs: FrameInputs) -> None:
+        """Merge the replies of hosts, one request after another, then apply norms."""
+        replies = iter(inputs.replies)
+        for count in inputs.answers:
             for reply in islice(replies, count):
                 self._merge(reply, self._patched(reply))
             self._hear()

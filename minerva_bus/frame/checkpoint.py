@@ -1,4 +1,4 @@
-"""What a world needs beside its string to go on as if it had never stopped."""
+"""State of a world between two frames that its string does not contain."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 
 HALTED: Final = "~halted"
-"""The name under which a checkpoint keeps which agents carry out nothing of the last views."""
+"""Key in `Checkpoint.saved` for the agents whose actions the last views must not execute."""
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Where a world stands between two frames, beside its string; `frame` is the next one.
+    """State beside the string between two frames; `frame` is the next one.
 
-    `saved` is what lockstep members saved in their last whole frame, by member; `emitted` what
-    agents have sent, and `inbox` what has come from others, by source, for the next frame. Of
-    `until`: the agents that have `reached` it, and the kinds of those that do, `reaching`.
+    `saved`: data saved by lockstep members in their last complete frame, by member.
+    `emitted`: events that agents sent, and `inbox`: events from other sources, by source; both
+    count in the next frame.
+    `reached`: agents that reached the event of `until`; `reaching`: kinds that can reach it.
     """
 
     frame: int = 0
@@ -34,9 +35,9 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class LastView:
-    """What was shown last of a visual event type: in which frame, and the string of L(E).
+    """The last view of a visual event type: its frame and its string over L(E).
 
-    The agents `halted` carried out nothing of it.
+    Devices did not execute actions of the agents in `halted`, because a norm rejected their step.
     """
 
     frame: int

@@ -1,13 +1,15 @@
-"""A run that is played again: its frames come from a film, and only its views are made anew.
+"""Frame algorithm for replaying a recorded run: strings are read, views are computed.
 
-λ does not run: the strings are the film's. θ does, in here, so that devices may join that were not
-there when it happened. Members other than devices may join, but nobody asks them for anything.
+λ does not run, because the log has the string of each frame. θ runs in the coordinator, so devices
+can join that did not take part in the original run. Other members can join, but receive no
+requests.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import is_
 from typing import Protocol
 
 from minerva_bus.frame import messages as m
@@ -31,43 +33,45 @@ _HERE = "~replay"
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
-    """A frame of a film: its number, its events in order, and the string after it."""
+class RecordedFrame:
+    """A frame of a recorded run: number, ordered events, and the string after the frame."""
 
     number: int
     events: tuple[AnyEvent, ...]
     after: Scene
 
 
-class Film(Protocol):
-    """What was recorded of a run; it stands before one of its frames, or behind the last."""
+class FrameCursor(Protocol):
+    """A position in a recorded run: before one of its frames, or after the last one."""
 
     end: int
-    """The number after that of the last frame."""
+    """Number of the last frame plus one."""
 
     @property
-    def ahead(self) -> Shot | None:
-        """The frame that it stands before; None at its end."""
+    def ahead(self) -> RecordedFrame | None:
+        """The next frame, or None at the end."""
         ...
 
     def advance(self) -> None:
-        """Go on to the next frame."""
+        """Move past the next frame."""
 
-    def wind(self, frame: int) -> Scene:
-        """Stand before a frame; the string with which it begins. Raises MinervaError."""
+    def seek(self, frame: int) -> Scene:
+        """Move before a frame and return its initial string. Raises MinervaError."""
         ...
 
 
 class ReplayAlgorithm(FrameAlgorithm):
-    """Plays a film; `world` is as it stands before the first frame that is played.
+    """Replays a recorded run; `world` is the state before the first frame to play.
 
-    At the end of the film the world ends, or, where it shall `stay`, rests for as long as somebody
-    is there, who may wind it back.
+    The world ends with the recorded run. With `stay` it remains open at the end while a member is
+    present, because that member may seek backwards.
     """
 
-    def __init__(self, world: World, film: Film, kinds: Kinds, *, stay: bool = False) -> None:
+    def __init__(
+        self, world: World, cursor: FrameCursor, kinds: Kinds, *, stay: bool = False
+    ) -> None:
         super().__init__(world)
-        self.film = film
+        self.cursor = cursor
         self._stay = stay
         self._host = Host(_HERE, kinds)
         self._slots = _Slots(self.composition, world.scene)
@@ -76,33 +80,34 @@ class ReplayAlgorithm(FrameAlgorithm):
     # --- a frame ---
 
     def _on_begin(self, told: s.Begin) -> None:
-        """Play a frame; the first time, where nobody is waited for, get ready to."""
+        """Play one frame. The first call only becomes ready if no member is expected."""
         if self.phase is Phase.WAITING:
             self._ready_if_all_here()
             return
-        shot = self.film.ahead
-        if self.phase is not Phase.READY or shot is None:
+        recorded = self.cursor.ahead
+        if self.phase is not Phase.READY or recorded is None:
             return
         self._glances = told.due
         for member in self.roster.attending.joining:
             if member.hello is not None:
                 self._admit(member, member.hello)
-        self.frame = shot.number
+        self.frame = recorded.number
         self._begin_frame_state()
-        self._sort_events(shot.events)
+        self._sort_events(recorded.events)
         self._visual = self._to_show(closing=False)
         self.phase = Phase.EVOLVE
         self._dispatch()
 
     def _to_show(self, *, closing: bool) -> tuple[AnyEvent, ...]:
-        """The visual events of the film, and those that devices here want."""
-        types, shot = self.world.vocabulary.events, self.film.ahead
-        filmed = [one for one in shot.events if types[one.type].visual] if shot is not None else []
-        sources = {"~film": filmed, "~device": self._visual_events(self._due_views(closing))}
+        """Recorded visual events, and those requested by the devices of this replay."""
+        types, recorded = self.world.vocabulary.events, self.cursor.ahead
+        events = recorded.events if recorded is not None else ()
+        visual = [event for event in events if types[event.type].visual]
+        sources = {"~record": visual, "~device": self._visual_events(self._due_views(closing))}
         return collect(self.world.order, sources)
 
     def _dispatch(self) -> None:
-        """Step 6, in here: nobody else is asked."""
+        """Run step 6 in this process, without hosts."""
         self._make_views()
         self._finish_if_done()
 
@@ -116,21 +121,21 @@ class ReplayAlgorithm(FrameAlgorithm):
         request = m.EvolveRequest(self.frame, (_HERE,), visual=self._visual)
         moment = Frame(self.frame, world.dt, world.seed)
         reply = host.answer(request, moment, Policy.SEQUENTIAL, world.vocabulary)  # π alone
-        self._views = {one: dict(parts) for one, parts in reply.views.items()}
-        self._view_patches = {one: dict(some) for one, some in reply.view_patches.items()}
+        self._views = {name: dict(parts) for name, parts in reply.views.items()}
+        self._view_patches = {name: dict(new) for name, new in reply.view_patches.items()}
 
     def _commit(self) -> None:
-        shot = self.film.ahead
-        assert shot is not None
+        recorded = self.cursor.ahead
+        assert recorded is not None
         self._show()
-        self._changed = self._slots.become(shot.after)
+        self._changed = self._slots.become(recorded.after)
         self._out.append(s.FrameDone(self.frame, self._record(self.frame), self._events))
-        self.film.advance()
+        self.cursor.advance()
         self.frame += 1
         self._end_or_go_on()
 
     def _end_or_go_on(self) -> None:
-        if self.film.ahead is not None:
+        if self.cursor.ahead is not None:
             self.phase = Phase.READY
             self._out.append(s.Ready(self.frame))
         elif self._stay and self.roster.here():
@@ -142,16 +147,16 @@ class ReplayAlgorithm(FrameAlgorithm):
     # --- at any time ---
 
     def _on_seek(self, told: s.Seek) -> None:
-        """Go elsewhere in the film, and show at once what is there."""
+        """Move to another frame and show its string immediately."""
         if self.phase is not Phase.READY:
             return
-        self._slots.become(self.film.wind(told.frame))
+        self._slots.become(self.cursor.seek(told.frame))
         self.frame = told.frame
         self._look()
         self._end_or_go_on()
 
     def _look(self) -> None:
-        """Show the string as it stands, to whoever is there."""
+        """Show the current string to all devices."""
         self._begin_frame_state()
         self._visual = self._to_show(closing=True)
         self._make_views()
@@ -164,33 +169,33 @@ class ReplayAlgorithm(FrameAlgorithm):
 
     def _go_on_without(self, member: Member) -> None:
         super()._go_on_without(member)
-        rests = self.phase is Phase.READY and self.film.ahead is None
+        rests = self.phase is Phase.READY and self.cursor.ahead is None
         if rests and not self.roster.here():
             self._close(OVER)
 
     def _on_emitted(self, told: m.Emitted) -> None:
-        """What has happened takes no more events."""
+        """Ignore events: recorded frames cannot change."""
 
     def _on_order(self, order: s.Order) -> None:
-        """What has happened takes no more events."""
+        """Ignore events: recorded frames cannot change."""
 
 
 class _Slots:
-    """Which fragment each piece of a film's strings is, so that a frame costs what it changes."""
+    """Maps pieces of recorded strings to fragments, so that a frame costs only its changes."""
 
     def __init__(self, composition: Composition, scene: Scene) -> None:
         self._composition = composition
         self._note(scene)
 
     def become(self, scene: Scene) -> dict[str, Scene]:
-        """Let the composition hold another string; what became of its fragments."""
+        """Replace the string of the composition; returns the changed fragments."""
         before = dict(self._composition.fragments)
         changed = self._changed(scene.pieces)
         if changed is None:
             self._composition.become(scene)
             after = self._composition.fragments
             changed = dict.fromkeys(before.keys() - after.keys(), EMPTY)
-            changed |= {n: Scene((one,)) for n, one in after.items() if before.get(n) is not one}
+            changed |= {n: Scene((new,)) for n, new in after.items() if before.get(n) is not new}
             self._note(scene)
         else:
             self._composition.replace(changed)
@@ -201,11 +206,11 @@ class _Slots:
         self._pieces = scene.pieces
         names = {id(part): name for name, part in self._composition.parts.items()}
         self._names: list[str] = []
-        if all(one is two for one, two in zip(packed(scene).pieces, scene.pieces, strict=False)):
+        if all(map(is_, packed(scene).pieces, scene.pieces)):
             self._names = [_name(piece, names) for piece in scene.pieces]
 
     def _changed(self, pieces: Iterable[Piece]) -> dict[str, Scene] | None:
-        """The fragments that are other pieces now; None where more than fragments has changed."""
+        """Fragments whose piece changed, or None if the string changed in other places too."""
         after = tuple(pieces)
         if len(after) != len(self._names):
             return None
@@ -220,7 +225,7 @@ class _Slots:
 
 
 def _name(piece: Piece, names: dict[int, str]) -> str:
-    """The name of the fragment that a piece is; empty where it is none."""
+    """Name of the fragment that a piece is, or an empty string."""
     if isinstance(piece, Columns):
         return names.get(id(piece), "") if piece.ids is not None else ""
     return piece.id if isinstance(piece, AgentNode) else ""

@@ -13,9 +13,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.calling import NOTHING
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.core import Phase
-from minerva_bus.frame.course import Course
 from minerva_bus.frame.endings import Endings
 from minerva_bus.frame.enforcement import PEOPLE
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.plainly import plainly
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.batch import AnyEvent, count_of
@@ -24,7 +24,7 @@ from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import collect
 
 HANDED_OVER: Final = "~handed"
-"""The name under which a course has the orders of people that generators have taken."""
+"""Source in `FrameInputs.taken` of people's orders that generators have taken."""
 
 AGENTS: Final = "#"
 """The source of all that agents send; no generator can have this name."""
@@ -304,15 +304,15 @@ class Steps(Endings):
         for fragment in overruled:
             self._distribution.overruled(fragment)
         self._out.append(
-            s.FrameDone(self.frame, self._record(self.frame), self._events, self._course())
+            s.FrameDone(self.frame, self._record(self.frame), self._events, self._inputs())
         )
         self.frame += 1
         if self._changed:
             self._stirred = self.frame
         return True
 
-    def _course(self) -> Course:
-        return Course(
+    def _inputs(self) -> FrameInputs:
+        return FrameInputs(
             self.frame,
             self._due,
             self._ticked,

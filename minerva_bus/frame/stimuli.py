@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, TypeAlias
 
-from minerva_bus.frame.course import Course
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.messages import Figures, FrameRecord, FromMember, ToMember
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
@@ -161,13 +161,13 @@ class FrameDone:
     """A frame is over. `record` is made when it is asked for, which is now or never.
 
     It has the digest of the whole string, which nobody need pay for who does not want it. The
-    `course` is for a journal.
+    `inputs` are for the log.
     """
 
     frame: int
     make: Callable[[], FrameRecord]
     events: tuple[AnyEvent, ...] = ()
-    course: Course | None = None
+    inputs: FrameInputs | None = None
 
     @cached_property
     def record(self) -> FrameRecord:

@@ -62,11 +62,11 @@ class Keeping:
 
     def frame(self, done: s.FrameDone) -> None:
         """A frame is over. Raises Followed."""
-        if self._journal is None or done.course is None:
+        if self._journal is None or done.inputs is None:
             return
         try:
             self._note_members(self._journal)
-            self._journal.frame(done.course)
+            self._journal.frame(done.inputs)
         except OSError as error:
             self._give_up(self._journal, error)
 

@@ -57,7 +57,7 @@ class ReplayCoordinator(MeasuringCoordinator):
     def __init__(
         self, path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **how: Any
     ) -> None:
-        from minerva_bus.log.film import RecordFilm
+        from minerva_bus.log.cursor import Cursor
         from minerva_bus.log.reader import Record
 
         told = watchers.listening
@@ -67,10 +67,10 @@ class ReplayCoordinator(MeasuringCoordinator):
             self.inbox.put(s.Begin())  # Perhaps there is nobody to wait for.
 
         super().__init__(world, replace(watchers, listening=listening), **how)
-        film = RecordFilm(Record(path))
-        film.wind(world.past.frame)
-        self.film = film
-        self.algorithm: FrameAlgorithm = ReplayAlgorithm(world, film, kinds, stay=stay)
+        cursor = Cursor(Record(path))
+        cursor.seek(world.past.frame)
+        self.cursor = cursor
+        self.algorithm: FrameAlgorithm = ReplayAlgorithm(world, cursor, kinds, stay=stay)
 
     def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         ask = asked.get("ask")
@@ -81,8 +81,8 @@ class ReplayCoordinator(MeasuringCoordinator):
         return super()._answered(asked)
 
     def _seek(self, frame: int) -> dict[str, Any]:
-        if frame > self.film.end:
-            raise ProtocolError(f"the record ends before frame {self.film.end}, not {frame}")
+        if frame > self.cursor.end:
+            raise ProtocolError(f"the record ends before frame {self.cursor.end}, not {frame}")
         if self.algorithm.phase is not Phase.READY:
             raise ProtocolError(f"not now: {self.algorithm.phase.value}")
         self.tell(s.Seek(frame))
@@ -97,7 +97,7 @@ def read_replay(
     `world` names its world file, if that has moved. Raises RecordError and WorldFileError, and
     MinervaError where the world file is of another world or there is no such frame.
     """
-    from minerva_bus.log.film import RecordFilm
+    from minerva_bus.log.cursor import Cursor
     from minerva_bus.log.reader import Record
 
     if not 0 <= speed < float("inf"):
@@ -106,13 +106,13 @@ def read_replay(
         told = record.description
         damage = tuple(damage_of(record))
         file = world_file_of(path, world, told, overrides)
-        film = RecordFilm(record)
-        if not film.end:
+        cursor = Cursor(record)
+        if not cursor.end:
             raise MisuseError(f"{path}: there is no frame in it")
-        if not 0 <= begin < film.end:
-            raise MisuseError(f"{path}: it has {frames_up_to(film.end)}, not {begin}")
-        played = replace(told.world, scene=film.wind(begin), past=Checkpoint(begin))
-    played = replace(played, frames=film.end, until="", name=_name(overrides, told))
+        if not 0 <= begin < cursor.end:
+            raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
+        played = replace(told.world, scene=cursor.seek(begin), past=Checkpoint(begin))
+    played = replace(played, frames=cursor.end, until="", name=_name(overrides, told))
     views = file.processes[len(file.processes) - len(overrides.views) :]
     stay = any(view.make_service is not None and view.make_service().interactive for view in views)
     shown = replace(

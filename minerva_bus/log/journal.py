@@ -8,7 +8,7 @@
              answers, left out]
           | ["members", [name, ...]] | ["pace", rate, left] | ["waiting", {source: [event, ...]}]
 
-A string stands first, then the course of each frame since, as members sent it: so a frame costs
+A string stands first, then the inputs of each frame since, as members sent it: so a frame costs
 little more than its bytes. An entry reaches the system before anything of the next frame is sent;
 a killed process loses none. When the frames have become long beside the string, the journal is
 written anew, to another file that takes its name: whoever still writes to the one without a name
@@ -31,8 +31,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import Layout
-from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.description import LIMITS
@@ -66,7 +66,7 @@ class Journaled:
     epoch: int
     world: World
     views: Sequence[m.ViewShown] = ()
-    courses: list[Course] = field(default_factory=list[Course])
+    inputs: list[FrameInputs] = field(default_factory=list[FrameInputs])
     members: frozenset[str] = frozenset()
     rate: float | None = None
     left: int | None = None
@@ -99,9 +99,9 @@ class Journal:
         except OSError as error:
             raise BusError(f"{path}: the journal cannot be written: {error.strerror}") from None
 
-    def frame(self, course: Course) -> None:
+    def frame(self, inputs: FrameInputs) -> None:
         """A frame is over."""
-        self._put(_plain_course(course))
+        self._put(_plain_inputs(inputs))
         rate, left = self._pace
         self._pace = rate, left and left - 1
         if self._since > max(LEAST, ANEW_AFTER * self._string):
@@ -192,16 +192,16 @@ def _plain_string(algorithm: FrameAlgorithm) -> list[Any]:
     return ["string", plain_scene(algorithm.scene), checkpoint, views]
 
 
-def _plain_course(course: Course) -> list[Any]:
+def _plain_inputs(inputs: FrameInputs) -> list[Any]:
     ticked = [
         [name, reply.heard or encode(reply)]
-        for name, reply in course.ticked.items()
+        for name, reply in inputs.ticked.items()
         if reply.events or reply.saved is not None
     ]
-    replies = [[reply.member, reply.heard or encode(reply)] for reply in course.replies]
-    taken, waiting = _plain_events(course.taken), _plain_events(course.waiting)
-    head = ["frame", course.frame, course.due, ticked, taken, course.layout]
-    return [*head, replies, waiting, course.people, course.answers, course.left_out]
+    replies = [[reply.member, reply.heard or encode(reply)] for reply in inputs.replies]
+    taken, waiting = _plain_events(inputs.taken), _plain_events(inputs.waiting)
+    head = ["frame", inputs.frame, inputs.due, ticked, taken, inputs.layout]
+    return [*head, replies, waiting, inputs.people, inputs.answers, inputs.left_out]
 
 
 def _plain_events(events: Waiting) -> dict[str, list[Any]]:
@@ -293,7 +293,7 @@ def _world(entry: list[Any], world: World, reader: Reader) -> World:
 def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) -> None:
     kind = text(entry[0], "an entry's name")
     if kind == "frame":
-        found.courses.append(_course(entry, reader, decoder))
+        found.inputs.append(_inputs(entry, reader, decoder))
         found.left = found.left and found.left - 1
         found.waiting = None
     elif kind == "members":
@@ -305,11 +305,11 @@ def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) 
         found.waiting = _events(entry[1], reader)
 
 
-def _course(entry: list[Any], reader: Reader, decoder: Decoder) -> Course:
+def _inputs(entry: list[Any], reader: Reader, decoder: Decoder) -> FrameInputs:
     _, frame, due, ticked, taken, layout, replies, waiting, people, answers, left_out = entry
     ticks = [decoder.from_member(text(name, "a name"), data) for name, data in ticked]
     hosts = [decoder.from_member(text(name, "a name"), data) for name, data in replies]
-    return Course(
+    return FrameInputs(
         whole(frame, "the frame"),
         tuple(text(one, "an event type") for one in listed(due, "types")),
         {one.member: one for one in ticks if isinstance(one, m.TickReply)},
@@ -347,8 +347,8 @@ def go_on(
     """
     for view in journaled.views:
         algorithm.show_again(view)
-    for course in journaled.courses:
-        for one in algorithm.again(course):
+    for inputs in journaled.inputs:
+        for one in algorithm.feed(inputs):
             if isinstance(one, s.FrameDone):
                 watch(one)
     if journaled.waiting is not None:

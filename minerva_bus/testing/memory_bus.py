@@ -21,8 +21,8 @@ from typing import Any, Final, TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.frame.course import Course
 from minerva_bus.frame.description import World
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.participant import Outgoing, Participant, Refusal
 from minerva_bus.testing.telling import told
 
@@ -43,7 +43,7 @@ class MemoryBus:
 
     def __init__(self, world: World, makers: Mapping[str, Maker]) -> None:
         self.algorithm = FrameAlgorithm(world)
-        self.courses: list[Course] = []
+        self.inputs: list[FrameInputs] = []
         self.makers = dict(makers)
         self.alive: dict[str, Participant] = {}
         self.records: list[m.FrameRecord] = []
@@ -86,14 +86,14 @@ class MemoryBus:
     def kill_coordinator(self, successor: FrameAlgorithm | None = None) -> None:
         """Let another coordinator go on after the last whole frame; members stay.
 
-        Without a `successor`, one is made of the courses of all frames. What is under way is lost,
+        A missing `successor` is computed from the inputs of all frames. What is under way is lost,
         in both directions.
         """
         before = self.algorithm
         if successor is None:
             successor = FrameAlgorithm(before.world)
-            for course in self.courses:
-                successor.again(course)
+            for inputs in self.inputs:
+                successor.feed(inputs)
         successor.expect(member.name for member in before.roster.here())
         self.algorithm = successor
         self._queues.clear()
@@ -217,8 +217,8 @@ class MemoryBus:
                 self._queue("down", name).append(instruction.message)
         elif isinstance(instruction, s.FrameDone):
             self.records.append(instruction.record)
-            if instruction.course is not None:
-                self.courses.append(instruction.course)
+            if instruction.inputs is not None:
+                self.inputs.append(instruction.inputs)
         elif isinstance(instruction, s.Ready):
             self._began = False
         elif isinstance(instruction, s.Say):

@@ -30,7 +30,7 @@ def write(path):
     def watch(instruction):
         if isinstance(instruction, FrameDone):
             digests.append(instruction.record.digest.hex())
-            journal.frame(instruction.course)
+            journal.frame(instruction.inputs)
 
     algorithm = FrameAlgorithm(world(FRAMES + 1))
     journal = Journal(path, 1, algorithm)

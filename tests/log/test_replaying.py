@@ -1,4 +1,4 @@
-"""A record is played again: the views are those of the run, wherever it is begun or wound to."""
+"""A record is played again: the views are those of the run, wherever it is begun or moved to."""
 
 from functools import cache
 
@@ -14,7 +14,7 @@ from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.replaying import OVER, ReplayAlgorithm
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.resuming import kinds_in
-from minerva_bus.log.film import RecordFilm
+from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.recomputing import recompute
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
@@ -60,14 +60,14 @@ class Projector:
 
     def __init__(self, name, folder, begin=0, stay=False, seen=True):
         file, _ = happened(name)
-        self.film = RecordFilm(record_of(bytes_of(name), folder))
-        scene = self.film.wind(begin)
-        told = self.film._record.description.world
+        self.cursor = Cursor(record_of(bytes_of(name), folder))
+        scene = self.cursor.seek(begin)
+        told = self.cursor._record.description.world
         world = type(told)(
             told.name, scene, told.vocabulary, told.seed, told.dt, told.order, told.policy,
             expected=frozenset(["seen"] if seen else []), past=Checkpoint(begin),
         )  # fmt: skip
-        self.algorithm = ReplayAlgorithm(world, self.film, kinds_in(file), stay=stay)
+        self.algorithm = ReplayAlgorithm(world, self.cursor, kinds_in(file), stay=stay)
         self.told, self.seen = [], Seen(name)
         members = [Participant("seen", self.seen)] if seen else []
         self.runner = InProcess(self.algorithm, members, self.told.append)
@@ -77,7 +77,7 @@ class Projector:
 
     def play(self, frames=1000):
         for _ in range(frames):
-            if self.runner.ended is None and self.film.ahead is not None:
+            if self.runner.ended is None and self.cursor.ahead is not None:
                 self.runner.tell(s.Begin())
 
     @property
@@ -119,21 +119,21 @@ def test_it_is_wound_to_any_frame_and_shows_it_at_once(name, tmp_path):
         assert projector.seen.shown[1:] == [(n, by_frame[n]) for n in (frame, frame + 1)]
         assert projector.algorithm.scene.digest == digests[frame + 1]
     projector.seen.shown.clear()
-    projector.runner.tell(s.Seek(projector.film.end))
-    assert projector.seen.shown == [(projector.film.end, by_frame[projector.film.end])]
+    projector.runner.tell(s.Seek(projector.cursor.end))
+    assert projector.seen.shown == [(projector.cursor.end, by_frame[projector.cursor.end])]
 
 
 def test_to_wind_it_to_its_end_is_to_end_it(tmp_path):
     projector = Projector("meadow", tmp_path)
     projector.play(2)
-    projector.runner.tell(s.Seek(projector.film.end))
+    projector.runner.tell(s.Seek(projector.cursor.end))
     assert projector.runner.ended.reason == OVER
 
 
 def test_there_is_nothing_beyond_its_end(tmp_path):
     projector = Projector("meadow", tmp_path)
     with pytest.raises(MinervaError, match="the string of frame 61 is not in it"):
-        projector.film.wind(61)
+        projector.cursor.seek(61)
 
 
 def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):

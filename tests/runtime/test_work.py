@@ -40,7 +40,7 @@ def rain():
 
 def frame(world):
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
-    return [event.number for event in done[0].record.events], done[0].course
+    return [event.number for event in done[0].record.events], done[0].inputs
 
 
 def test_what_is_too_much_for_a_frame_waits_for_the_next_in_its_order():
@@ -55,10 +55,10 @@ def test_what_is_too_much_for_a_frame_waits_for_the_next_in_its_order():
 def test_a_journal_has_what_was_taken_and_what_waits():
     world = rain()
     world.receive(m.Emitted("rain", tuple(map(eDrop, range(5)))))
-    _, course = frame(world)
-    assert [len(course.taken["rain"]), len(course.waiting["rain"])] == [3, 2]
+    _, inputs = frame(world)
+    assert [len(inputs.taken["rain"]), len(inputs.waiting["rain"])] == [3, 2]
     again = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
-    again.again(course)
+    again.feed(inputs)
     again.receive(s.Appeared("rain"))
     again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
     assert frame(again)[0] == [3, 4]

@@ -38,7 +38,7 @@ class Written:
             carry_out(instruction)
             if isinstance(instruction, FrameDone):
                 self.journal.members(one.name for one in self.bus.algorithm.roster.here())
-                self.journal.frame(instruction.course)
+                self.journal.frame(instruction.inputs)
 
         self.bus._carry_out = watch
         self.bus.start()
@@ -72,7 +72,7 @@ def test_written_anew_it_goes_on_from_there(tmp_path, name, monkeypatch):
     for frame in range(6):
         written.bus.frame()
         past, algorithm, _ = written.read()
-        assert past.courses == []
+        assert past.inputs == []
         assert past.world.past.frame == frame + 1
         assert algorithm.scene.digest.hex() == written.bus.digests[-1]
         assert algorithm.shown == written.bus.algorithm.shown

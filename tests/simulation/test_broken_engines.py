@@ -18,9 +18,9 @@ def lose_frames(patch):
     """One frame of the journal is lost."""
     whole = Journal.frame
 
-    def frame(self, course):
-        if course.frame != 2:
-            whole(self, course)
+    def frame(self, inputs):
+        if inputs.frame != 2:
+            whole(self, inputs)
 
     patch.setattr(Journal, "frame", frame)
 

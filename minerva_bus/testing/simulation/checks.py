@@ -67,13 +67,13 @@ def _wrong_frames(observed: Observed) -> Iterator[str]:
 def _wrong_answers(observed: Observed) -> Iterator[str]:
     """Only answers of the frame count, and each fragment is answered for by one host."""
     for frame in observed.frames:
-        course = frame.course
+        inputs = frame.inputs
         stale = [
-            one for one in (*course.ticked.values(), *course.replies) if one.frame != frame.number
+            one for one in (*inputs.ticked.values(), *inputs.replies) if one.frame != frame.number
         ]
         for one in stale:
             yield f"an answer of {one.member} to frame {one.frame} counts in frame {frame.number}"
-        changed = Counter(chain.from_iterable(one.changed for one in course.replies))
+        changed = Counter(chain.from_iterable(one.changed for one in inputs.replies))
         twice = sorted(name for name, times in changed.items() if times > 1)
         if twice:
             yield f"in frame {frame.number} several hosts answered for {', '.join(twice)}"

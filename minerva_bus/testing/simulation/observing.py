@@ -8,7 +8,7 @@ from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
-from minerva_bus.frame.course import Course
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.profile import MeasuringCoordinator
@@ -26,7 +26,7 @@ class Frame:
     time: float
     digest: str
     events: tuple[AnyEvent, ...]
-    course: Course
+    inputs: FrameInputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +85,11 @@ def observing(
             super()._end_frame(instruction)
             if not self._lives:
                 return  # What it does after it was killed amid a turn is seen by nobody.
-            digest, course = instruction.record.digest.hex(), instruction.course
-            assert course is not None
+            digest, inputs = instruction.record.digest.hex(), instruction.inputs
+            assert inputs is not None
             timeline.note("coordinator", f"ends frame {instruction.frame}, {digest[:8]}")
             now, events = timeline.now, instruction.events
-            frame = Frame(instruction.frame, self.epoch, now, digest, events, course)
+            frame = Frame(instruction.frame, self.epoch, now, digest, events, inputs)
             observed.frames.append(frame)
             ended(self)
 
