@@ -1,20 +1,32 @@
-"""Every error that Minerva Bus raises, in one tree.
+"""The error classes of Minerva Bus: one tree, and `MinervaError` is its root.
 
     MinervaError
-    ├── SceneError               a string, or something that claims to be one, is wrong
+    ├── SceneError               a string is wrong
     │   ├── GrammarError         it is not in L(M) (Table 1)
     │   └── VocabularyError      its symbols or values are not those of the world
-    ├── WorldFileError           a world file cannot be used as it is written
-    ├── MisuseError              code that uses this library asks for something it cannot have
-    │   ├── StateError           an attribute of an agent has a value that it cannot have
+    ├── Unfit                    a value does not fit its declared type          grammar.fitting
+    ├── WorldFileError           a world file or an option that replaces its settings is wrong
+    ├── TomlError                a text is not TOML                              launch.toml
+    ├── MisuseError              the caller of the library asks for something impossible
+    │   ├── StateError           an attribute of an agent has an invalid value
+    │   │   └── Unsound          an attribute of one row is not finite           world.descent
     │   └── SignatureError       a method takes other arguments than it is called with
     ├── UserCodeError            a method of an agent or a service failed
-    ├── ProtocolError            a member of the bus sent what the protocol does not allow
-    ├── BusError                 a session, an endpoint or a world on the bus cannot be reached
-    ├── KeysError                a key or a certificate is missing, or is not what is needed
-    └── WorldStopped             a running world had to end before its time
+    │   └── ActivityError        a method of an agent failed at an event         world.kinds
+    ├── RecordError              a record cannot be written or read              log.errors
+    ├── RecordingError           a sensor recording cannot be read               world.recordings
+    ├── ProtocolError            a member sent what the protocol does not allow
+    ├── Refusal                  the world does not admit this member            frame.participant
+    │   ├── Unready              the member's service cannot run in this world   frame.participant
+    │   └── Anew                 the world has restarted: join again             frame.participant
+    ├── BusError                 a session, an endpoint or a world cannot be reached
+    │   └── Followed             another coordinator runs the world now
+    ├── KeysError                a key or a certificate is missing or does not fit
+    └── WorldStopped             a running world ended before its time
 
-A message says who, where, what was expected and what to do next.
+A module name at the end of a line says where a class is defined; the others are defined here.
+tests/unit/test_errors.py compares the tree with the classes. An error message says who failed,
+where, what was expected and what to do next.
 """
 
 from __future__ import annotations
@@ -30,8 +42,8 @@ class MinervaError(Exception):
 class SceneError(MinervaError):
     """A string is wrong.
 
-    `line` and `column` count from 1 and are 0 where the string never was a text (a fragment that
-    came over the bus). `expected` and `found` are phrases; `source` is a file's or a member's name.
+    `line` and `column` count from 1; both are 0 if the string was never a text, for example a
+    fragment received from the bus. `expected` is a phrase; `source` names a file or a member.
     """
 
     def __init__(
@@ -54,8 +66,8 @@ class SceneError(MinervaError):
         place = self.source or "string"
         if self.line:
             place = f"{place}:{self.line}:{self.column}"
-        wanted = f"; expected {self.expected}" if self.expected else ""
-        return f"{place}: {self.problem}{wanted}{self._excerpt}"
+        expectation = f"; expected {self.expected}" if self.expected else ""
+        return f"{place}: {self.problem}{expectation}{self._excerpt}"
 
 
 class GrammarError(SceneError):
@@ -63,19 +75,19 @@ class GrammarError(SceneError):
 
 
 class VocabularyError(SceneError):
-    """A string uses symbols, parameters or values that its world does not have."""
+    """A string uses symbols, parameters or values that are not in its vocabulary."""
 
 
 class WorldFileError(MinervaError):
-    """A world file cannot be used as it is written."""
+    """A world file, or an option that replaces one of its settings, is wrong."""
 
 
 class MisuseError(MinervaError):
-    """Code that uses this library asks for something it cannot have."""
+    """The caller of this library asks for something impossible."""
 
 
 class StateError(MisuseError):
-    """An attribute of an agent has a value that it cannot have."""
+    """An attribute of an agent has an invalid value; `attribute` is its name, if known."""
 
     def __init__(self, problem: str, attribute: str = "") -> None:
         super().__init__(problem)
@@ -91,10 +103,10 @@ class SignatureError(MisuseError):
 
 
 class UserCodeError(MinervaError):
-    """A method of an agent or a service raised, or returned what it may not; `__cause__` says what.
+    """A method of an agent or a service raised or returned an invalid value: see `__cause__`.
 
-    `where` names the method and what it was called for; `handler` is the method, if it is known.
-    `minerva_bus.blame.report` writes the error with its file, line and source line.
+    `where` names the method and its arguments; `handler` is the method, if known.
+    `minerva_bus.blame.report` formats the error with its file, line and source line.
     """
 
     def __init__(self, where: str, handler: Callable[..., Any] | None = None) -> None:
@@ -108,7 +120,7 @@ class UserCodeError(MinervaError):
 
 
 def _named(error: BaseException) -> str:
-    """An error of ours as it speaks for itself, any other one with its type."""
+    """The text of an error of ours; any other error with its type."""
     text = str(error)
     if isinstance(error, MinervaError):
         return text
@@ -116,7 +128,7 @@ def _named(error: BaseException) -> str:
 
 
 class ProtocolError(MinervaError):
-    """A member of the bus sent what the protocol does not allow."""
+    """A member sent a message that the protocol does not allow."""
 
 
 class BusError(MinervaError):
@@ -128,11 +140,11 @@ class Followed(BusError):
 
 
 class KeysError(MinervaError):
-    """A key or a certificate is missing, or is not what is needed."""
+    """A key or a certificate is missing or does not fit its purpose."""
 
 
 class WorldStopped(MinervaError):
-    """A running world had to end before its time."""
+    """A running world ended before its time."""
 
 
 _EXCERPT_WIDTH = 76
@@ -156,7 +168,7 @@ def _locate(text: str, offset: int) -> tuple[int, int, str]:
 
 
 def nearest(word: str, words: list[str]) -> str:
-    """`; did you mean 'x'?` for the closest of the words, or nothing."""
+    """The hint `; did you mean 'x'?` with the closest of the words, or an empty string."""
     from difflib import get_close_matches
 
     close = get_close_matches(word, words, n=1, cutoff=0.6)

@@ -25,10 +25,6 @@ _NOTHING: Final[Mapping[str, Any]] = {
 _said: list[str] = []
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM or SIGHUP has come while there is no world that could end in order."""
-
-
 def say_summary(plain: Mapping[str, Any]) -> None:
     """Print a summary, which is the only one of this command."""
     text = json.dumps(plain)
@@ -70,7 +66,7 @@ def _catch_signals() -> None:
     """
 
     def end(number: int, _: FrameType | None) -> None:
-        raise Terminated(signal.Signals(number).name)
+        raise KeyboardInterrupt(signal.Signals(number).name)
 
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -85,10 +81,8 @@ def _say_why(error: BaseException) -> None:
 def _why(error: BaseException | None) -> str:
     """The first cause that was meant for people: an exit code comes from an error before it."""
     while error is not None:
-        if isinstance(error, Terminated):
-            return "terminated"
-        if isinstance(error, KeyboardInterrupt):
-            return "interrupted"
+        if isinstance(error, KeyboardInterrupt):  # Ctrl-C has no arguments, other signals do.
+            return "terminated" if error.args else "interrupted"
         if isinstance(error, MinervaError):
             return str(error).partition("\n")[0]
         told = getattr(error, "format_message", None)  # An error of the command line's words.

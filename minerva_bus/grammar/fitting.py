@@ -12,12 +12,13 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.literals import DEPTH, MATRIX_CELLS
 from minerva_bus.grammar.scene import Array, Scene, Value, walk
 from minerva_bus.grammar.units import Quantity
 
 
-class Unfit(Exception):
+class Unfit(MinervaError):
     """A value is not of a type; the message says what was expected, `attribute` of what."""
 
     attribute: str = ""

@@ -1,4 +1,4 @@
-"""TOML from anybody: whatever the text is, it is read in bounded time, or refused with a reason."""
+"""TOML from untrusted sources: parsed in bounded time, or rejected with a reason."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import re
 import tomllib
 from typing import Any, Final
 
+from minerva_bus.errors import MinervaError
+
 MAX_KEY_PARTS: Final = 64
-"""Parts of a dotted key; the standard library's parser takes quadratic time in them."""
+"""Limit for the parts of a dotted key: the parser of the standard library is quadratic in them."""
 
 _STRINGS: Final = re.compile(
     r'"""[\s\S]*?"""|' r"'''[\s\S]*?'''|" r'"(?:[^"\\\n]|\\.)*"|' r"'[^'\n]*'|" r"#[^\n]*"
@@ -16,8 +18,8 @@ _PART: Final = r"[ \t]*+\.[ \t]*+[\w-]++"
 _LONG_KEY: Final = re.compile(rf"(?<![\w-])[\w-]++(?:{_PART}){{{MAX_KEY_PARTS},}}")
 
 
-class TomlError(ValueError):
-    """A text is not TOML, or more than a world file may hold."""
+class TomlError(MinervaError):
+    """A text is not TOML, or exceeds the limits of a world file."""
 
 
 def read_toml(text: str) -> dict[str, Any]:
@@ -28,5 +30,5 @@ def read_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise TomlError("arrays or tables are nested too deeply") from None
-    except ValueError as error:  # wrong TOML, or a number with thousands of digits
+    except ValueError as error:  # Invalid TOML, or a number with thousands of digits.
         raise TomlError(str(error)) from None
