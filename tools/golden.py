@@ -20,7 +20,6 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from minerva_bus import EventType
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -43,22 +42,9 @@ WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
     "traffic": ("examples/traffic/traffic.toml", {"frames": 40}),
     "warehouse": ("examples/warehouse/warehouse.toml", {"frames": 40}),
 }
-RAIN, WISH = EventType("eRain", amount=float), EventType("eWish", name=str)
-SAMPLES: tuple[m.Message, ...] = (
-    m.Emitted("rain", (RAIN(2.5, receivers=("a", "b")),)),
-    m.Failed("hosts", 7, "ValueError: -1", "Traceback"),
-    m.Resync("svg", "eShow"),
-    m.Leaving("svg"),
-    m.Doing("hosts", {"agents": 12, "load": 0.5, "late": False, "note": "well"}),
-    m.Refused("another world"),
-    m.Orders(8, (WISH("Ida"),)),
-    m.Repeat("scan"),
-)
-"""Messages that these runs do not have."""
 HEAD = """\
 # Golden values of the shipped worlds in one process, written by `python -m tools.golden --record`:
 # the digest of the string after so many frames, and by type a digest of all messages of the run.
-# [samples] has single messages as they travel.
 """
 
 
@@ -118,11 +104,6 @@ def golden_values(name: str) -> dict[str, str]:
     return {"string": digests[-1], **wire.digests()}
 
 
-def sample_values() -> dict[str, str]:
-    """The bytes of the samples by the type of the message, in hexadecimal."""
-    return {type(message).__name__: encode(message).hex() for message in SAMPLES}
-
-
 def recorded_values() -> dict[str, dict[str, str]]:
     """What is recorded, by world."""
     return tomllib.loads(GOLDEN.read_text(encoding="utf-8"))
@@ -141,7 +122,7 @@ def main() -> int:
     parser.add_argument("--record", action="store_true", help="write tests/golden/worlds.toml")
     parser.add_argument("--json", action="store_true", help="print the values instead")
     arguments = parser.parse_args()
-    values = {name: golden_values(name) for name in WORLDS} | {"samples": sample_values()}
+    values = {name: golden_values(name) for name in WORLDS}
     if arguments.json:
         print(json.dumps(values))
         return 0

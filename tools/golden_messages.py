@@ -1,0 +1,259 @@
+"""Golden bytes of single messages: each type with empty, full and extreme values.
+
+    python -m tools.golden_messages            # compare with tests/golden/messages.toml
+    python -m tools.golden_messages --record   # write it
+
+A value that changes is a change of the wire: it needs a new version of PROTOCOL.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Mapping
+from hashlib import blake2b
+from pathlib import Path
+
+import numpy as np
+
+from minerva_bus import (
+    AgentKind,
+    Cells,
+    Default,
+    Disc,
+    Event,
+    Events,
+    EventType,
+    Metres,
+    Motion,
+    Primitive,
+    Reals,
+    Scene,
+    Transformation,
+    Vocabulary,
+)
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.column import Column
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.fields import Field, Fields
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.patch import Change, Patch
+from minerva_bus.grammar.scene import AgentNode
+from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.types import parse_type
+from minerva_bus.wire.codec import encode
+from minerva_bus.world import readings as r
+
+GOLDEN = Path(__file__).resolve().parents[1] / "tests" / "golden" / "messages.toml"
+LONGEST_HEX = 600
+HEAD = """\
+# Messages as they travel, written by `python -m tools.golden_messages --record`: bytes in
+# hexadecimal; of long ones their number and BLAKE2b with 16 bytes.
+"""
+
+STAR = Primitive("PStar", size=Default(Metres, 0.5), shape=Disc("size", "#444444"))
+BOX = Primitive("PBox", inside=Scene)
+MOVE = Transformation("TMove", dist=Metres, motion=Motion(forward="dist"))
+NEAR = EventType("eNear", distance=Metres)
+MAP = EventType("eMap", cells=Cells, heights=Reals)
+BOXED = EventType("eBox", inside=Scene, words=tuple[str, ...])
+ALL = EventType("eAll", yes=bool, count=int, size=float, word=str)
+BARE, SHOW = EventType("eBare"), EventType("eShow", visual=True)
+
+
+def _fields(**types: str) -> Fields:
+    return Fields(tuple(Field.of(name, parse_type(text)) for name, text in types.items()))
+
+
+FOX = AgentKind(
+    "AFox", _fields(x="real m", name="text"), frozenset({"eNear", "eBare"}),
+    frozenset({"eShow"}), (("eNear", 0.25),), ("x",),
+)  # fmt: skip
+FISH = AgentKind("AFish", _fields(x="real m"), frozenset({"eNear"}), frozenset({"eShow"}))
+STONE = AgentKind("AStone", _fields(), frozenset(), frozenset())
+VOCABULARY = Vocabulary.of(
+    STAR, BOX, MOVE, NEAR, MAP, BOXED, ALL, BARE, SHOW, FOX, FISH, STONE
+)  # fmt: skip
+
+LAST_FRAME = (1 << 63) - 1
+LONG_ID = "f" * 64
+STAR_BOX = BOX(STAR(0.25))
+NESTED = VOCABULARY.read(
+    "PStar<size=0.5> · TMove<dist=-0>("
+    'AFox#a<x=5e-324, name="é\\n">(AStone#s() · PStar<size=1e308>))'
+)
+SLOTS = Scene((AgentNode("AFox", "a"), AgentNode("AFish", "~AFish.1"), *STAR(1.0).pieces))
+EVENTS: tuple[Event, ...] = (
+    BARE(),
+    NEAR(0.25, condition="x < 5", sender="c", receivers=("b", "a")),
+    NEAR(-0.0, receivers=(LONG_ID,)),
+    ALL(True, -(1 << 63), 1e-310, 'a "b" \\ €𝄞'),
+    ALL(False, LAST_FRAME, 1.7976931348623157e308, ""),
+    MAP(np.array([[-32768, 32767]], np.int16), np.array([[1.5], [-0.0]])),
+    BOXED(STAR_BOX, ("", "é")),
+)
+FISHES = 300
+
+
+def _fishes(first: int = 0, count: int = FISHES) -> Columns:
+    xs = np.arange(count, dtype=np.float64) / 3.0
+    return Columns(
+        "AFish", ("x",), (Column(xs),), count, Ids("f", np.arange(first, first + count)), None
+    )  # fmt: skip
+
+
+def _stars(count: int = FISHES) -> Columns:
+    sizes = Columns("PStar", ("size",), (Column(np.full(count, 0.5)),), count, None, None)
+    return Columns("TMove", ("dist",), (Column(np.arange(count) * 0.5),), count, None, sizes)
+
+
+def _batch(count: int = FISHES) -> Events:
+    distances, ids = Column(np.arange(count) * 0.25), Ids("f", np.arange(count))
+    return Events("eNear", ("distance",), (distances,), count, "", ids, ids)
+
+
+WORDS = np.empty(3, object)
+WORDS[:] = ["a", "", "é"]
+MIXED = Events(
+    "eAll", ("yes", "count", "size", "word"),
+    (Column(np.array([True, False, True])), Column(np.array([0, -129, 70_000])),
+     Column(np.array([0.0, -0.0, 5e-324])), Column(WORDS)),
+    3, "x < 5", Ids.of(["a", "b:1", "c"]), None,
+)  # fmt: skip
+ROWS = np.array([0, 5, 299], np.intp)
+PATCH = Patch(FISHES, ("AFish",), (Change(0, 0, ROWS, Column(np.array([1.0, 2.0, 3.0]))),))
+WHOLE_PATCH = Patch(2, ("AFish",), (Change(0, 0, None, Column(np.array([1.0, 2.0]))),))
+TURNOVER = Patch(
+    3, ("AFish",),
+    (Change(0, 0, np.array([2], np.intp), Column(np.array([9.0]))),),
+    Turnover(3, np.array([0], np.intp), np.array([2], np.intp)), Ids.of(["f1:1"]),
+)  # fmt: skip
+POPULATION = {"~AFish.1": Scene((_fishes(),)), "a": NESTED}
+VIEWS = {"a": STAR(2.25), "~AFish.1": Scene((_stars(),))}
+FIGURES = {"count": LAST_FRAME, "load": 0.5, "late": False, "note": "é", "": -(1 << 63)}
+SAVED = {"=": None, "bytes": b"\0\xff", "list": [1, [2.5, {"deep": True}]], "é": "text"}
+NAMES = tuple(f"name{n}" for n in range(40))
+FULL_HELLO = m.Hello(
+    "hosts", 6, "a service, é", kinds=(FOX, FISH, STONE), generates=NAMES, lockstep=True,
+    ahead=True, orders=("eNear",), draws=("eShow",), coupled=True, every=12, rate=0.1,
+    topics=("scan",), publishes=("scan", "image"), pid=1 << 31, host="machine", people=True,
+    plain=True,
+)  # fmt: skip
+READINGS: tuple[r.Reading, ...] = (
+    r.Scan("r", np.array([0.0, 1.5, np.inf], np.float32), -90.0, 0.5, 30.0, 0.1, 0.1, -0.2, 180.0),
+    r.Scan("r", np.array([], np.float32), 0.0, 1.0, 5e-324, 1e308, beam_time=-0.001,
+           path=(r.Displacement(0.0, 1.0, 2.0, 3.0), r.Displacement(0.5, -1.0, 0.0, 90.0))),
+    r.Sightings("r", (r.Sighting("kitchen", 2.0, -12.5), r.Sighting("", 0.0, 0.0)), 0.7),
+    r.Sightings("r", (), 0.0),
+    r.Image("r", b"\0" * 6, "rgb8", 2, 1, 1.0, r.Mount(0.5, 0.0, -90.0)),
+    r.Image("r", b"", "jpeg", 1, 1, 0.0),
+    r.Odometry("r", 1.0, -2.0, 3.5, 0.0, -0.0, 1e9),
+    r.Battery("é", 0.5, 12.0, 1.0),
+    r.Position("r", 47.0, 8.0, None, None, 1.0),
+    r.Position("r", -90.0, 180.0, 400.5, 0.02, 2.0),
+)  # fmt: skip
+
+MESSAGES: Mapping[str, m.Message] = {
+    "hello.empty": m.Hello("", 0),
+    "hello.full": FULL_HELLO,
+    "hello.extreme": m.Hello("h", LAST_FRAME, every=LAST_FRAME, rate=1.7976931348623157e308),
+    "ticked.empty": m.TickReply("g", 0),
+    "ticked.full": m.TickReply("g", 200, (*EVENTS, MIXED), SAVED),
+    "ticked.extreme": m.TickReply("g", LAST_FRAME, EVENTS * 280, {}),
+    "evolved.empty": m.EvolveReply("h", 0),
+    "evolved.full": m.EvolveReply(
+        "h", 70_000, 3, POPULATION, {"a": EVENTS, "~AFish.1": (_batch(),)},
+        {"eShow": VIEWS, "eOther": {}}, {"~AFish.2": PATCH, "~AFish.3": TURNOVER},
+        {"eShow": {"~AFish.2": WHOLE_PATCH}},
+    ),
+    "evolved.extreme": m.EvolveReply(
+        "h", LAST_FRAME, LAST_FRAME, {LONG_ID: Scene(), "": NESTED}, {"a": ()}, {"": {}}
+    ),
+    "evolved.columns": m.EvolveReply(
+        "h", 1, 0, {"~AFish.1": Scene((_fishes(0, 2000),))}, {"~AFish.1": (_batch(2000),)},
+        {"eShow": {"~AFish.1": Scene((_stars(2000),))}},
+    ),
+    "emitted.empty": m.Emitted("g", ()),
+    "emitted.full": m.Emitted("g", (*EVENTS, MIXED, _batch())),
+    "emitted.extreme": m.Emitted("g", (_batch(20_000),)),
+    "failed.empty": m.Failed("h", -1, ""),
+    "failed.full": m.Failed("h", 7, "ValueError: é", "Traceback\n  line"),
+    "failed.extreme": m.Failed("h", LAST_FRAME, "x" * 70_000, "y" * 300),
+    "resync.empty": m.Resync("o", ""),
+    "resync.full": m.Resync("o", "eShow"),
+    "leaving": m.Leaving("o"),
+    "doing.empty": m.Doing("h", {}),
+    "doing.full": m.Doing("h", FIGURES),
+    "doing.extreme": m.Doing("h", {f"figure {n}": n / 7.0 for n in range(1000)}),
+    "report.empty": m.Report("h", {}),
+    "report.full": m.Report("h", FIGURES),
+    "greet": m.Greet(),
+    "welcome.empty": m.Welcome("", Vocabulary.of(), 0, 0.0, 0, ""),
+    "welcome.full": m.Welcome("w", VOCABULARY, 7, 0.05, 12, "literal", SAVED),
+    "welcome.extreme": m.Welcome("w", VOCABULARY, -(1 << 63), 5e-324, LAST_FRAME, saved={}),
+    "refused.empty": m.Refused(""),
+    "refused.full": m.Refused("another world, é"),
+    "sources.empty": m.Sources({}),
+    "sources.full": m.Sources({"scan": ("physics", "lidar"), "image": ()}),
+    "tick.empty": m.TickRequest(0),
+    "tick.full": m.TickRequest(128),
+    "tick.extreme": m.TickRequest(LAST_FRAME),
+    "fragments.empty": m.Fragments({}),
+    "fragments.full": m.Fragments(POPULATION, ("b", LONG_ID)),
+    "fragments.extreme": m.Fragments({str(n): STAR(float(n)) for n in range(70)}, NAMES),
+    "evolve.empty": m.EvolveRequest(0, ()),
+    "evolve.full": m.EvolveRequest(7, ("h", "i"), (*EVENTS, _batch()), (SHOW(),), 2, ("a",)),
+    "evolve.extreme": m.EvolveRequest(LAST_FRAME, NAMES, (MIXED,), (), LAST_FRAME, NAMES),
+    "view.empty": m.ViewShown(frame=0, event_type="", sequence=0, parts={}),
+    "view.full": m.ViewShown(
+        frame=7, event_type="eShow", sequence=9, parts=VIEWS, skeleton=SLOTS, halted=("a", "b")
+    ),
+    "view.extreme": m.ViewShown(
+        frame=LAST_FRAME, event_type="eShow", sequence=LAST_FRAME, parts={"a": Scene()},
+        skeleton=Scene(), patches={"~AFish.1": PATCH, "~AFish.2": TURNOVER}, halted=NAMES,
+    ),
+    "orders.empty": m.Orders(0, ()),
+    "orders.full": m.Orders(8, (*EVENTS, MIXED)),
+    "repeat.empty": m.Repeat(""),
+    "repeat.full": m.Repeat("scan"),
+    "stop.empty": m.Stop(""),
+    "stop.full": m.Stop("the world has ended"),
+    "frame.empty": m.FrameRecord(0, (), {}, b""),
+    "frame.full": m.FrameRecord(7, (*EVENTS, MIXED), POPULATION, bytes(range(16))),
+    "frame.extreme": m.FrameRecord(LAST_FRAME, (_batch(),), {"a": Scene()}, b"\xff" * 16),
+    "readings.empty": m.Readings("p", "scan", -1, ()),
+    "readings.full": m.Readings("p", "scan", 7, READINGS),
+    "readings.extreme": m.Readings("p", "scan", LAST_FRAME, READINGS[3:4] * 20),
+}  # fmt: skip
+
+
+def shown(data: bytes) -> str:
+    """Bytes in hexadecimal; of long ones their number and a digest."""
+    if len(data) <= LONGEST_HEX:
+        return data.hex()
+    return f"{len(data)} {blake2b(data, digest_size=16).hexdigest()}"
+
+
+def recorded_messages() -> Mapping[str, str]:
+    """What is recorded, by the name of the sample."""
+    return tomllib.loads(GOLDEN.read_text(encoding="utf-8"))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="golden bytes of single messages")
+    parser.add_argument("--record", action="store_true", help="write tests/golden/messages.toml")
+    values = {name: shown(encode(message)) for name, message in MESSAGES.items()}
+    if parser.parse_args().record:
+        lines = [f'"{name}" = "{value}"' for name, value in values.items()]
+        GOLDEN.write_text("\n".join([HEAD, *lines, ""]), encoding="utf-8")
+        return 0
+    known = recorded_messages()
+    names = sorted(values.keys() | known.keys())
+    differing = [name for name in names if values.get(name) != known.get(name)]
+    print("\n".join(differing) or "all messages are as recorded")
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
