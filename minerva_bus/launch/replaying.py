@@ -32,7 +32,7 @@ from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.profile import MeasuringCoordinator
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.wire.keys import checked_name
-from minerva_bus.wire.plain import whole
+from minerva_bus.wire.plain import as_int
 from minerva_bus.wording import frames_up_to
 from minerva_bus.world.kinds import Kinds
 
@@ -75,7 +75,7 @@ class ReplayCoordinator(MeasuringCoordinator):
     def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         ask = asked.get("ask")
         if ask == "seek":
-            return self._seek(whole(asked.get("frame"), "the frame"))
+            return self._seek(as_int(asked.get("frame"), "the frame"))
         if ask in _REFUSED:
             raise ProtocolError("this is a replay: what has happened stays as it was")
         return super()._answered(asked)

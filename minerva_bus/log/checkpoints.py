@@ -19,7 +19,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.log.description import LIMITS
-from minerva_bus.wire.plain import listed, mapped, pack, text, truth, unpack, whole
+from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_text, pack, unpack
 from minerva_bus.wire.values import Reader, plain_event
 
 
@@ -74,19 +74,19 @@ def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
 
 def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     """A checkpoint from bytes. Raises ProtocolError and VocabularyError."""
-    items = listed(unpack(data, LIMITS), "a checkpoint")
+    items = as_list(unpack(data, LIMITS), "a checkpoint")
     if len(items) != 8 or items[0] != "checkpoint":
         raise ProtocolError("a checkpoint has 8 items and begins with its name")
     _, number, complete, saved, emitted, inbox, reached, reaching = items
     new = Checkpoint(
-        whole(number, "the number of a frame"),
-        {name: _saved(one) for name, one in mapped(saved, "what members saved").items()},
+        as_int(number, "the number of a frame"),
+        {name: _saved(one) for name, one in as_map(saved, "what members saved").items()},
         reader.events(emitted),
-        {source: reader.events(some) for source, some in mapped(inbox, "an inbox").items()},
+        {source: reader.events(some) for source, some in as_map(inbox, "an inbox").items()},
         _names(reached),
         _names(reaching),
     )
-    return Step(truth(complete, "whole"), new)
+    return Step(as_bool(complete, "whole"), new)
 
 
 def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
@@ -100,9 +100,9 @@ def _plain(events: Sequence[AnyEvent]) -> list[Any]:
 def _saved(plain: Any) -> Mapping[str, Any]:
     if not isinstance(plain, bytes):
         raise ProtocolError("what a member saved is bytes")
-    return mapped(unpack(plain, LIMITS), "what a member saved")
+    return as_map(unpack(plain, LIMITS), "what a member saved")
 
 
 def _names(plain: Any) -> frozenset[str]:
-    names: Iterable[Any] = listed(plain, "names")
-    return frozenset(text(one, "a name") for one in names)
+    names: Iterable[Any] = as_list(plain, "names")
+    return frozenset(as_text(one, "a name") for one in names)

@@ -16,7 +16,7 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.log.norms import plain_norm, read_norms
 from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import listed, mapped, number, pack, text, unpack, whole
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
 from minerva_bus.wire.values import Reader, plain_scene
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
@@ -91,7 +91,7 @@ def encode_description(told: Description, *, string: bool = True) -> bytes:
 def decode_description(data: bytes) -> tuple[Description, bool]:
     """A description, and whether it has the initial string. Raises RecordError."""
     try:
-        items = listed(unpack(data, LIMITS), "a description")
+        items = as_list(unpack(data, LIMITS), "a description")
         if len(items) != 3 or items[0] != "world":
             raise ProtocolError('a description is ["world", format, {...}]')
         if items[1] != FORMAT:
@@ -99,7 +99,7 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
                 f"its format is {items[1]!r}, this version of Minerva Bus reads {FORMAT}:"
                 " read it with the version that wrote it"
             )
-        plain = mapped(items[2], "a description")
+        plain = as_map(items[2], "a description")
         return _description(plain), plain["string"] is not None
     except KeyError as missing:
         raise RecordError(f"its description lacks {missing}") from None
@@ -113,37 +113,37 @@ def _description(plain: Mapping[str, Any]) -> Description:
     vocabulary = read_vocabulary(plain["vocabulary"])
     reader = Reader(vocabulary, LIMITS)
     world = World(
-        name=text(plain["name"], "the name"),
+        name=as_text(plain["name"], "the name"),
         scene=EMPTY if plain["string"] is None else reader.scene(plain["string"]),
         vocabulary=vocabulary,
-        seed=whole(plain["seed"], "the seed", _LEAST),
-        dt=number(plain["dt"], "dt"),
+        seed=as_int(plain["seed"], "the seed", _LEAST),
+        dt=as_number(plain["dt"], "dt"),
         order=Order(_texts(plain["order"])),
-        policy=Policy(text(plain["policy"], "the policy")),
-        frames=whole(plain["frames"], "frames"),
-        until=text(plain["until"], "until"),
-        give_up=text(plain.get("give_up", ""), "give_up"),
+        policy=Policy(as_text(plain["policy"], "the policy")),
+        frames=as_int(plain["frames"], "frames"),
+        until=as_text(plain["until"], "until"),
+        give_up=as_text(plain.get("give_up", ""), "give_up"),
         expected=frozenset(_texts(plain["expected"])),
         norms=read_norms(plain.get("norms", []), reader),
         speaks_for={
             name: _texts(some)
-            for name, some in mapped(plain.get("speaks_for", {}), "speaks_for").items()
+            for name, some in as_map(plain.get("speaks_for", {}), "speaks_for").items()
         },
     )
     return Description(
         world,
-        text(plain["file"], "the world file"),
-        number(plain["rate"], "the rate"),
+        as_text(plain["file"], "the world file"),
+        as_number(plain["rate"], "the rate"),
         _pairs(plain["options"], "an option"),
         _pairs(plain["versions"], "a version"),
-        whole(plain["began"], "the beginning"),
-        text(plain.get("path", ""), "the path"),
+        as_int(plain["began"], "the beginning"),
+        as_text(plain.get("path", ""), "the path"),
     )
 
 
 def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple([text(one, "a name") for one in listed(plain, "names")])
+    return tuple([as_text(one, "a name") for one in as_list(plain, "names")])
 
 
 def _pairs(plain: Any, what: str) -> dict[str, str]:
-    return {name: text(value, what) for name, value in mapped(plain, what).items()}
+    return {name: as_text(value, what) for name, value in as_map(plain, what).items()}

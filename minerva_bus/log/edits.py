@@ -33,7 +33,7 @@ from minerva_bus.grammar.scene import (
     with_scope,
 )
 from minerva_bus.wire.columns import is_patch, plain_patch
-from minerva_bus.wire.plain import listed
+from minerva_bus.wire.plain import as_list
 from minerva_bus.wire.values import Reader, plain_scene
 
 Edit = list[Any]
@@ -178,7 +178,7 @@ def edited(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene:
     """The new string. Raises ProtocolError and VocabularyError where the edit is none of it."""
     if depth > DEEPEST:
         raise ProtocolError(f"an edit goes more than {DEEPEST} scopes deep")
-    steps = listed(plain, "an edit")
+    steps = as_list(plain, "an edit")
     if not steps:
         return old
     left = iter(old.pieces)

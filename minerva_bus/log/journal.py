@@ -40,7 +40,7 @@ from minerva_bus.log.errors import RecordError
 from minerva_bus.outputs import replacing
 from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.plain import listed, mapped, number, pack, text, unpack, whole
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
 from minerva_bus.wire.values import Reader, plain_event, plain_scene
 
 FORMAT: Final = 2
@@ -251,7 +251,7 @@ class _Entries:
         data = self._data
         while (entry := _entry(data, self.read)) is not None:
             self.read += _HEAD.size + len(entry)
-            yield listed(unpack(entry, LIMITS), "an entry of a journal")
+            yield as_list(unpack(entry, LIMITS), "an entry of a journal")
 
 
 def _entry(data: bytes, begin: int) -> bytes | None:
@@ -277,8 +277,8 @@ def _journaled(entries: Iterator[list[Any]], world: World, path: Path) -> Journa
         )
     reader = Reader(world.vocabulary, LIMITS)
     decoder = Decoder(world.vocabulary, LIMITS)
-    found = Journaled(whole(first[3], "the epoch"), _world(string, world, reader))
-    views = [decoder.to_member(one) for one in listed(string[3], "views")]
+    found = Journaled(as_int(first[3], "the epoch"), _world(string, world, reader))
+    views = [decoder.to_member(one) for one in as_list(string[3], "views")]
     found.views = [one for one in views if isinstance(one, m.ViewShown)]
     for entry in entries:
         _take(entry, found, reader, decoder)
@@ -291,46 +291,46 @@ def _world(entry: list[Any], world: World, reader: Reader) -> World:
 
 
 def _take(entry: list[Any], found: Journaled, reader: Reader, decoder: Decoder) -> None:
-    kind = text(entry[0], "an entry's name")
+    kind = as_text(entry[0], "an entry's name")
     if kind == "frame":
         found.inputs.append(_inputs(entry, reader, decoder))
         found.left = found.left and found.left - 1
         found.waiting = None
     elif kind == "members":
-        found.members = frozenset(text(one, "a name") for one in listed(entry[1], "members"))
+        found.members = frozenset(as_text(one, "a name") for one in as_list(entry[1], "members"))
     elif kind == "pace":
-        found.rate = number(entry[1], "the rate")
-        found.left = None if entry[2] is None else whole(entry[2], "frames")
+        found.rate = as_number(entry[1], "the rate")
+        found.left = None if entry[2] is None else as_int(entry[2], "frames")
     elif kind == "waiting":
         found.waiting = _events(entry[1], reader)
 
 
 def _inputs(entry: list[Any], reader: Reader, decoder: Decoder) -> FrameInputs:
     _, frame, due, ticked, taken, layout, replies, waiting, people, answers, left_out = entry
-    ticks = [decoder.from_member(text(name, "a name"), data) for name, data in ticked]
-    hosts = [decoder.from_member(text(name, "a name"), data) for name, data in replies]
+    ticks = [decoder.from_member(as_text(name, "a name"), data) for name, data in ticked]
+    hosts = [decoder.from_member(as_text(name, "a name"), data) for name, data in replies]
     return FrameInputs(
-        whole(frame, "the frame"),
-        tuple(text(one, "an event type") for one in listed(due, "types")),
+        as_int(frame, "the frame"),
+        tuple(as_text(one, "an event type") for one in as_list(due, "types")),
         {one.member: one for one in ticks if isinstance(one, m.TickReply)},
         _events(taken, reader),
         _layout(layout),
         [one for one in hosts if isinstance(one, m.EvolveReply)],
         _events(waiting, reader),
-        tuple(text(one, "a source") for one in listed(people, "sources")),
-        tuple(whole(one, "answers") for one in listed(answers, "answers")),
-        tuple(text(one, "a fragment") for one in listed(left_out, "fragments")),
+        tuple(as_text(one, "a source") for one in as_list(people, "sources")),
+        tuple(as_int(one, "answers") for one in as_list(answers, "answers")),
+        tuple(as_text(one, "a fragment") for one in as_list(left_out, "fragments")),
     )
 
 
 def _events(plain: Any, reader: Reader) -> Waiting:
-    return {source: reader.events(some) for source, some in mapped(plain, "events").items()}
+    return {source: reader.events(some) for source, some in as_map(plain, "events").items()}
 
 
 def _layout(plain: Any) -> Layout:
     return tuple(
-        tuple((text(name, "a part"), whole(rows, "rows")) for name, rows in population)
-        for population in listed(plain, "a layout")
+        tuple((as_text(name, "a part"), as_int(rows, "rows")) for name, rows in population)
+        for population in as_list(plain, "a layout")
     )
 
 

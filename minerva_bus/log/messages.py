@@ -19,7 +19,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.description import LIMITS
 from minerva_bus.log.edits import Edit
-from minerva_bus.wire.plain import listed, pack, unpack, whole
+from minerva_bus.wire.plain import as_int, as_list, pack, unpack
 from minerva_bus.wire.values import Reader, plain_event, plain_scene
 
 
@@ -49,13 +49,13 @@ def decode_frame(data: bytes, reader: Reader, seconds: float) -> Frame:
     digest = items[4]
     if not isinstance(digest, bytes):
         raise ProtocolError("a digest is bytes")
-    edit = listed(items[3], "an edit")
+    edit = as_list(items[3], "an edit")
     return Frame(_number(items), reader.events(items[2]), edit, digest, seconds)
 
 
 def frame_number(data: bytes) -> int:
     """The number of a frame, or of the frame that a string begins. Raises ProtocolError."""
-    return _number(listed(unpack(data, LIMITS), "a message"))
+    return _number(as_list(unpack(data, LIMITS), "a message"))
 
 
 def encode_string(number: int, scene: Scene) -> bytes:
@@ -70,11 +70,11 @@ def decode_string(data: bytes, reader: Reader) -> tuple[int, Scene]:
 
 
 def _items(data: bytes, name: str, count: int) -> list[Any]:
-    items = listed(unpack(data, LIMITS), f"a {name}")
+    items = as_list(unpack(data, LIMITS), f"a {name}")
     if len(items) != count or items[0] != name:
         raise ProtocolError(f"a {name} has {count} items and begins with its name")
     return items
 
 
 def _number(items: list[Any]) -> int:
-    return whole(items[1] if len(items) > 1 else None, "the number of a frame")
+    return as_int(items[1] if len(items) > 1 else None, "the number of a frame")

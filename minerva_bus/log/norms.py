@@ -9,7 +9,7 @@ from typing import Any
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.events import Event
-from minerva_bus.wire.plain import listed, mapped, text, whole
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_text
 from minerva_bus.wire.values import Reader, plain_event
 from minerva_bus.world.norms import Norm, Then
 
@@ -31,7 +31,7 @@ def plain_norm(norm: Norm) -> dict[str, Any]:
 
 def read_norms(plain: Any, reader: Reader) -> tuple[Norm, ...]:
     """Norms from what msgpack held. Raises ProtocolError, VocabularyError and ValueError."""
-    return tuple([_norm(mapped(one, "a norm"), reader) for one in listed(plain, "norms")])
+    return tuple([_norm(as_map(one, "a norm"), reader) for one in as_list(plain, "norms")])
 
 
 def _norm(plain: dict[str, Any], reader: Reader) -> Norm:
@@ -39,17 +39,17 @@ def _norm(plain: dict[str, Any], reader: Reader) -> Norm:
     if sanction is not None and not isinstance(sanction, Event):
         raise ProtocolError("a sanction is one event")
     return Norm(
-        text(plain["name"], "a norm's name"),
+        as_text(plain["name"], "a norm's name"),
         _texts(plain["applies"]),
         _texts(plain["on"]),
-        text(plain["when"], "when"),
-        text(plain["where"], "where"),
-        whole(plain["most"], "most"),
-        whole(plain["per"], "per", 1),
-        Then(text(plain["then"], "then")),
+        as_text(plain["when"], "when"),
+        as_text(plain["where"], "where"),
+        as_int(plain["most"], "most"),
+        as_int(plain["per"], "per", 1),
+        Then(as_text(plain["then"], "then")),
         sanction,
     )
 
 
 def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple([text(one, "a name") for one in listed(plain, "names")])
+    return tuple([as_text(one, "a name") for one in as_list(plain, "names")])

@@ -19,7 +19,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.log.description import LIMITS
 from minerva_bus.log.showing import GROUND, pose_of, time_stamp
-from minerva_bus.wire.plain import listed, pack, text, unpack, whole
+from minerva_bus.wire.plain import as_int, as_list, as_text, pack, unpack
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Image, Mount, Odometry, Position, Reading, Scan
 
@@ -44,16 +44,16 @@ def encode_dropped(count: int) -> bytes:
 
 def decode_sensed(data: bytes) -> Readings | Dropped:
     """A message of the channel of topics. Raises ProtocolError."""
-    items = listed(unpack(data, LIMITS), "a message of a topic")
+    items = as_list(unpack(data, LIMITS), "a message of a topic")
     if items[:1] == ["dropped"] and len(items) == 2:
-        return Dropped(whole(items[1], "a count"))
+        return Dropped(as_int(items[1], "a count"))
     if items[:1] != ["topic"] or len(items) != 5:
         raise ProtocolError("a message of a topic has 5 items and begins with its name")
-    readings = tuple([read_reading(one) for one in listed(items[4], "readings")])
+    readings = tuple([read_reading(one) for one in as_list(items[4], "readings")])
     return Readings(
-        text(items[2], "a member"),
-        text(items[1], "a topic"),
-        whole(items[3], "the frame", -1),
+        as_text(items[2], "a member"),
+        as_text(items[1], "a topic"),
+        as_int(items[3], "the frame", -1),
         readings,
     )
 

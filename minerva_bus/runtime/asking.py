@@ -12,7 +12,7 @@ import zenoh
 from minerva_bus.errors import BusError
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
-from minerva_bus.wire.plain import mapped, pack, text, unpack
+from minerva_bus.wire.plain import as_map, as_text, pack, unpack
 
 
 def question_key(world: str, own: Credentials | None) -> str:
@@ -36,8 +36,8 @@ def ask(
         raise BusError(f"the bus cannot be asked any more: {error}") from None
     for reply in replies:
         if reply.ok is not None:
-            answer = mapped(unpack(reply.ok.payload.to_bytes()), "an answer")
+            answer = as_map(unpack(reply.ok.payload.to_bytes()), "an answer")
             if "error" in answer:
-                raise BusError(text(answer["error"], "an error"))
+                raise BusError(as_text(answer["error"], "an error"))
             return answer
     return None

@@ -27,7 +27,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
-from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.membership import Member
 from minerva_bus.frame.overruns import Overruns
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.people import refusal_of_order, unknown_value
@@ -37,7 +37,7 @@ from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.runtime.totals import Totals
 from minerva_bus.wire.alphabet import plain_vocabulary
-from minerva_bus.wire.plain import listed, mapped, number, text, whole
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_status
 from minerva_bus.wire.values import Reader
 from minerva_bus.world.operator import MemberStatus, WorldStatus
@@ -93,16 +93,16 @@ class Running(Protocol):
 def answer(asked: Mapping[str, Any], running: Running) -> dict[str, Any]:
     """Answer one question; never raises because of what was asked."""
     try:
-        name = text(asked.get("ask"), "ask")
+        name = as_text(asked.get("ask"), "ask")
         if name not in _ANSWERS:
             raise ProtocolError(f"nothing is known about {name[:40]!r}; ask {', '.join(_ANSWERS)}")
-        return _ANSWERS[name](running, mapped(asked, "a question"))
+        return _ANSWERS[name](running, as_map(asked, "a question"))
     except MinervaError as error:
         return {"error": str(error)}
 
 
 def _status(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    return {"status": plain_status(status_of(running, whole(asked.get("since", 0), "since")))}
+    return {"status": plain_status(status_of(running, as_int(asked.get("since", 0), "since")))}
 
 
 def status_of(running: Running, since: int = 0) -> WorldStatus:
@@ -126,7 +126,7 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
         agents=algorithm.composition.count,
         waiting=tuple(algorithm.waiting_for()),
         waited=running.waited,
-        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.members]),
+        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.roster]),
         events={name: count * hz for name, count in running.diary.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
@@ -138,13 +138,13 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
     )
 
 
-def _member(member: MemberEntry, wait: float) -> MemberStatus:
+def _member(member: Member, wait: float) -> MemberStatus:
     hello = member.hello
     if hello is None:
         return MemberStatus(member.name, member.state.value, expected=member.expected)
     return MemberStatus(
         name=member.name,
-        state="drained" if member.active and member.drained else member.state.value,
+        state="drained" if member.here and member.drained else member.state.value,
         roles=hello.roles,
         service=hello.service,
         kinds=tuple([kind.name for kind in hello.kinds]),
@@ -173,7 +173,7 @@ def _scene(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _fragment(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The outermost agent of an id, or one of a population."""
-    composition, agent = running.algorithm.composition, text(asked.get("agent"), "the agent")
+    composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
     node = composition.agent(agent) if not agent.startswith(PART) else None
     if node is None:
         raise ProtocolError(f"there is no agent #{agent[:64]}")
@@ -197,7 +197,7 @@ def _send(running: Running, event: Event) -> dict[str, Any]:
     refusal = refusal or unknown_value(algorithm, event)
     if refusal:
         raise ProtocolError(refusal)
-    takers = [member.name for member in algorithm.members.takers(event.type)]
+    takers = [member.name for member in algorithm.roster.takers(event.type)]
     running.tell(s.Order(event))
     return {"frame": algorithm.frame, "event": str(event), "through": takers}
 
@@ -215,7 +215,7 @@ def _resume(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _step(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    frames = whole(asked.get("frames", 1), "frames", 1)
+    frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MOST_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MOST_STEPS}, not {frames}")
     algorithm = running.algorithm
@@ -227,7 +227,7 @@ def _step(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _rate(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    rate = number(asked.get("rate"), "rate")
+    rate = as_number(asked.get("rate"), "rate")
     if not 0 <= rate <= MOST_RATE:
         raise ProtocolError(f"rate must be frames per second from 0 to {MOST_RATE:g}, not {rate:g}")
     running.pace.change(rate)
@@ -236,12 +236,12 @@ def _rate(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member = text(asked.get("member"), "the member")
-    members = running.algorithm.members
-    if not members.knows(member):
-        names = ", ".join(one.name for one in members)
+    member = as_text(asked.get("member"), "the member")
+    roster = running.algorithm.roster
+    if not roster.knows(member):
+        names = ", ".join(one.name for one in roster)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
-    if not members.get(member).expected:
+    if not roster.get(member).expected:
         raise ProtocolError(f"{member} is no process of the world file: restart it where it runs")
     refused = running.restart(member)
     if refused:
@@ -250,7 +250,7 @@ def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member, offers = text(asked.get("member"), "the member"), running.algorithm.offers()
+    member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
     if member not in offers:
         hosts = ", ".join(offers) or "none"
         raise ProtocolError(f"{member[:64]!r} hosts no agents now; hosts are {hosts}")
@@ -266,8 +266,8 @@ def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _logs(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
-    member = text(asked.get("member", ""), "the member")
-    lines = running.diary.lines(whole(asked.get("since", 0), "since"), member)
+    member = as_text(asked.get("member", ""), "the member")
+    lines = running.diary.lines(as_int(asked.get("since", 0), "since"), member)
     return {"lines": plain_lines(lines[-MOST_LINES:])}
 
 
@@ -278,19 +278,21 @@ def _vocabulary(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
 def _pub(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event: data as texts of the language, for a type that the world must know."""
     algorithm = running.algorithm
-    name = text(asked.get("type"), "the type")
+    name = as_text(asked.get("type"), "the type")
     values = {
-        one: _value(text(value, one), one)
-        for one, value in mapped(asked.get("data", {}), "the data").items()
+        one: _value(as_text(value, one), one)
+        for one, value in as_map(asked.get("data", {}), "the data").items()
     }
-    receivers = [text(one, "a receiver") for one in listed(asked.get("receivers", []), "receivers")]
+    receivers = [
+        as_text(one, "a receiver") for one in as_list(asked.get("receivers", []), "receivers")
+    ]
     vocabulary = algorithm.world.vocabulary
     declared = vocabulary.events.get(name)
     if declared is None:
         raise ProtocolError(
             f"the world has no event type {name}; it has {', '.join(vocabulary.events)}"
         )
-    condition = text(asked.get("condition", ""), "if")
+    condition = as_text(asked.get("condition", ""), "if")
     vocabulary.check_condition(name, condition, "pub")
     try:
         fitted = declared.fields.values(name, values)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.wire.plain import listed, text
+from minerva_bus.wire.plain import as_list, as_text
 from minerva_bus.wire.status import read_lines, read_status
 from minerva_bus.wire.values import plain_event
 from minerva_bus.world.operator import LogLine, WorldStatus
@@ -24,7 +24,7 @@ class AskingOperator:
 
     def fragment(self, agent: str) -> str:
         """The text of one agent."""
-        return text(self._ask("fragment", agent=agent).get("fragment"), "the fragment")
+        return as_text(self._ask("fragment", agent=agent).get("fragment"), "the fragment")
 
     def order(self, event: AnyEvent) -> None:
         """Send an event into the world."""
@@ -54,8 +54,8 @@ class AskingOperator:
         """Let other hosts take over a host's agents; which hosts."""
         return tuple(
             [
-                text(one, "a host")
-                for one in listed(self._ask("drain", member=member).get("to"), "hosts")
+                as_text(one, "a host")
+                for one in as_list(self._ask("drain", member=member).get("to"), "hosts")
             ]
         )
 

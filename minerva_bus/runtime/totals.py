@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.wire.plain import listed, mapped, number, whole
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_number
 
 BOUNDS: Final = (
     0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5,
@@ -71,29 +71,29 @@ class Totals:
 
 def read_totals(plain: Any) -> Totals:
     """Totals from plain data. Raises ProtocolError."""
-    given = mapped(plain, "totals")
+    given = as_map(plain, "totals")
     into, out = _pair(given.get("bytes"), "bytes")
-    phases = mapped(given.get("phases"), "phases")
-    events = mapped(given.get("events"), "events")
+    phases = as_map(given.get("phases"), "phases")
+    events = as_map(given.get("events"), "events")
     return Totals(
-        whole(given.get("frames"), "frames"),
+        as_int(given.get("frames"), "frames"),
         {name: _durations(one) for name, one in phases.items()},
-        {name: whole(one, name) for name, one in events.items()},
-        whole(into, "bytes"),
-        whole(out, "bytes"),
+        {name: as_int(one, name) for name, one in events.items()},
+        as_int(into, "bytes"),
+        as_int(out, "bytes"),
     )
 
 
 def _durations(plain: Any) -> Durations:
     counts, seconds = _pair(plain, "durations")
-    found = [whole(one, "a count") for one in listed(counts, "counts")]
+    found = [as_int(one, "a count") for one in as_list(counts, "counts")]
     if len(found) != len(BOUNDS) + 1:
         raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(found)}")
-    return Durations(found, number(seconds, "seconds"))
+    return Durations(found, as_number(seconds, "seconds"))
 
 
 def _pair(plain: Any, what: str) -> tuple[Any, Any]:
-    found = listed(plain, what)
+    found = as_list(plain, what)
     if len(found) != 2:
         raise ProtocolError(f"{what} are two values, not {len(found)}")
     return found[0], found[1]

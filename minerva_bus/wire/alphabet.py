@@ -25,7 +25,7 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.plain import listed, mapped, number, text, truth
+from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text
 
 _SAID = 300
 _FORMS: dict[str, type[Form]] = {
@@ -78,20 +78,20 @@ def _plain_form(form: Form | None) -> list[Any] | None:
 
 def read_vocabulary(plain: Any) -> Vocabulary:
     """A vocabulary from what msgpack held. Raises ProtocolError."""
-    parts = mapped(plain, "a vocabulary")
+    parts = as_map(plain, "a vocabulary")
     try:
         return Vocabulary.of(
-            *(_primitive(one) for one in listed(parts.get("primitives"), "primitives")),
-            *(_transformation(one) for one in listed(parts.get("transformations"), "motions")),
-            *(_kind(one) for one in listed(parts.get("kinds"), "kinds")),
-            *(_event_type(one) for one in listed(parts.get("events"), "event types")),
+            *(_primitive(one) for one in as_list(parts.get("primitives"), "primitives")),
+            *(_transformation(one) for one in as_list(parts.get("transformations"), "motions")),
+            *(_kind(one) for one in as_list(parts.get("kinds"), "kinds")),
+            *(_event_type(one) for one in as_list(parts.get("events"), "event types")),
         )
     except (MisuseError, SceneError, Unfit, ValueError, TypeError) as error:
         raise ProtocolError(f"this is no vocabulary: {error}"[:_SAID]) from None
 
 
 def _items(plain: Any, count: int, what: str) -> list[Any]:
-    items = listed(plain, what)
+    items = as_list(plain, what)
     if len(items) != count:
         raise ProtocolError(f"{what} has {count} items, not {len(items)}")
     return items
@@ -99,7 +99,7 @@ def _items(plain: Any, count: int, what: str) -> list[Any]:
 
 def _primitive(plain: Any) -> Primitive:
     name, fields, shape = _items(plain, 3, "a primitive")
-    made = Primitive(text(name, "a primitive's name"))
+    made = Primitive(as_text(name, "a primitive's name"))
     made.fields = _fields(fields)
     form = _form(shape)
     if isinstance(form, Motion):
@@ -110,7 +110,7 @@ def _primitive(plain: Any) -> Primitive:
 
 def _transformation(plain: Any) -> Transformation:
     name, fields, motion = _items(plain, 3, "a transformation")
-    made = Transformation(text(name, "a transformation's name"))
+    made = Transformation(as_text(name, "a transformation's name"))
     made.fields = _fields(fields)
     form = _form(motion)
     if form is not None and not isinstance(form, Motion):
@@ -128,40 +128,41 @@ def read_kind(plain: Any) -> AgentKind:
 
 
 def _kind(plain: Any) -> AgentKind:
-    given = listed(plain, "an agent kind")
+    given = as_list(plain, "an agent kind")
     if len(given) == 4:  # A record of before kinds said how they rest.
         given.append([])
     name, fields, subscribes, views, rest = _items(given, 5, "an agent kind")
-    subscribed = dict(map(_subscribed, listed(subscribes, "event types")))
+    subscribed = dict(map(_subscribed, as_list(subscribes, "event types")))
     chances = tuple(sorted((one, h) for one, h in subscribed.items() if h != 1.0))
     return AgentKind(
-        text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views), chances,
-        tuple(text(one, "an attribute") for one in listed(rest, "attributes at rest")),
+        as_text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views),
+        chances,
+        tuple(as_text(one, "an attribute") for one in as_list(rest, "attributes at rest")),
     )  # fmt: skip
 
 
 def _subscribed(plain: Any) -> tuple[str, float | str]:
     if not isinstance(plain, list):
-        return text(plain, "an event type"), 1.0
+        return as_text(plain, "an event type"), 1.0
     name, probability = _items(plain, 2, "an event type with a probability")
     if not isinstance(probability, str):
-        probability = number(probability, "a probability")
-    return text(name, "an event type"), probability
+        probability = as_number(probability, "a probability")
+    return as_text(name, "an event type"), probability
 
 
 def _names(plain: Any) -> frozenset[str]:
-    return frozenset(text(one, "an event type") for one in listed(plain, "event types"))
+    return frozenset(as_text(one, "an event type") for one in as_list(plain, "event types"))
 
 
 def _event_type(plain: Any) -> EventType:
     name, fields, visual = _items(plain, 3, "an event type")
-    made = EventType(text(name, "an event type's name"), visual=truth(visual, "visual"))
+    made = EventType(as_text(name, "an event type's name"), visual=as_bool(visual, "visual"))
     made.fields = _fields(fields)
     return made
 
 
 def _fields(plain: Any) -> Fields:
-    found = tuple([_field(one) for one in listed(plain, "fields")])
+    found = tuple([_field(one) for one in as_list(plain, "fields")])
     names = [one.name for one in found]
     if len(set(names)) != len(names):
         raise ProtocolError(f"two fields have one name: {', '.join(names)}"[:_SAID])
@@ -170,18 +171,18 @@ def _fields(plain: Any) -> Fields:
 
 def _field(plain: Any) -> Field:
     name, kind, default = _items(plain, 3, "a field")
-    made = Field.of(text(name, "a field's name"), parse_type(text(kind, "a type")))
+    made = Field.of(as_text(name, "a field's name"), parse_type(as_text(kind, "a type")))
     if default is None:
         return made
-    value = parse_value(text(default, "a default"), f"the default of {name}")
+    value = parse_value(as_text(default, "a default"), f"the default of {name}")
     return Field(made.name, made.type, made.type.fit(value))
 
 
 def _form(plain: Any) -> Form | None:
     if plain is None:
         return None
-    items = listed(plain, "a form")
-    form = _FORMS.get(text(items[0] if items else None, "a form's name"))
+    items = as_list(plain, "a form")
+    form = _FORMS.get(as_text(items[0] if items else None, "a form's name"))
     if form is None or len(items) != 1 + len(form_fields(form)):
         raise ProtocolError(f"no form {str(items[:1])[:40]}; there are {', '.join(_FORMS)}")
     return form(*(_measure(item) for item in items[1:]))
@@ -193,6 +194,6 @@ def _measure(plain: Any) -> Any:
     if isinstance(plain, list):
         pairs = [_items(one, 2, "a colour") for one in cast("list[Any]", plain)]
         return tuple(
-            (int(number(least, "a value")), text(color, "a colour")) for least, color in pairs
+            (int(as_number(least, "a value")), as_text(color, "a colour")) for least, color in pairs
         )
-    return number(plain, "a measure")
+    return as_number(plain, "a measure")

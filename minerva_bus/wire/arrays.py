@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.columns import MANY
 from minerva_bus.grammar.ids import LONGEST, Ids
-from minerva_bus.wire.plain import listed, whole
+from minerva_bus.wire.plain import as_int, as_list
 
 ARRAY: Final = 3
 _DTYPES: Final = {"d": "<f8", "b": "<i1", "h": "<i2", "i": "<i4", "q": "<i8", "?": "?"}
@@ -98,7 +98,7 @@ def are_ids(plain: Any) -> bool:
 
 def read_ids(plain: Any, count: int) -> Ids:
     """So many ids."""
-    items = listed(plain, "ids")
+    items = as_list(plain, "ids")
     if len(items) == 3 and items[0] is None:
         ids = _spelled(items, count)
     elif len(items) in (2, 3) and isinstance(items[0], str):
@@ -112,7 +112,7 @@ def read_ids(plain: Any, count: int) -> Ids:
 
 
 def _spelled(items: list[Any], count: int) -> Ids:
-    width, data = whole(items[1], "the width of ids", 1), items[2]
+    width, data = as_int(items[1], "the width of ids", 1), items[2]
     if width > LONGEST or not isinstance(data, bytes) or len(data) != width * count:
         raise ProtocolError(f"{count} ids of {width} bytes are {count * width} bytes in all")
     return Ids(None, np.frombuffer(data, f"S{width}"))
@@ -125,7 +125,7 @@ def _numbers(items: list[Any], count: int) -> NDArray[np.int64]:
             raise ProtocolError("the numbers of ids are whole numbers from 0")
         given = len(numbers)
     else:
-        first, given = whole(items[0], "the first of ids"), whole(items[1], "the count of ids")
+        first, given = as_int(items[0], "the first of ids"), as_int(items[1], "the count of ids")
         if first + given > np.iinfo(np.int64).max:
             raise ProtocolError(f"ids from {first} on are no numbers of 64 bits")
         numbers = np.arange(first, first + given) if given == count else np.empty(0, np.int64)

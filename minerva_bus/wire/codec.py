@@ -27,7 +27,16 @@ from minerva_bus.wire.alphabet import (
 )
 from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.limits import DEFAULT, Limits, check
-from minerva_bus.wire.plain import figure, listed, mapped, number, text, truth, unpack, whole
+from minerva_bus.wire.plain import (
+    as_bool,
+    as_int,
+    as_list,
+    as_map,
+    as_number,
+    as_scalar,
+    as_text,
+    unpack,
+)
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.wire.values import Reader, plain_event, plain_scene
 from minerva_bus.wire.weighing import check_weight
@@ -187,30 +196,30 @@ class Decoder:
     @_refusing
     def readings(self, topic: str, member: str, data: bytes) -> m.Readings:
         """A member's readings on a topic."""
-        items = listed(unpack(data, self._limits), "readings")
+        items = as_list(unpack(data, self._limits), "readings")
         if len(items) != 3 or items[0] != "readings":
             raise ProtocolError('readings are ["readings", frame, [reading, ...]]')
-        frame = whole(items[1], "the frame", -1)
+        frame = as_int(items[1], "the frame", -1)
         return m.Readings(
-            member, topic, frame, tuple(read_reading(one) for one in listed(items[2], "readings"))
+            member, topic, frame, tuple(read_reading(one) for one in as_list(items[2], "readings"))
         )
 
     @_refusing
     def record(self, data: bytes) -> m.FrameRecord:
         """What happened in a frame."""
-        items = listed(unpack(data, self._limits), "a record")
+        items = as_list(unpack(data, self._limits), "a record")
         if len(items) != 5 or items[0] != "frame" or not isinstance(items[4], bytes):
             raise ProtocolError('a record is ["frame", frame, events, changed, digest]')
         return m.FrameRecord(
-            whole(items[1], "the frame"),
+            as_int(items[1], "the frame"),
             self._reader.events(items[2]),
             _parts(self._reader, items[3], "changed"),
             items[4],
         )
 
     def _message(self, table: Mapping[str, tuple[int, Any]], member: str, data: bytes) -> Any:
-        items = listed(unpack(data, self._limits), "a message")
-        name = text(items[0] if items else None, "a message's name")
+        items = as_list(unpack(data, self._limits), "a message")
+        name = as_text(items[0] if items else None, "a message's name")
         count, read = table.get(name, (0, None))
         if read is None:
             raise ProtocolError(
@@ -223,37 +232,37 @@ class Decoder:
 
 
 def _texts(plain: Any, what: str) -> tuple[str, ...]:
-    return tuple([text(one, what) for one in listed(plain, what)])
+    return tuple([as_text(one, what) for one in as_list(plain, what)])
 
 
 def _parts(reader: Reader, plain: Any, what: str) -> dict[str, Scene]:
-    parts = mapped(plain, what).items()
+    parts = as_map(plain, what).items()
     return {name: reader.scene(scene) for name, scene in parts if not is_patch(scene)}
 
 
 def _views(reader: Reader, plain: Any) -> dict[str, Scene]:
-    parts = mapped(plain, "views").items()
+    parts = as_map(plain, "views").items()
     return {name: reader.view(scene) for name, scene in parts if not is_patch(scene)}
 
 
 def _patches(reader: Reader, plain: Any) -> m.Patches:
-    parts = mapped(plain, "patches").items()
+    parts = as_map(plain, "patches").items()
     return {name: reader.columns.patch(patch) for name, patch in parts if is_patch(patch)}
 
 
 def _saved(plain: Any) -> Mapping[str, Any] | None:
-    return None if plain is None else mapped(plain, "what a member saved")
+    return None if plain is None else as_map(plain, "what a member saved")
 
 
 def _figures(reader: Reader, name: str, plain: Any) -> m.Figures:
-    figures = mapped(plain, "figures")
+    figures = as_map(plain, "figures")
     check(name, len(figures), reader.limits.figures, "figures")
-    return {one: figure(value, f"the figure {one[:40]}") for one, value in figures.items()}
+    return {one: as_scalar(value, f"the figure {one[:40]}") for one, value in figures.items()}
 
 
 def _made(reader: Reader, name: str, plain: Any) -> tuple[AnyEvent, ...]:
     """The events of a generator: few that are not in columns."""
-    limits, items = reader.limits, listed(plain, "events")
+    limits, items = reader.limits, as_list(plain, "events")
     single = _single(items)
     check(name, len(single), limits.single_events, "single events", _ADVICE)
     told = [one for one in single if len(one) == 5]
@@ -271,7 +280,7 @@ def _single(items: list[Any]) -> list[list[Any]]:
 
 
 def _kinds(reader: Reader, plain: Any) -> tuple[AgentKind, ...]:
-    items = listed(plain, "kinds")
+    items = as_list(plain, "kinds")
     check("a hello", len(items), reader.limits.kinds, "kinds")
     fields = sum(len(cast("list[Any]", one[1])) for one in items if _has_fields(one))
     check("a hello", fields, reader.limits.fields, "attributes of kinds")
@@ -283,33 +292,33 @@ def _has_fields(kind: Any) -> bool:
 
 
 def _names(reader: Reader, hello: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    items = listed(hello[key], key)
+    items = as_list(hello[key], key)
     check("a hello", len(items), reader.limits.names, f"names in {key}")
     return _texts(items, key)
 
 
 def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
-    h = mapped(items[1], "a hello")
+    h = as_map(items[1], "a hello")
     try:
         return m.Hello(
             member,
-            whole(h["version"], "the version"),
-            text(h["service"], "the service"),
+            as_int(h["version"], "the version"),
+            as_text(h["service"], "the service"),
             _kinds(reader, h["kinds"]),
             _names(reader, h, "generates"),
-            truth(h["lockstep"], "lockstep"),
-            truth(h.get("ahead", False), "ahead"),
+            as_bool(h["lockstep"], "lockstep"),
+            as_bool(h.get("ahead", False), "ahead"),
             _names(reader, h, "orders"),
             _names(reader, h, "draws"),
-            truth(h["coupled"], "coupled"),
-            whole(h["every"], "every"),
+            as_bool(h["coupled"], "coupled"),
+            as_int(h["every"], "every"),
             _rate(h.get("rate", 0.0)),
             _names(reader, h, "topics"),
             _names(reader, h, "publishes"),
-            whole(h["pid"], "the pid"),
-            text(h["host"], "the host"),
-            truth(h.get("people", False), "people"),
-            truth(h.get("plain", False), "plain"),
+            as_int(h["pid"], "the pid"),
+            as_text(h["host"], "the host"),
+            as_bool(h.get("people", False), "people"),
+            as_bool(h.get("plain", False), "plain"),
         )
     except KeyError as missing:
         raise ProtocolError(f"a hello needs {missing}") from None
@@ -318,21 +327,21 @@ def _read_hello(reader: Reader, member: str, items: list[Any]) -> m.Hello:
 
 
 def _rate(plain: Any) -> float:
-    rate = number(plain, "rate")
+    rate = as_number(plain, "rate")
     if rate < 0:
         raise ProtocolError(f"rate must be a number from 0, not {rate}")
     return rate
 
 
 def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveReply:
-    emitted = mapped(items[4], "emitted")
-    views = mapped(items[5], "views")
-    single = sum(len(_single(listed(events, "events"))) for events in emitted.values())
+    emitted = as_map(items[4], "emitted")
+    views = as_map(items[5], "views")
+    single = sum(len(_single(as_list(events, "events"))) for events in emitted.values())
     check("evolved", single, reader.limits.host_events, "single events", _ADVICE)
     return m.EvolveReply(
         member,
-        whole(items[1], "the frame"),
-        whole(items[2], "the part"),
+        as_int(items[1], "the frame"),
+        as_int(items[2], "the part"),
         _parts(reader, items[3], "changed"),
         {agent: reader.events(events) for agent, events in emitted.items()},
         {event_type: _views(reader, parts) for event_type, parts in views.items()},
@@ -343,32 +352,32 @@ def _read_evolved(reader: Reader, member: str, items: list[Any]) -> m.EvolveRepl
 
 def _read_welcome(reader: Reader, member: str, items: list[Any]) -> m.Welcome:
     return m.Welcome(
-        text(items[1], "the world"),
+        as_text(items[1], "the world"),
         read_vocabulary(items[2]),
-        whole(items[3], "the seed", -(1 << 63)),
-        number(items[4], "dt"),
-        whole(items[5], "the frame"),
-        text(items[6], "the policy"),
+        as_int(items[3], "the seed", -(1 << 63)),
+        as_number(items[4], "dt"),
+        as_int(items[5], "the frame"),
+        as_text(items[6], "the policy"),
         _saved(items[7]),
     )
 
 
 def _read_evolve(reader: Reader, member: str, items: list[Any]) -> m.EvolveRequest:
     return m.EvolveRequest(
-        whole(items[1], "the frame"),
+        as_int(items[1], "the frame"),
         _texts(items[2], "asked"),
         reader.events(items[3]),
         reader.events(items[4]),
-        whole(items[5], "the part"),
+        as_int(items[5], "the part"),
         _texts(items[6], "only"),
     )
 
 
 def _read_view(reader: Reader, member: str, items: list[Any]) -> m.ViewShown:
     return m.ViewShown(
-        whole(items[2], "the frame"),
-        text(items[1], "the event type"),
-        whole(items[3], "the sequence"),
+        as_int(items[2], "the frame"),
+        as_text(items[1], "the event type"),
+        as_int(items[3], "the sequence"),
         _views(reader, items[4]),
         None if items[5] is None else reader.skeleton(items[5]),
         _patches(reader, items[4]),
@@ -377,7 +386,7 @@ def _read_view(reader: Reader, member: str, items: list[Any]) -> m.ViewShown:
 
 
 def _read_sources(reader: Reader, member: str, items: list[Any]) -> m.Sources:
-    publishers = mapped(items[1], "sources")
+    publishers = as_map(items[1], "sources")
     return m.Sources({topic: _texts(names, "publishers") for topic, names in publishers.items()})
 
 
@@ -386,7 +395,7 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
     "ticked": (
         3,
         lambda r, who, i: m.TickReply(
-            who, whole(i[1], "the frame"), _made(r, "ticked", i[2]), _saved(i[3])
+            who, as_int(i[1], "the frame"), _made(r, "ticked", i[2]), _saved(i[3])
         ),
     ),
     "evolved": (5, _read_evolved),
@@ -395,12 +404,12 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
         3,
         lambda r, who, i: m.Failed(
             who,
-            whole(i[1], "the frame", -1),
-            text(i[2], "the problem"),
-            text(i[3], "the traceback"),
+            as_int(i[1], "the frame", -1),
+            as_text(i[2], "the problem"),
+            as_text(i[3], "the traceback"),
         ),
     ),
-    "resync": (1, lambda r, who, i: m.Resync(who, text(i[1], "the event type"))),
+    "resync": (1, lambda r, who, i: m.Resync(who, as_text(i[1], "the event type"))),
     "leaving": (0, lambda r, who, i: m.Leaving(who)),
     "doing": (1, lambda r, who, i: m.Doing(who, _figures(r, "doing", i[1]))),
     "report": (1, lambda r, who, i: m.Report(who, _figures(r, "report", i[1]))),
@@ -409,16 +418,16 @@ _FROM_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.FromMemb
 _TO_MEMBER: dict[str, tuple[int, Callable[[Reader, str, list[Any]], m.ToMember]]] = {
     "greet": (0, lambda r, who, i: m.Greet()),
     "welcome": (7, _read_welcome),
-    "refused": (1, lambda r, who, i: m.Refused(text(i[1], "the reason"))),
+    "refused": (1, lambda r, who, i: m.Refused(as_text(i[1], "the reason"))),
     "sources": (1, _read_sources),
-    "tick": (1, lambda r, who, i: m.TickRequest(whole(i[1], "the frame"))),
+    "tick": (1, lambda r, who, i: m.TickRequest(as_int(i[1], "the frame"))),
     "fragments": (
         2,
         lambda r, who, i: m.Fragments(_parts(r, i[1], "fragments"), _texts(i[2], "dropped")),
     ),
     "evolve": (6, _read_evolve),
     "view": (6, _read_view),
-    "orders": (2, lambda r, who, i: m.Orders(whole(i[1], "the frame"), r.events(i[2]))),
-    "repeat": (1, lambda r, who, i: m.Repeat(text(i[1], "the topic"))),
-    "stop": (1, lambda r, who, i: m.Stop(text(i[1], "the reason"))),
+    "orders": (2, lambda r, who, i: m.Orders(as_int(i[1], "the frame"), r.events(i[2]))),
+    "repeat": (1, lambda r, who, i: m.Repeat(as_text(i[1], "the topic"))),
+    "stop": (1, lambda r, who, i: m.Stop(as_text(i[1], "the reason"))),
 }

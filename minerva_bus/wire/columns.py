@@ -38,7 +38,7 @@ from minerva_bus.wire.arrays import (
     read_rows,
 )
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.plain import listed, text, whole
+from minerva_bus.wire.plain import as_int, as_list, as_text
 
 PATCH: Final = "patch"
 
@@ -105,7 +105,7 @@ class ColumnsReader:
         if are_ids(plain):
             return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
-            texts = [text(one, "a text in a column") for one in listed(plain, "a column")]
+            texts = [as_text(one, "a text in a column") for one in as_list(plain, "a column")]
             array: NDArray[Any] = np.empty(len(texts), object)
             array[:] = texts
         else:
@@ -119,7 +119,7 @@ class ColumnsReader:
         if len(plain) != 3:
             raise ProtocolError(f"columns have 3 items, not {len(plain)}")
         count = self._count(plain[0])
-        levels = listed(plain[2], "the levels of columns")
+        levels = as_list(plain[2], "the levels of columns")
         if not 1 <= len(levels) <= CHAIN:
             raise ProtocolError(f"columns have 1 to {CHAIN} levels, not {len(levels)}")
         made: Columns | None = None
@@ -129,7 +129,7 @@ class ColumnsReader:
         return made
 
     def _count(self, plain: Any) -> int:
-        count = whole(plain, "the count of columns", 1)
+        count = as_int(plain, "the count of columns", 1)
         if count > self._limits.nodes:
             raise ProtocolError(f"columns of {count} rows, over {self._limits.nodes}")
         self._take(count)
@@ -143,10 +143,10 @@ class ColumnsReader:
             raise ProtocolError(f"columns of more than {self._limits.rows} rows in a message")
 
     def _level(self, plain: Any, count: int, ids: Any, scope: Columns | None) -> Columns:
-        items = listed(plain, "a level of columns")
+        items = as_list(plain, "a level of columns")
         if len(items) != 2:
             raise ProtocolError("a level of columns is [symbol, [column, ...]]")
-        symbol = text(items[0], "a symbol")
+        symbol = as_text(items[0], "a symbol")
         letter = symbol[:1]
         if (
             letter == "T"
@@ -169,7 +169,7 @@ class ColumnsReader:
             raise VocabularyError(str(unfit)[:300], source="columns") from None
 
     def _typed(self, owner: str, fields: Fields, plain: Any, count: int) -> tuple[Column, ...]:
-        items = listed(plain, f"the columns of {owner}")
+        items = as_list(plain, f"the columns of {owner}")
         if len(items) != len(fields.all):
             raise VocabularyError(
                 f"{owner} has {len(items)} columns; expected {len(fields.all)}", source="columns"
@@ -182,31 +182,31 @@ class ColumnsReader:
 
     def events(self, items: list[Any]) -> Events:
         """Many events."""
-        name = text(items[0], "an event's type")
+        name = as_text(items[0], "an event's type")
         declared = self._vocabulary.events.get(name)
         if declared is None:
             raise VocabularyError(f"no event type {name[:40]!r}", source="event")
-        count = whole(items[1], "the count of events", 1)
+        count = as_int(items[1], "the count of events", 1)
         if count > self._limits.events:
             raise ProtocolError(f"{count} events at once, over {self._limits.events}")
         self._take(count)
         columns = self._typed(name, declared.fields, items[2], count)
-        condition = text(items[3], "a condition")
+        condition = as_text(items[3], "a condition")
         self._vocabulary.check_condition(name, condition, "event")
         senders, receivers = (None if one is None else read_ids(one, count) for one in items[4:])
         return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
     def patch(self, plain: Any) -> Patch:
         """What is different in columns."""
-        items = listed(plain, "a patch")
+        items = as_list(plain, "a patch")
         if len(items) not in (4, 7):
             raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
         count = self._count(items[1])
         turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
         after = count if turnover is None else self._count(turnover.after)
-        symbols = tuple([text(one, "a symbol") for one in listed(items[2], "the symbols")])
+        symbols = tuple([as_text(one, "a symbol") for one in as_list(items[2], "the symbols")])
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
-        changes = [self._change(one, after, fields) for one in listed(items[3], "the changes")]
+        changes = [self._change(one, after, fields) for one in as_list(items[3], "the changes")]
         return Patch(count, symbols, tuple(changes), turnover, born)
 
     def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[Turnover, Ids | None]:
@@ -221,10 +221,10 @@ class ColumnsReader:
         return turnover, newborn
 
     def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:
-        items = listed(plain, "a change")
+        items = as_list(plain, "a change")
         if len(items) != 4:
             raise ProtocolError(f"a change has 4 items, not {len(items)}")
-        level, place = whole(items[0], "a level"), whole(items[1], "a place")
+        level, place = as_int(items[0], "a level"), as_int(items[1], "a place")
         if level >= len(fields) or place >= len(fields[level].all):
             raise ProtocolError(f"a change of column {place} in level {level}, which there is not")
         rows = None if items[2] is None else read_rows(items[2], count)

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.wire.plain import listed, number, text, whole
+from minerva_bus.wire.plain import as_int, as_list, as_number, as_text
 from minerva_bus.world.readings import (
     ENCODINGS,
     Battery,
@@ -37,7 +37,7 @@ def plain_reading(reading: Reading) -> list[Any]:
 
 def read_reading(plain: Any) -> Reading:
     """A reading from plain data. Raises ProtocolError."""
-    items = listed(plain, "a reading")
+    items = as_list(plain, "a reading")
     known = _READERS.get(items[0] if items and isinstance(items[0], str) else "")
     if known is None:
         shown = str(items[0] if items else None)[:40]
@@ -45,7 +45,7 @@ def read_reading(plain: Any) -> Reading:
     count, read = known
     if len(items) != count + 3:
         raise ProtocolError(f"a {items[0]} has {count + 3} items, not {len(items)}")
-    return read(text(items[1], "the robot"), number(items[2], "the time"), items[3:])
+    return read(as_text(items[1], "the robot"), as_number(items[2], "the time"), items[3:])
 
 
 def _write_scan(scan: Scan) -> list[Any]:
@@ -75,7 +75,7 @@ def _write_image(image: Image) -> list[Any]:
 
 
 def _mount(plain: Any, what: str) -> Mount:
-    mount = [number(one, "the mount") for one in listed(plain, "the mount")]
+    mount = [as_number(one, "the mount") for one in as_list(plain, "the mount")]
     if len(mount) != 3:
         raise ProtocolError(f"the mount of {what} is [x, y, angle]")
     return Mount(*mount)
@@ -85,7 +85,7 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
     data, mount = items[0], _mount(items[4], "a scan")
     if not isinstance(data, bytes) or len(data) % 4:
         raise ProtocolError("the ranges of a scan are float32 as bytes")
-    first, step, most = (number(one, "a number of a scan") for one in items[1:4])
+    first, step, most = (as_number(one, "a number of a scan") for one in items[1:4])
     ranges = np.frombuffer(data, "<f4")
     if np.isnan(ranges).any():
         raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
@@ -93,8 +93,8 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
 
 
 def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
-    beam_time = number(items[5], "the time of a beam")
-    path = tuple([_displacement(place) for place in listed(items[6], "the path of a scan")])
+    beam_time = as_number(items[5], "the time of a beam")
+    path = tuple([_displacement(place) for place in as_list(items[6], "the path of a scan")])
     seconds = [place.seconds for place in path]
     if sorted(set(seconds)) != seconds:
         raise ProtocolError("the seconds of the path of a scan must rise")
@@ -102,14 +102,16 @@ def _sweep(robot: str, time: float, items: Sequence[Any]) -> Scan:
 
 
 def _displacement(plain: Any) -> Displacement:
-    numbers = [number(item, "the path of a scan") for item in listed(plain, "the path of a scan")]
+    numbers = [
+        as_number(item, "the path of a scan") for item in as_list(plain, "the path of a scan")
+    ]
     if len(numbers) != 4:
         raise ProtocolError("a place of the path of a scan is [seconds, x, y, angle]")
     return Displacement(*numbers)
 
 
 def _sightings(robot: str, time: float, items: Sequence[Any]) -> Sightings:
-    seen = [listed(one, "a sighting") for one in listed(items[0], "sightings")]
+    seen = [as_list(one, "a sighting") for one in as_list(items[0], "sightings")]
     return Sightings(robot, tuple(map(_sighting, seen)), time)
 
 
@@ -117,13 +119,15 @@ def _sighting(items: list[Any]) -> Sighting:
     if len(items) != 3:
         raise ProtocolError("a sighting is [marker, distance, angle]")
     return Sighting(
-        text(items[0], "the marker"), number(items[1], "a distance"), number(items[2], "an angle")
+        as_text(items[0], "the marker"),
+        as_number(items[1], "a distance"),
+        as_number(items[2], "an angle"),
     )
 
 
 def _image(robot: str, time: float, items: Sequence[Any]) -> Image:
-    encoding, data = text(items[0], "the encoding"), items[3]
-    width, height = whole(items[1], "the width", 1), whole(items[2], "the height", 1)
+    encoding, data = as_text(items[0], "the encoding"), items[3]
+    width, height = as_int(items[1], "the width", 1), as_int(items[2], "the height", 1)
     if encoding not in ENCODINGS:
         raise ProtocolError(f"no encoding {encoding[:40]!r}; expected {', '.join(ENCODINGS)}")
     if not isinstance(data, bytes):
@@ -134,23 +138,23 @@ def _image(robot: str, time: float, items: Sequence[Any]) -> Image:
 
 
 def _odometry(robot: str, time: float, items: Sequence[Any]) -> Odometry:
-    x, y, angle, speed, turn = (number(one, "odometry") for one in items)
+    x, y, angle, speed, turn = (as_number(one, "odometry") for one in items)
     return Odometry(robot, x, y, angle, speed, turn, time)
 
 
 def _battery(robot: str, time: float, items: Sequence[Any]) -> Battery:
-    return Battery(robot, number(items[0], "the charge"), number(items[1], "the volts"), time)
+    return Battery(robot, as_number(items[0], "the charge"), as_number(items[1], "the volts"), time)
 
 
 def _position(robot: str, time: float, items: Sequence[Any]) -> Position:
-    latitude, longitude = (number(degrees, "a position") for degrees in items[:2])
+    latitude, longitude = (as_number(degrees, "a position") for degrees in items[:2])
     altitude, accuracy = (_known_number(metres, "a position") for metres in items[2:])
     return Position(robot, latitude, longitude, altitude, accuracy, time)
 
 
 def _known_number(plain: Any, what: str) -> float | None:
     """A finite number, or None for nil: the sensor does not report it. Raises ProtocolError."""
-    return None if plain is None else number(plain, what)
+    return None if plain is None else as_number(plain, what)
 
 
 _WRITERS: dict[type, tuple[str, Callable[[Any], list[Any]]]] = {

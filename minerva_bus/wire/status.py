@@ -7,19 +7,19 @@ from dataclasses import asdict, fields
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.wire.plain import figure, listed, mapped, number, text, truth, whole
+from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_number, as_scalar, as_text
 from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
 
 
 def _from_minus_one(plain: Any, what: str) -> int:
-    return whole(plain, what, -1)
+    return as_int(plain, what, -1)
 
 
 _SCALARS: dict[Any, Any] = {
-    str: text,
+    str: as_text,
     int: _from_minus_one,
-    float: number,
-    bool: truth,
+    float: as_number,
+    bool: as_bool,
 }
 
 
@@ -39,20 +39,20 @@ def plain_lines(lines: tuple[LogLine, ...]) -> list[dict[str, Any]]:
 
 def read_status(plain: Any) -> WorldStatus:
     """A status from plain data. Raises ProtocolError."""
-    given = mapped(plain, "a status")
-    members = [_read(MemberStatus, one) for one in listed(given.get("members", []), "members")]
-    happenings = [_read(Happening, one) for one in listed(given.get("happenings", []), "events")]
+    given = as_map(plain, "a status")
+    members = [_read(MemberStatus, one) for one in as_list(given.get("members", []), "members")]
+    happenings = [_read(Happening, one) for one in as_list(given.get("happenings", []), "events")]
     return _read(WorldStatus, given, members=tuple(members), happenings=tuple(happenings))
 
 
 def read_lines(plain: Any) -> tuple[LogLine, ...]:
     """Log lines from plain data. Raises ProtocolError."""
-    return tuple([_read(LogLine, one) for one in listed(plain, "lines")])
+    return tuple([_read(LogLine, one) for one in as_list(plain, "lines")])
 
 
 def _read(kind: type[Any], plain: Any, **read: Any) -> Any:
     """A dataclass of scalars, tuples of texts and maps of numbers from plain data."""
-    given, hints = mapped(plain, kind.__name__), get_type_hints(kind)
+    given, hints = as_map(plain, kind.__name__), get_type_hints(kind)
     for one in fields(kind):
         if one.name not in read and one.name in given:
             read[one.name] = _value(hints[one.name], given[one.name], one.name)
@@ -67,7 +67,7 @@ def _value(hint: Any, plain: Any, name: str) -> Any:
     if scalar is not None:
         return scalar(plain, name)
     if hint == tuple[str, ...]:
-        return tuple([text(one, name) for one in listed(plain, name)])
+        return tuple([as_text(one, name) for one in as_list(plain, name)])
     if hint == Mapping[str, float]:
-        return {key: number(one, name) for key, one in mapped(plain, name).items()}
-    return {key: figure(one, f"{name}: {key[:40]}") for key, one in mapped(plain, name).items()}
+        return {key: as_number(one, name) for key, one in as_map(plain, name).items()}
+    return {key: as_scalar(one, f"{name}: {key[:40]}") for key, one in as_map(plain, name).items()}

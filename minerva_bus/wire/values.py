@@ -52,7 +52,7 @@ from minerva_bus.wire.columns import (
 )
 from minerva_bus.wire.columns import plain_events as plain_many
 from minerva_bus.wire.limits import DEFAULT, Limits
-from minerva_bus.wire.plain import listed, name_of, text, unpack, whole
+from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
 
 _MATRIX, _SCENE = 1, 2
 _HEADER = struct.Struct("<cII")
@@ -181,7 +181,7 @@ class Reader:
         """A string of the vocabulary; no two of its agents have one id."""
         outer, self._ids, self._many = (self._ids, self._many), set(), []
         try:
-            scene = self._scene(listed(plain, "a string"))
+            scene = self._scene(as_list(plain, "a string"))
             self._check_ids()
             return scene
         finally:
@@ -200,14 +200,14 @@ class Reader:
             raise ProtocolError("a string is empty of even its count")
         if len(flat) > self.limits.nodes:
             raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
-        wanted = [whole(flat[0], "the count of a string")]
+        wanted = [as_int(flat[0], "the count of a string")]
         opened: list[tuple[Any, ...]] = []
         levels: list[list[Piece]] = [[]]
         for node in flat[1:]:
             if not wanted[-1]:
                 raise ProtocolError("a string goes on after its end")
             wanted[-1] -= 1
-            count = self._piece(listed(node, "a symbol"), levels[-1], opened)
+            count = self._piece(as_list(node, "a symbol"), levels[-1], opened)
             if count:
                 wanted.append(count)
                 levels.append([])
@@ -232,7 +232,7 @@ class Reader:
 
     def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
         """Read one symbol; a figure or one with an empty scope is done at once."""
-        symbol = text(node[0] if node else None, "a symbol")
+        symbol = as_text(node[0] if node else None, "a symbol")
         kind = symbol[:1]
         if len(node) != {"P": 2, "T": 3, "A": 4}.get(kind, 0):
             raise ProtocolError(f"{symbol[:40]!r} with {len(node) - 1} items is no symbol")
@@ -241,7 +241,7 @@ class Reader:
         if kind == "P":
             level.append(FigureNode(symbol, names, values))
             return 0
-        count = whole(node[-1], "the count of a scope")
+        count = as_int(node[-1], "the count of a scope")
         head = (symbol, agent_id, names, values)
         if count:
             opened.append(head)
@@ -257,7 +257,7 @@ class Reader:
         return agent_id
 
     def _id(self, plain: Any) -> str:
-        agent_id = text(plain, "an id")
+        agent_id = as_text(plain, "an id")
         plain_id = agent_id.removeprefix("~").replace(".", "_") if self._slots else agent_id
         if AGENT_ID.fullmatch(plain_id) is None:
             raise ProtocolError(f"{agent_id[:40]!r} is no id of an agent")
@@ -269,7 +269,7 @@ class Reader:
             fields = self.vocabulary.fields(symbol)
             if plain is None and agent_id and (self._slots or not fields.names):
                 return (), ()
-            given = [self.value(item) for item in listed(plain, f"the values of {owner}")]
+            given = [self.value(item) for item in as_list(plain, f"the values of {owner}")]
             if len(given) != len(fields.names):
                 raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
             return fields.refit(owner, fields.names, tuple(given))
@@ -278,21 +278,21 @@ class Reader:
 
     def event(self, plain: Any) -> AnyEvent:
         """An event of the vocabulary, or many."""
-        items = listed(plain, "an event")
+        items = as_list(plain, "an event")
         if len(items) == 6:
             return self.columns.events(items)
         if len(items) not in (2, 5):
             raise ProtocolError(f"an event has 2, 5 or 6 items, not {len(items)}")
-        name = text(items[0], "an event's type")
+        name = as_text(items[0], "an event's type")
         declared = self.vocabulary.events.get(name)
         if declared is None:
             raise VocabularyError(f"no event type {name[:40]!r}", source="event")
-        given = tuple([self.value(item) for item in listed(items[1], f"the data of {name}")])
+        given = tuple([self.value(item) for item in as_list(items[1], f"the data of {name}")])
         condition, sender, receivers = "", "", ()
         if len(items) == 5:
-            condition, sender = text(items[2], "a condition"), text(items[3], "a sender")
+            condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             self.vocabulary.check_condition(name, condition, "event")
-            named = [self._id(one) for one in listed(items[4], "receivers")]
+            named = [self._id(one) for one in as_list(items[4], "receivers")]
             receivers = tuple(sorted(set(named)))
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
@@ -307,7 +307,7 @@ class Reader:
 
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
         """Events in order."""
-        items = listed(plain, "events")
+        items = as_list(plain, "events")
         count = sum(map(_count, items))
         if count > self.limits.events:
             raise ProtocolError(f"{count} events at once, over {self.limits.events}")

@@ -289,7 +289,7 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
         present(world, "sensor")
         joined.member._send(kind("sensor", {"mean": float("nan")}))
         assert "the figure mean must be a finite number" in joined.ends()
-    world.says("sensor │ broke the protocol: the figure mean must be a finite number or a text")
+    world.says("sensor │ broke the protocol: the figure mean must be a finite number or text")
     assert refused(world, "sensor") > before
     goes_on(world)
 

@@ -240,7 +240,7 @@ def ext(data):
         (lambda p: p[2][0][1].__setitem__(0, ext(b"d" + b"\xff" * 24)), "x must be real m"),
         (lambda p: p[2][0][1].__setitem__(1, ext(b"d" + bytes(24))), "age must be int"),
         (lambda p: p[2][0][1].__setitem__(2, ext(b"?\0\1\2")), "bytes 0 and 1"),
-        (lambda p: p[2][0][1].__setitem__(3, ["a", "b", 3]), "must be a text"),
+        (lambda p: p[2][0][1].__setitem__(3, ["a", "b", 3]), "must be text"),
         (lambda p: p.__setitem__(2, []), "1 to 8 levels"),
         (lambda p: p.__setitem__(2, p[2] * 2), "cannot stand in columns"),
     ],

@@ -17,8 +17,8 @@ from minerva_bus import (
     Vocabulary,
 )
 from minerva_bus.errors import ProtocolError, SceneError
-from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.forms import Disc, Motion
 from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.codec import Decoder
@@ -114,7 +114,7 @@ def test_a_message_with_a_number_that_is_none_is_refused(read, plain):
 @pytest.mark.parametrize("name", ["doing", "report"])
 @pytest.mark.parametrize("odd", [*ODD, None, [1.0]])
 def test_a_figure_is_a_finite_number_or_a_text(name, odd):
-    with pytest.raises(ProtocolError, match="the figure mean must be a finite number or a text"):
+    with pytest.raises(ProtocolError, match="the figure mean must be a finite number or text"):
         DECODER.from_member("a", msgpack.packb([name, {"mean": odd}]))
     figures = {"mean": 0.5, "count": 1, "on": True, "how": "well"}
     assert DECODER.from_member("a", msgpack.packb([name, figures])).figures == figures

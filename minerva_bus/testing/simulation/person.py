@@ -14,7 +14,7 @@ from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.sessions import Session
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import NAME
-from minerva_bus.wire.plain import mapped, pack, unpack
+from minerva_bus.wire.plain import as_map, pack, unpack
 
 UNPAUSED: Final = Act(0.5, "resume")
 TRIES: Final = 60
@@ -82,7 +82,7 @@ class Person:
             if not waits:
                 return
             waits.clear()
-            answer = None if data is None else mapped(unpack(data), "an answer")
+            answer = None if data is None else as_map(unpack(data), "an answer")
             self._finish(Asked(act, at, True, self._timeline.now, answer))
 
         self._network.ask(session, self._key, pack(question_of(act)), answered)
