@@ -35,7 +35,7 @@ import numpy as np
 from benchmarks.forked import Members
 from benchmarks.models.events import Clock, eStep
 from benchmarks.plot import Line, plotted
-from minerva_bus import Agent, Cells, Event, Moment, Primitive, Scene, Vocabulary, on
+from minerva_bus import Agent, Cells, Context, Event, Primitive, Scene, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
@@ -61,7 +61,7 @@ class Walker(Agent, symbol="AWalker"):
     x: float = 0.0
 
     @on("eStep")
-    def step(self, step: Event, moment: Moment) -> None:
+    def step(self, step: Event, moment: Context) -> None:
         self.x += 1.0
 
 

@@ -28,10 +28,10 @@ from zenoh.handlers import FifoChannel
 from benchmarks.forked import forked
 from minerva_bus import (
     Agent,
+    Context,
     Device,
     EventType,
     Generator,
-    Moment,
     Primitive,
     View,
     Vocabulary,
@@ -60,7 +60,7 @@ class Touched(Agent, symbol="ATouched"):
     times: int = 0
 
     @on("eTouch")
-    def touch(self, event: eTouch, moment: Moment) -> None:
+    def touch(self, event: eTouch, moment: Context) -> None:
         self.times += 1
         moment.emit(eShow())
 

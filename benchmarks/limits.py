@@ -35,7 +35,7 @@ import msgpack
 import zenoh
 
 from benchmarks.latency import forked
-from minerva_bus import Agent, Event, EventType, Generator, Moment, Tick, Vocabulary, on
+from minerva_bus import Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
@@ -65,7 +65,7 @@ class Fox(Agent, symbol="AFox"):
     name: str = ""
 
     @on("eStep")
-    def step(self, step: Event, moment: Moment) -> None:
+    def step(self, step: Event, moment: Context) -> None:
         self.x += step.by
 
 

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from minerva_bus import portable
-from minerva_bus.world.chance import Chance, Chances, Numbers
+from minerva_bus.world.rng import Numbers, Rng, RngBatch
 
 NAMES = "sin cos tan asin acos atan exp expm1 tanh log log2 log10 log1p"
 PAIRS = "atan2 hypot power"
@@ -38,18 +38,18 @@ class Cost:
     ratio: float
 
 
-def numpy_normal(draws: Chances) -> Numbers:
-    """Normal numbers by the method of `Chances.normal`, over numpy's functions."""
+def numpy_normal(draws: RngBatch) -> Numbers:
+    """Normal numbers by the method of `RngBatch.normal`, over numpy's functions."""
     radius = np.sqrt(-2.0 * np.log(1.0 - draws.random()))
     return radius * np.cos(2.0 * np.pi * draws.random())
 
 
-def numpy_exponential(draws: Chances) -> Numbers:
-    """Exponential numbers by the method of `Chances.exponential`, over numpy's logarithm."""
+def numpy_exponential(draws: RngBatch) -> Numbers:
+    """Exponential numbers by the method of `RngBatch.exponential`, over numpy's logarithm."""
     return -np.log(1.0 - draws.random())
 
 
-def math_normal(draws: Chance) -> float:
+def math_normal(draws: Rng) -> float:
     radius = math.sqrt(-2.0 * math.log(1.0 - draws.random()))
     return radius * math.cos(math.tau * draws.random())
 
@@ -82,7 +82,7 @@ def arrays(count: int, repeat: int) -> list[Cost]:
         costs.append(
             compared(name, count, count, partial(ours, *given), partial(theirs, *given), repeat)
         )
-    draws = Chances(Chances.begin(np.arange(count, dtype=np.uint64), 1))
+    draws = RngBatch(RngBatch.begin(np.arange(count, dtype=np.uint64), 1))
     for name, theirs in (("normal", numpy_normal), ("exponential", numpy_exponential)):
         ours = getattr(draws, name)
         costs.append(compared(f"chance.{name}", count, count, ours, partial(theirs, draws), repeat))
@@ -102,7 +102,7 @@ def numbers(repeat: int) -> list[Cost]:
         costs.append(
             compared(name, 1, ONE_BY_ONE, partial(turn, ours), partial(turn, theirs), repeat)
         )
-    draws = Chance(1)
+    draws = Rng(1)
 
     def drawn(function: Callable[[], float]) -> None:
         for _ in range(ONE_BY_ONE):

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.latency import forked
-from minerva_bus import Agent, Event, EventType, Generator, Metres, Moment, Tick, Vocabulary, on
+from minerva_bus import Agent, Context, Event, EventType, Generator, Metres, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
@@ -49,7 +49,7 @@ class Watcher(Agent, symbol="AWatcher"):
     hits: int = 0
 
     @on("eLaser")
-    def see(self, laser: Event, moment: Moment) -> None:
+    def see(self, laser: Event, moment: Context) -> None:
         self.hits += 1
 
 

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
     from minerva_bus.semantics.geometry import Geometry, interpret
     from minerva_bus.world.agent import Agent, on, view
+    from minerva_bus.world.context import Context, Frame
     from minerva_bus.world.evolution import Policy, evolve
-    from minerva_bus.world.moment import Frame, Moment
-    from minerva_bus.world.population import Moments, Received
+    from minerva_bus.world.population import BatchContext, EventBatch
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -56,12 +56,15 @@ _HOMES = {
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent on view",
     "world.evolution": "Policy evolve",
-    "world.moment": "Frame Moment",
-    "world.population": "Moments Received",
+    "world.context": "Context Frame",
+    "world.population": "BatchContext EventBatch",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }
 
+
+_FORMER = {"Moment": "Context", "Moments": "BatchContext", "Received": "EventBatch"}
+"""Former public names; worlds written for them keep working."""
 
 _install()
 
@@ -70,11 +73,12 @@ def __getattr__(name: str) -> "Any":
     """Import a public name from where it lives."""
     from importlib import import_module
 
+    current = _FORMER.get(name, name)
     for module, names in _HOMES.items():
-        if name in names.split():
-            found = getattr(import_module(f"minerva_bus.{module}"), name)
-            globals()[name] = found
-            return found
+        if current in names.split():
+            value = getattr(import_module(f"minerva_bus.{module}"), current)
+            globals()[name] = value
+            return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -86,12 +90,15 @@ __all__ = [
     "EMPTY",
     "Agent",
     "AgentKind",
+    "BatchContext",
     "Cells",
+    "Context",
     "Default",
     "Degrees",
     "Device",
     "Disc",
     "Event",
+    "EventBatch",
     "EventType",
     "Events",
     "Frame",
@@ -103,8 +110,6 @@ __all__ = [
     "Metres",
     "MetresPerSecond",
     "MinervaError",
-    "Moment",
-    "Moments",
     "Motion",
     "Of",
     "Policy",
@@ -112,7 +117,6 @@ __all__ = [
     "Range",
     "Raster",
     "Reals",
-    "Received",
     "Scene",
     "Seconds",
     "Tick",

@@ -9,7 +9,7 @@
     ├── TomlError                a text is not TOML                              launch.toml
     ├── MisuseError              the caller of the library asks for something impossible
     │   ├── StateError           an attribute of an agent has an invalid value
-    │   │   └── Unsound          an attribute of one row is not finite           world.descent
+    │   │   └── Unsound          an attribute of one row is not finite           world.assembling
     │   └── SignatureError       a method takes other arguments than it is called with
     ├── UserCodeError            a method of an agent or a service failed
     │   └── ActivityError        a method of an agent failed at an event         world.kinds

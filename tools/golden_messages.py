@@ -38,9 +38,9 @@ from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.patch import Change, Patch
+from minerva_bus.grammar.patch import Change, Delta
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.types import parse_type
 from minerva_bus.wire.codec import encode
 from minerva_bus.world import readings as r
@@ -122,12 +122,12 @@ MIXED = Events(
     3, "x < 5", Ids.of(["a", "b:1", "c"]), None,
 )  # fmt: skip
 ROWS = np.array([0, 5, 299], np.intp)
-PATCH = Patch(FISHES, ("AFish",), (Change(0, 0, ROWS, Column(np.array([1.0, 2.0, 3.0]))),))
-WHOLE_PATCH = Patch(2, ("AFish",), (Change(0, 0, None, Column(np.array([1.0, 2.0]))),))
-TURNOVER = Patch(
+PATCH = Delta(FISHES, ("AFish",), (Change(0, 0, ROWS, Column(np.array([1.0, 2.0, 3.0]))),))
+WHOLE_PATCH = Delta(2, ("AFish",), (Change(0, 0, None, Column(np.array([1.0, 2.0]))),))
+TURNOVER = Delta(
     3, ("AFish",),
     (Change(0, 0, np.array([2], np.intp), Column(np.array([9.0]))),),
-    Turnover(3, np.array([0], np.intp), np.array([2], np.intp)), Ids.of(["f1:1"]),
+    RowDelta(3, np.array([0], np.intp), np.array([2], np.intp)), Ids.of(["f1:1"]),
 )  # fmt: skip
 POPULATION = {"~AFish.1": Scene((_fishes(),)), "a": NESTED}
 VIEWS = {"a": STAR(2.25), "~AFish.1": Scene((_stars(),))}

@@ -29,7 +29,7 @@ from minerva_agents.robot.maps import Marker, OccupancyMap
 from minerva_agents.robot.motion import STAY, Move
 from minerva_agents.robot.robot import ARobot
 from minerva_bus import Frame
-from minerva_bus.world.moment import Moment
+from minerva_bus.world.context import Context
 
 Reals = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ class Drive:
         self._carry_out()
         robot = self._robot
         self._sense()
-        moment = Moment(Frame(self.run.frames, DT, self._seed), f"#{robot.id}")
+        moment = Context(Frame(self.run.frames, DT, self._seed), f"#{robot.id}")
         begin = time.perf_counter()
         deciding.notice(robot)
         robot.row, robot.column, robot.angle = self._believed

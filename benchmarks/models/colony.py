@@ -7,11 +7,11 @@ the ground is a coupled device that acts on what it is shown. All follows from t
 from minerva_bus import (
     EMPTY,
     Agent,
+    Context,
     Device,
     EventType,
     Generator,
     Metres,
-    Moment,
     Primitive,
     Scene,
     Tick,
@@ -44,7 +44,7 @@ class Ant(Agent, symbol="AAnt"):
     births: int = 0
 
     @on("eStep")
-    def walk(self, step: Event, moment: Moment) -> Scene | None:
+    def walk(self, step: Event, moment: Context) -> Scene | None:
         self.x = (self.x + moment.random.normal()) % SIZE
         self.y = (self.y + moment.random.normal()) % SIZE
         self.load += 0.001 * step.count
@@ -55,22 +55,22 @@ class Ant(Agent, symbol="AAnt"):
         return None
 
     @on("eLay")
-    def lay(self, _: Event, moment: Moment) -> Scene | None:
+    def lay(self, _: Event, moment: Context) -> Scene | None:
         return (
             self.string + self.child(x=self.y, y=self.x) if moment.random.random() < 0.05 else None
         )
 
     @on("eCall")
-    def hear(self, call: Event, _: Moment) -> None:
+    def hear(self, call: Event, _: Context) -> None:
         if abs(call.x - self.x) < 5.0 and abs(call.y - self.y) < 5.0:
             self.heard += 1
 
     @on("eRain")
-    def shelter(self, rain: Event, _: Moment) -> None:
+    def shelter(self, rain: Event, _: Context) -> None:
         self.load = max(0.0, self.load - rain.amount)
 
     @on("eCrowded")
-    def quarrel(self, crowded: Event, moment: Moment) -> Scene | None:
+    def quarrel(self, crowded: Event, moment: Context) -> Scene | None:
         return EMPTY if moment.random.random() < 0.1 * (crowded.ants - 220) / 220 else None
 
     @view("eShow")

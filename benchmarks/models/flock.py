@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from minerva_bus import (
     Agent,
+    Context,
     Event,
     EventType,
-    Moment,
     Primitive,
     Scene,
     Transformation,
@@ -27,7 +27,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.world.population import Moments
+from minerva_bus.world.population import BatchContext
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
 from minerva_services.physics.neighbours.plane import near
@@ -61,7 +61,7 @@ class Boid(Agent, symbol="ABoid"):
     vy: float
 
     @on("eNear", population=True)
-    def steer(self, near: Event, moment: Moments) -> None:
+    def steer(self, near: Event, moment: BatchContext) -> None:
         several = np.maximum(near.number, 1)
         vx = self.vx + (COHERE * near.dx + SEPARATE * near.apart_x / several + MATCH * near.vx)
         vy = self.vy + (COHERE * near.dy + SEPARATE * near.apart_y / several + MATCH * near.vy)
@@ -84,7 +84,7 @@ class PlainBoid(Agent, symbol="ABoid"):
     vy: float
 
     @on("eNear")
-    def steer(self, near: Event, moment: Moment) -> None:
+    def steer(self, near: Event, moment: Context) -> None:
         if near.number:
             n = near.number
             self.vx += COHERE * near.dx + SEPARATE * near.apart_x / n + MATCH * near.vx

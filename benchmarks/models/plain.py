@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.models.events import Clock, eStep
-from minerva_bus import Agent, Event, Moment, Scene, Vocabulary, on
+from minerva_bus import Agent, Context, Event, Scene, Vocabulary, on
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.world.services import Service
 
@@ -26,7 +26,7 @@ class Walker(Agent, symbol="AWalker"):
     speed: float = 1.0
 
     @on("eStep")
-    def step(self, step: Event, moment: Moment) -> None:
+    def step(self, step: Event, moment: Context) -> None:
         self.x += self.speed
         if not 0.0 <= self.x <= WIDTH:
             self.speed = -self.speed

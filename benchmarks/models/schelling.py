@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus import Agent, Event, EventType, Moment, Primitive, Scene, Vocabulary, on, view
+from minerva_bus import Agent, Context, Event, EventType, Primitive, Scene, Vocabulary, on, view
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import Moments, Received
+from minerva_bus.world.population import BatchContext, EventBatch
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
 from minerva_services.physics.neighbours.lattice import Lattice
@@ -52,7 +52,7 @@ class Resident(Agent, symbol="AResident"):
     happy: bool = False
 
     @on("eNear", population=True)
-    def judge(self, near: Event, moment: Moments) -> None:
+    def judge(self, near: Event, moment: BatchContext) -> None:
         self.happy = near.same / np.maximum(near.number, 1) >= HOMOPHILY
         sad = np.flatnonzero(~self.happy)
         vacancy = moment.chance.of(sad).integers(self.vacancies[sad])
@@ -60,7 +60,7 @@ class Resident(Agent, symbol="AResident"):
         moment.emit(eAsk(self.x[sad], self.y[sad], receivers=to), where=~self.happy)
 
     @on("eKey", population=True)
-    def move(self, key: Event, moment: Moments) -> None:
+    def move(self, key: Event, moment: BatchContext) -> None:
         self.x, self.y = key.x, key.y
 
     @view("eWhere", population=True)
@@ -75,7 +75,7 @@ class Vacancy(Agent, symbol="AVacancy"):
     y: int
 
     @on("eAsk", together=True)
-    def give(self, asked: Received, moment: Moments) -> None:
+    def give(self, asked: EventBatch, moment: BatchContext) -> None:
         first = np.unique(asked.row, return_index=True)[1]
         moment.emit(eKey(self.x, self.y, receivers=asked.sender.take(first)))
         self.x, self.y = asked.x[first], asked.y[first]
@@ -91,14 +91,14 @@ class PlainResident(Agent, symbol="AResident"):
     happy: bool = False
 
     @on("eNear")
-    def judge(self, near: Event, moment: Moment) -> None:
+    def judge(self, near: Event, moment: Context) -> None:
         self.happy = near.same / max(near.number, 1) >= HOMOPHILY
         if not self.happy:
             vacancy = moment.chance.integers(self.vacancies)
             moment.emit(eAsk(self.x, self.y, receivers=[f"v{vacancy}"]))
 
     @on("eKey")
-    def move(self, key: Event, moment: Moment) -> None:
+    def move(self, key: Event, moment: Context) -> None:
         self.x, self.y = key.x, key.y
 
     @view("eWhere")
@@ -114,7 +114,7 @@ class PlainVacancy(Agent, symbol="AVacancy"):
     _given: bool = False  # a name with _ is no state: it lasts for one frame
 
     @on("eAsk")
-    def give(self, ask: Event, moment: Moment) -> None:
+    def give(self, ask: Event, moment: Context) -> None:
         if not self._given:
             self._given = True
             moment.emit(eKey(self.x, self.y, receivers=[ask.sender]))

@@ -1,6 +1,6 @@
 """Agents that walk about at random: every one of them changes in every frame."""
 
-from minerva_bus import Agent, Degrees, EventType, Metres, Moment, Primitive, Vocabulary, on
+from minerva_bus import Agent, Context, Degrees, EventType, Metres, Primitive, Vocabulary, on
 
 PDot = Primitive("PDot")
 eStep = EventType("eStep")
@@ -14,7 +14,7 @@ class Walker(Agent, symbol="AWalker"):
     heading: Degrees = 0.0
 
     @on("eStep")
-    def walk(self, step: object, moment: Moment) -> None:
+    def walk(self, step: object, moment: Context) -> None:
         """A step of a tenth of a metre or so."""
         self.heading += float(moment.random.normal(0.0, 5.0))
         self.x += 0.1 * float(moment.random.normal(1.0, 0.1))

@@ -13,10 +13,10 @@ from functools import partial
 import numpy as np
 
 from benchmarks.models.events import Clock, eStep
-from minerva_bus import Agent, Event, EventType, Moment, Scene, Vocabulary, on
+from minerva_bus import Agent, Context, Event, EventType, Scene, Vocabulary, on
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import Moments, Received
+from minerva_bus.world.population import BatchContext, EventBatch
 from minerva_bus.world.services import Service
 
 NAME = "wealth"
@@ -31,14 +31,14 @@ class Person(Agent, symbol="APerson"):
     wealth: int = 1
 
     @on("eStep", population=True)
-    def step(self, step: Event, moment: Moments) -> None:
+    def step(self, step: Event, moment: BatchContext) -> None:
         rich = self.wealth > 0
         somebody = Ids.numbered("w", moment.chance.integers(step.count))
         moment.emit(eGive(receivers=somebody), where=rich)
         self.wealth -= rich
 
     @on("eGive", together=True)
-    def take(self, given: Received, moment: Moments) -> None:
+    def take(self, given: EventBatch, moment: BatchContext) -> None:
         self.wealth += np.bincount(given.row, minlength=len(self))
 
 
@@ -48,14 +48,14 @@ class PlainPerson(Agent, symbol="APerson"):
     wealth: int = 1
 
     @on("eStep")
-    def step(self, step: Event, moment: Moment) -> None:
+    def step(self, step: Event, moment: Context) -> None:
         somebody = moment.chance.integers(step.count)
         if self.wealth > 0:
             moment.emit(eGive(receivers=[f"w{somebody}"]))
             self.wealth -= 1
 
     @on("eGive")
-    def take(self, given: Event, moment: Moment) -> None:
+    def take(self, given: Event, moment: Context) -> None:
         self.wealth += 1
 
 

@@ -39,7 +39,7 @@ from minerva_bus import (
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import Moments, Population
+from minerva_bus.world.population import BatchContext, Population
 from minerva_bus.world.services import Service
 
 NAME = "wolf_sheep"
@@ -71,11 +71,11 @@ class Sheep(Agent, symbol="ASheep"):
     births: int = 0
 
     @on("eGraze", population=True)
-    def graze(self, graze: Event, moment: Moments) -> None:
+    def graze(self, graze: Event, moment: BatchContext) -> None:
         live_on(self, graze, moment, GRASS_GIVES, SHEEP_BREED)
 
     @on("eDevoured", population=True)
-    def devoured(self, devoured: Event, moment: Moments) -> None:
+    def devoured(self, devoured: Event, moment: BatchContext) -> None:
         self.die()
 
     @view("eWhere", population=True)
@@ -91,7 +91,7 @@ class Wolf(Agent, symbol="AWolf"):
     births: int = 0
 
     @on("eHunt", population=True)
-    def hunt(self, hunt: Event, moment: Moments) -> None:
+    def hunt(self, hunt: Event, moment: BatchContext) -> None:
         live_on(self, hunt, moment, SHEEP_GIVES, WOLVES_BREED)
 
     @view("eWhere", population=True)
@@ -105,7 +105,7 @@ class Grass(Agent, symbol="AGrass"):
     grown: int = 0
 
     @on("eEaten", population=True)
-    def eaten(self, eaten: Event, moment: Moments) -> None:
+    def eaten(self, eaten: Event, moment: BatchContext) -> None:
         self.grown = eaten.step + REGROWTH
 
     @view("eWhere", population=True)
@@ -113,7 +113,7 @@ class Grass(Agent, symbol="AGrass"):
         return PGrass(grown=self.grown)
 
 
-def live_on(some: Any, food: Any, moment: Moments, gives: float, breed: float) -> None:
+def live_on(some: Any, food: Any, moment: BatchContext, gives: float, breed: float) -> None:
     """Move, eat, die or have young."""
     animals = cast("Population", some)
     energy = some.energy - 1.0 + gives * food.food

@@ -16,7 +16,9 @@ import numpy as np
 
 from minerva_bus import (
     Agent,
+    BatchContext,
     Cells,
+    Context,
     Default,
     Degrees,
     Device,
@@ -31,8 +33,6 @@ from minerva_bus import (
     Metres,
     MetresPerSecond,
     MinervaError,
-    Moment,
-    Moments,
     Motion,
     Primitive,
     Raster,
@@ -92,7 +92,7 @@ class Person(Agent, symbol="APerson"):
     pace: MetresPerSecond = 1.3
 
     @on("eCollision", population=True)
-    def bump(self, hit: Event, moment: Moments) -> None:
+    def bump(self, hit: Event, moment: BatchContext) -> None:
         out = hit.what == "PExit"
         moment.emit(eOut(), where=out)
         self.die(out)
@@ -104,12 +104,12 @@ class Person(Agent, symbol="APerson"):
         self.vy = self.vy - into * hit.ny
 
     @on("eNear", population=True)
-    def give_way(self, near: Event, moment: Moments) -> None:
+    def give_way(self, near: Event, moment: BatchContext) -> None:
         self.vx = self.vx + 0.15 * near.apart_x
         self.vy = self.vy + 0.15 * near.apart_y
 
     @on("eSign", population=True)
-    def walk(self, sign: Event, moment: Moments) -> None:
+    def walk(self, sign: Event, moment: BatchContext) -> None:
         self.vx = self.vx + 0.3 * (self.pace * sign.dx - self.vx)
         self.vy = self.vy + 0.3 * (self.pace * sign.dy - self.vy)
         self.x = self.x + self.vx * moment.dt * EVERY
@@ -133,7 +133,7 @@ class Building(Agent, symbol="ABuilding"):
     out: int = 0
 
     @on("eOut")
-    def count(self, out: Event, moment: Moment) -> None:
+    def count(self, out: Event, moment: Context) -> None:
         self.inside, self.out = self.inside - 1, self.out + 1
         if not self.inside:
             moment.emit(eEmpty(moment.time))

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from minerva_bus import (
     EMPTY,
     Agent,
+    Context,
     Default,
     Degrees,
     Device,
@@ -23,7 +24,6 @@ from minerva_bus import (
     Generator,
     Line,
     Metres,
-    Moment,
     Motion,
     Primitive,
     Scene,
@@ -76,7 +76,7 @@ class Egg(Agent, symbol="AEgg"):
     births: int = 0
 
     @on("eHatch")
-    def hatch(self, spring: Event, moment: Moment) -> Scene:
+    def hatch(self, spring: Event, moment: Context) -> Scene:
         young = EMPTY
         for n in range(BROOD):
             x, y = WIDTH * (n % 3 + 0.5) / 3, HEIGHT * (n // 3 + 0.5) / 2
@@ -96,7 +96,7 @@ class Creature(Agent, symbol="ACreature"):
     eaten: int = 0
 
     @on("eSeen")
-    def drive(self, seen: Event, moment: Moment) -> None:
+    def drive(self, seen: Event, moment: Context) -> None:
         left = right = self.speed
         for eye, light in zip(eyes(self.scope), seen.light, strict=False):
             left += eye["left"] * light
@@ -108,7 +108,7 @@ class Creature(Agent, symbol="ACreature"):
         self.y = (self.y + way * portable.sin(math.radians(self.heading))) % HEIGHT
 
     @on("eMeal")
-    def digest(self, meal: Event, moment: Moment) -> None:
+    def digest(self, meal: Event, moment: Context) -> None:
         self.eaten += 1
 
     @view("eLook", "ePicture")
@@ -123,7 +123,7 @@ class Berry(Agent, symbol="ABerry"):
     y: Metres
 
     @on("eEaten")
-    def vanish(self, eaten: Event, moment: Moment) -> Scene:
+    def vanish(self, eaten: Event, moment: Context) -> Scene:
         moment.emit(eMeal(receivers=[eaten.by]))
         return EMPTY
 

@@ -14,15 +14,15 @@ import numpy as np
 
 from minerva_bus import (
     Agent,
+    BatchContext,
     Cells,
+    Context,
     Default,
     Degrees,
     Disc,
     Event,
     EventType,
     Metres,
-    Moment,
-    Moments,
     Motion,
     Primitive,
     Raster,
@@ -71,7 +71,7 @@ class Bird(Agent, symbol="ABird"):
     vy: float
 
     @on("eNear", population=True)
-    def steer(self, near: Event, moment: Moments) -> None:
+    def steer(self, near: Event, moment: BatchContext) -> None:
         flee = np.where(near.fear > 0, -0.3, 0.012)  # from the middle of those near, or towards it
         vx = self.vx + flee * near.dx + 0.03 * near.apart_x + 0.12 * near.vx
         vy = self.vy + flee * near.dy + 0.03 * near.apart_y + 0.12 * near.vy
@@ -98,7 +98,7 @@ class Hawk(Agent, symbol="AHawk"):
     angle: Degrees = 0.0
 
     @on("eNear")
-    def hunt(self, near: Event, moment: Moment) -> None:
+    def hunt(self, near: Event, moment: Context) -> None:
         prey = math.degrees(portable.atan2(near.dy, near.dx)) if near.number else self.angle
         turn = (prey - self.angle + 180.0) % 360.0 - 180.0
         self.angle += max(-4.0, min(4.0, turn))

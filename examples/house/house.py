@@ -2,13 +2,13 @@
 
 from minerva_bus import (
     Agent,
+    Context,
     Disc,
     Event,
     EventType,
     Label,
     Line,
     Metres,
-    Moment,
     Motion,
     Primitive,
     Scene,
@@ -47,13 +47,13 @@ class Thermostat(Agent, symbol="AThermostat"):
     heats: bool = False
 
     @on("eTemperature")
-    def feel(self, air: Event, moment: Moment) -> None:
+    def feel(self, air: Event, moment: Context) -> None:
         self.celsius = air.celsius
         if abs(self.celsius - self.target) > HYSTERESIS:
             self.heats = self.celsius < self.target
 
     @on("eTarget")
-    def obey(self, wish: Event, moment: Moment) -> None:
+    def obey(self, wish: Event, moment: Context) -> None:
         self.target = wish.celsius
         self.heats = self.celsius < self.target
 

@@ -14,6 +14,7 @@ from minerva_bus import (
     EMPTY,
     Agent,
     Cells,
+    Context,
     Default,
     Degrees,
     Disc,
@@ -22,7 +23,6 @@ from minerva_bus import (
     Generator,
     Line,
     Metres,
-    Moment,
     Motion,
     Primitive,
     Raster,
@@ -86,13 +86,13 @@ class Meadow(Agent, symbol="AMeadow"):
     grass: Cells = np.full((int(WIDTH / CELL), int(HEIGHT / CELL)), 2, np.int16)
 
     @on("eRain")
-    def grow(self, rain: Event, moment: Moment) -> None:
+    def grow(self, rain: Event, moment: Context) -> None:
         grass = self.writable("grass")
         grass += moment.random.random(grass.shape) < rain.amount
         grass.clip(max=7, out=grass)
 
     @on("eGraze")
-    def feed(self, graze: Event, moment: Moment) -> None:
+    def feed(self, graze: Event, moment: Context) -> None:
         grass, cell = self.writable("grass"), (int(graze.x / CELL), int(graze.y / CELL))
         amount = min(grass[cell], 3)
         grass[cell] -= amount
@@ -145,26 +145,26 @@ class Rabbit(Animal, symbol="ARabbit"):
     fear: int = 0
 
     @on("eBite")
-    def die(self, bite: Event, moment: Moment) -> Scene:
+    def die(self, bite: Event, moment: Context) -> Scene:
         moment.emit(eMeal(8.0, receivers=[bite.sender]))
         return EMPTY
 
     @on("eGrass")
-    def eat(self, grass: Event, moment: Moment) -> None:
+    def eat(self, grass: Event, moment: Context) -> None:
         self.energy += grass.amount
 
     @on("eProwl")
-    def warn(self, prowl: Event, moment: Moment) -> None:
+    def warn(self, prowl: Event, moment: Context) -> None:
         if not self.fear:
             moment.emit(eAlarm(self.x, self.y, condition=self.nearby(5.0)))
         self.duck(prowl, moment)
 
     @on("eAlarm")
-    def duck(self, noise: Event, moment: Moment) -> None:
+    def duck(self, noise: Event, moment: Context) -> None:
         self.fear = 10
 
     @on("eStep")
-    def hop(self, step: Event, moment: Moment) -> Scene | None:
+    def hop(self, step: Event, moment: Context) -> Scene | None:
         self.energy -= 0.06
         if self.energy <= 0:
             return EMPTY
@@ -190,22 +190,22 @@ class Fox(Animal, symbol="AFox"):
     _prey: Event | None = None  # a name with _ is no state: it lasts for one frame
 
     @on("eMeal")
-    def eat(self, meal: Event, moment: Moment) -> None:
+    def eat(self, meal: Event, moment: Context) -> None:
         self.energy += meal.amount
 
     @on("eHowl")
-    def give_way(self, howl: Event, moment: Moment) -> None:
+    def give_way(self, howl: Event, moment: Context) -> None:
         if howl.sender != self.id:
             self.company = 80
             self.heading = self.bearing(howl.x, howl.y) + 180
 
     @on("eRustle")
-    def listen(self, rustle: Event, moment: Moment) -> None:
+    def listen(self, rustle: Event, moment: Context) -> None:
         if self._prey is None or self.distance(rustle) < self.distance(self._prey):
             self._prey = rustle
 
     @on("eStep")
-    def prowl(self, step: Event, moment: Moment) -> Scene | None:
+    def prowl(self, step: Event, moment: Context) -> Scene | None:
         self.energy *= 0.994
         if self.energy < 1:
             return EMPTY
@@ -219,7 +219,7 @@ class Fox(Animal, symbol="AFox"):
         self.company = max(0, self.company - 1)
         return self.breed() if self.energy > 20 and not self.company else None
 
-    def hunt(self, prey: Event, moment: Moment) -> None:
+    def hunt(self, prey: Event, moment: Context) -> None:
         self.heading = self.bearing(prey.x, prey.y)
         self.go(min(0.35, self.distance(prey)))
         moment.emit(eProwl(self.x, self.y, condition=self.nearby(3.0)))

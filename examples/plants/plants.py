@@ -11,13 +11,13 @@ from minerva_bus import (
     EMPTY,
     Agent,
     Cells,
+    Context,
     Degrees,
     Disc,
     Event,
     EventType,
     Line,
     Metres,
-    Moment,
     Motion,
     Primitive,
     Raster,
@@ -78,7 +78,7 @@ class Stem(Agent, symbol="AStem"):
     age: int = 0
 
     @on("eGrow")
-    def thicken(self, grow: Event, moment: Moment) -> None:
+    def thicken(self, grow: Event, moment: Context) -> None:
         self.age += 1
 
     @view("eBody")
@@ -106,16 +106,16 @@ class Bud(Agent, symbol="ABud"):
     births: int = 0
 
     @on("eCollision")
-    def feel(self, touch: Event, moment: Moment) -> None:
+    def feel(self, touch: Event, moment: Context) -> None:
         self.crowded = True
 
     @on("eGrow")
-    def grow(self, grow: Event, moment: Moment) -> Scene:
+    def grow(self, grow: Event, moment: Context) -> Scene:
         if self.crowded or not self.orders:
             return PFlower()
         return self.become(list(self.rule), moment)
 
-    def become(self, rule: list[str], moment: Moment) -> Scene:
+    def become(self, rule: list[str], moment: Context) -> Scene:
         """The string of a rule up to its end, or to the end of its branch; it is used up."""
         made = EMPTY
         while rule and (sign := rule.pop(0)) != "]":

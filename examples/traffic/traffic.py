@@ -16,6 +16,7 @@ import numpy as np
 
 from minerva_bus import (
     Agent,
+    Context,
     Degrees,
     Device,
     Disc,
@@ -25,7 +26,6 @@ from minerva_bus import (
     Line,
     Metres,
     MetresPerSecond,
-    Moment,
     Motion,
     Primitive,
     Scene,
@@ -79,7 +79,7 @@ class Lights(Agent, symbol="ALights"):
     y: Literal["green", "yellow", "red"] = "red"
 
     @on("eStep")
-    def change(self, step: Event, moment: Moment) -> None:
+    def change(self, step: Event, moment: Context) -> None:
         second = moment.number // 10 % 20
         first = "green" if second % 10 < 6 else "yellow" if second % 10 < 8 else "red"
         self.x, self.y = (first, "red") if second < 10 else ("red", first)
@@ -109,28 +109,28 @@ class Car(Agent, symbol="ACar"):
     _ahead: Event | None = None
 
     @on("eLight", probability="care")
-    def notice(self, light: Event, moment: Moment) -> None:
+    def notice(self, light: Event, moment: Context) -> None:
         self.stop = (light.x if self.axis == "x" else light.y) != "green"
 
     @on("eHonk", probability=0.3)
-    def lose_nerve(self, honk: Event, moment: Moment) -> None:
+    def lose_nerve(self, honk: Event, moment: Context) -> None:
         self.stop = False
 
     @on("eFine")
-    def pay(self, fine: Event, moment: Moment) -> None:
+    def pay(self, fine: Event, moment: Context) -> None:
         self.fined += fine.amount
         self.wish = max(10.0, self.wish - 2.0)
 
     @on("eCrash")
-    def crash(self, crash: Event, moment: Moment) -> None:
+    def crash(self, crash: Event, moment: Context) -> None:
         self.speed, self.wrecked = 0.0, 40
 
     @on("eAhead")
-    def look(self, ahead: Event, moment: Moment) -> None:
+    def look(self, ahead: Event, moment: Context) -> None:
         self._ahead = ahead
 
     @on("eStep")
-    def drive(self, step: Event, moment: Moment) -> None:
+    def drive(self, step: Event, moment: Context) -> None:
         if self.wrecked:
             self.wrecked -= 1
             return

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 from minerva_bus import (
     EMPTY,
+    Context,
     Default,
     Degrees,
     Disc,
@@ -21,7 +22,6 @@ from minerva_bus import (
     Line,
     Metres,
     MinervaError,
-    Moment,
     Motion,
     Primitive,
     Scene,
@@ -87,13 +87,13 @@ class Manager(Talker, symbol="AManager"):
     done: int = 0
 
     @on("eOrder")
-    def note(self, order: Event, moment: Moment) -> None:
+    def note(self, order: Event, moment: Context) -> None:
         job = str(PJob(order.source, order.target))
         if read_job(job):  # What is not there cannot be fetched.
             self.waiting += (job,)
 
     @on("eStep")
-    def manage(self, step: Event, moment: Moment) -> None:
+    def manage(self, step: Event, moment: Context) -> None:
         self.expire(moment)
         bids = self.conversations(CONTRACT_NET, state="proposed")
         if self.conversations(CONTRACT_NET, state="called"):
@@ -107,7 +107,7 @@ class Manager(Talker, symbol="AManager"):
             job = self.waiting[0]
             self.open(moment, CONTRACT_NET, self.carriers, job, language="minerva", reply_by=by)
 
-    def heard(self, message: Event, talk: Conversation | None, moment: Moment) -> None:
+    def heard(self, message: Event, talk: Conversation | None, moment: Context) -> None:
         match talk.state if talk else "":
             case "proposed" if not message.content.replace(".", "", 1).isdecimal():
                 self.say(moment, talk, "not-understood", "expected a number")
@@ -132,14 +132,14 @@ class Carrier(Talker, symbol="ACarrier"):
     battery: Metres = FULL
     loaded: bool = False
 
-    def heard(self, message: Event, talk: Conversation | None, moment: Moment) -> None:
+    def heard(self, message: Event, talk: Conversation | None, moment: Context) -> None:
         match talk.state if talk else "":
             case "called":
                 self.bid(talk, moment)
             case "accepted" if read_job(talk.content) is None:
                 self.say(moment, talk, "failure", "expected PJob<source, target>")
 
-    def bid(self, call: Conversation, moment: Moment) -> None:
+    def bid(self, call: Conversation, moment: Context) -> None:
         job = read_job(call.content)
         if job is None:
             self.say(moment, call, "not-understood", "expected PJob<source, target>")
@@ -167,7 +167,7 @@ class Carrier(Talker, symbol="ACarrier"):
         return DOCKS[job[1]] if self.loaded else SHELVES[job[0]]
 
     @on("eStep")
-    def live(self, step: Event, moment: Moment) -> None:
+    def live(self, step: Event, moment: Context) -> None:
         if (self.x, self.y) == (HOME, self.home):
             self.battery = min(FULL, self.battery + CHARGED)
         if (self.x, self.y) != self.goal:
@@ -187,7 +187,7 @@ class Carrier(Talker, symbol="ACarrier"):
             self.x += share * (x - self.x)
             self.y += share * (y - self.y)
 
-    def handle(self, contract: Conversation, moment: Moment) -> None:
+    def handle(self, contract: Conversation, moment: Context) -> None:
         if self.loaded:
             self.say(moment, contract, "inform", contract.content)
             self.loaded = False

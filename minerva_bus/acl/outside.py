@@ -16,7 +16,7 @@ from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.world.agent import Agent, on, view
-from minerva_bus.world.moment import Moment
+from minerva_bus.world.context import Context
 
 eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e
 
@@ -36,7 +36,7 @@ class Outside(Agent, symbol="AOutside"):
     mail: Scene = EMPTY
 
     @on("eMessage")
-    def take(self, message: Event, moment: Moment) -> None:
+    def take(self, message: Event, moment: Context) -> None:
         """Keep a message until there is another frame with messages."""
         if message.sender == self.id:
             return

@@ -28,7 +28,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.world.agent import Agent, on
-from minerva_bus.world.moment import Moment
+from minerva_bus.world.context import Context
 
 
 class Talker(Agent):
@@ -38,7 +38,7 @@ class Talker(Agent):
     opened: int = 0
 
     def heard(
-        self, message: Event, conversation: Conversation | None, moment: Moment
+        self, message: Event, conversation: Conversation | None, moment: Context
     ) -> Scene | None:
         """λ for a message that has come; what it returns is as for any activity.
 
@@ -49,7 +49,7 @@ class Talker(Agent):
         return None
 
     @on("eMessage")
-    def listen(self, message: Event, moment: Moment) -> Scene | None:
+    def listen(self, message: Event, moment: Context) -> Scene | None:
         """Take a message into its conversation, answer what is not understood, and be told."""
         found = hear(Conversations(self.talks), self.id, message, moment.number)
         self.talks = found.conversations.scene
@@ -61,7 +61,7 @@ class Talker(Agent):
 
     def open(
         self,
-        moment: Moment,
+        moment: Context,
         protocol: Protocol,
         to: Iterable[str],
         content: str = "",
@@ -95,7 +95,7 @@ class Talker(Agent):
 
     def say(
         self,
-        moment: Moment,
+        moment: Context,
         conversation: Conversation,
         act: Act | str,
         content: str = "",
@@ -121,14 +121,14 @@ class Talker(Agent):
         return after
 
     def answer(
-        self, moment: Moment, message: Event, act: Act | str, content: str = "", **more: Any
+        self, moment: Context, message: Event, act: Act | str, content: str = "", **more: Any
     ) -> None:
         """Answer a message that belongs to no conversation. Raises MisuseError without a sender."""
         moment.emit(reply(message, act, content, **more))
 
     def award(
         self,
-        moment: Moment,
+        moment: Context,
         bids: Iterable[Conversation],
         best: Conversation,
         content: str = "",
@@ -160,7 +160,7 @@ class Talker(Agent):
             and role in ("", one.role)
         ]
 
-    def expire(self, moment: Moment) -> list[Conversation]:
+    def expire(self, moment: Context) -> list[Conversation]:
         """End those whose deadline has passed, and return them, their state `expired`.
 
         To be called in whatever the agent does in each frame: no message comes of silence.

@@ -19,7 +19,7 @@ from minerva_bus.frame.showing import Showing
 from minerva_bus.frame.speaking import Speaking
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.patch import Patch
+from minerva_bus.grammar.patch import Delta
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.norms import SOURCE
@@ -118,7 +118,7 @@ class Core:
         self._born: dict[str, str] = {}
         self._sent: dict[str, tuple[AnyEvent, ...]] = {}
         self._views: dict[str, dict[str, Scene]] = {}
-        self._view_patches: dict[str, dict[str, Patch]] = {}
+        self._view_patches: dict[str, dict[str, Delta]] = {}
 
     @property
     def checkpoint(self) -> Checkpoint:

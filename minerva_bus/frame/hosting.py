@@ -10,14 +10,14 @@ from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, size
-from minerva_bus.grammar.patch import Patch, difference
+from minerva_bus.grammar.patch import Delta, difference
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Evolved, Policy, evolve
 from minerva_bus.world.kinds import Addressed, Kinds
-from minerva_bus.world.moment import Frame
 from minerva_bus.world.views import visualize
 
 
@@ -26,7 +26,7 @@ class _Different:
     """Fragments or views that are not as they were: whole, or what is different in them."""
 
     changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
-    patched: dict[str, Patch] = field(default_factory=dict[str, Patch])
+    patched: dict[str, Delta] = field(default_factory=dict[str, Delta])
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def _other(old: Scene, new: Scene) -> bool:
     return several or old != new
 
 
-def _patch(old: Scene, new: Scene, turnover: Turnover | None = None) -> Patch | None:
+def _patch(old: Scene, new: Scene, turnover: RowDelta | None = None) -> Delta | None:
     """What differs, where both are one piece in columns, of rows that are in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
@@ -157,7 +157,7 @@ def _patch(old: Scene, new: Scene, turnover: Turnover | None = None) -> Patch | 
     return difference(before, after, turnover)
 
 
-def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Patch | None:
+def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
     """What differs in a view; agents have come and gone in it as they have in what it is of."""
     old, new = shown.piece, piece
     turnover = None

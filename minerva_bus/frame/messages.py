@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.patch import Patch
+from minerva_bus.grammar.patch import Delta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -15,7 +15,7 @@ from minerva_bus.world.readings import Reading
 
 Figures: TypeAlias = Mapping[str, bool | int | float | str]
 Parts: TypeAlias = Mapping[str, Scene]
-Patches: TypeAlias = Mapping[str, Patch]
+Patches: TypeAlias = Mapping[str, Delta]
 SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 
 
@@ -101,7 +101,7 @@ class EvolveReply:
         default_factory=dict[str, tuple[AnyEvent, ...]]
     )
     views: Mapping[str, Parts] = field(default_factory=dict[str, Parts])
-    patched: Patches = field(default_factory=dict[str, Patch])
+    patched: Patches = field(default_factory=dict[str, Delta])
     view_patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
     took: float = 0.0
     heard: bytes = field(default=b"", compare=False, repr=False)
@@ -235,7 +235,7 @@ class ViewShown:
     sequence: int
     parts: Parts
     skeleton: Scene | None = None
-    patches: Patches = field(default_factory=dict[str, Patch])
+    patches: Patches = field(default_factory=dict[str, Delta])
     halted: tuple[str, ...] = ()
 
 

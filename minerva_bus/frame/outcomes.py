@@ -23,7 +23,7 @@ from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Node, Scene, agents
-from minerva_bus.world.descent import emissions
+from minerva_bus.world.assembling import emissions
 from minerva_bus.world.lineage import child_id
 from minerva_bus.world.norms import WAS, Norm
 

@@ -25,9 +25,9 @@ from minerva_bus.grammar.batch import AnyEvent, in_columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.source import handler_name
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.moment import Frame
 from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import (

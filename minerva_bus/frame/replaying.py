@@ -23,9 +23,9 @@ from minerva_bus.frame.membership import Member
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.moment import Frame
 from minerva_bus.world.order import collect
 
 OVER = "the record is over"

@@ -33,7 +33,7 @@ from minerva_bus.grammar.scene import (
     walk,
     with_scope,
 )
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.turnover import RowDelta
 
 MANY: Final = 32
 """So many neighbours of one shape, and more, digest as one (and are worth being columns)."""
@@ -137,7 +137,7 @@ class Columns(Digested):
         scope = self.scope._with(given) if self.scope is not None else None
         return Columns(self.symbol, self.names, own, self.count, self.ids, scope)
 
-    def turned(self, turnover: Turnover, newborn: Columns | None) -> Columns:
+    def turned(self, turnover: RowDelta, newborn: Columns | None) -> Columns:
         """Agents of whom some are gone, and the newborn between the others."""
         rows, old = turnover.source, [column.take(turnover.source) for column in self.columns]
         born = None

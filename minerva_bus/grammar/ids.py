@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.joining import Joinable
 from minerva_bus.grammar.places import Numbers, Places, Rows, found_in, hashes_of
 from minerva_bus.grammar.scene import AGENT_ID
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.turnover import RowDelta
 
 LONGEST: Final = 64
 _LINES = re.compile(rb"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")
@@ -35,7 +35,7 @@ class Ids(Joinable):
         super().__init__()
         self._stem = stem
         self._data = data
-        self._before: tuple[ref[Ids], Turnover] | None = None
+        self._before: tuple[ref[Ids], RowDelta] | None = None
         self.chunks = b""
         data.flags.writeable = False
 
@@ -140,7 +140,7 @@ class Ids(Joinable):
             self.__dict__["strange"] = None
         return self
 
-    def turned(self, turnover: Turnover, born: Ids | None) -> Ids:
+    def turned(self, turnover: RowDelta, born: Ids | None) -> Ids:
         """The ids that are left, and those of the newborn between them."""
         made = self.take(turnover.source)
         new = born is None or not (self.rows_of(born) >= 0).any()
@@ -151,13 +151,13 @@ class Ids(Joinable):
         made._before = ref(self), turnover
         return made.known()
 
-    def since(self, old: Ids) -> Turnover | None:
+    def since(self, old: Ids) -> RowDelta | None:
         """What has made these of old ones; None where they are not in their order any more."""
         if self._before is not None and self._before[0]() is old:
             return self._before[1]
         if old.duplicate is not None:
             return None
-        turnover = Turnover.of(old.rows_of(self), len(old))
+        turnover = RowDelta.of(old.rows_of(self), len(old))
         self._before = None if turnover is None else (ref(old), turnover)
         return turnover
 

@@ -12,7 +12,7 @@ from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.turnover import RowDelta
 
 FEW: Final = 0.25
 """Of a column in which more has changed all travels, which is shorter."""
@@ -29,7 +29,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Patch:
+class Delta:
     """Changes of columns that have this many rows and these symbols, from outside to inside.
 
     With a `turnover` the changes are of the rows as they are after it, and every column has one
@@ -39,11 +39,11 @@ class Patch:
     count: int
     symbols: tuple[str, ...]
     changes: tuple[Change, ...]
-    turnover: Turnover | None = None
+    turnover: RowDelta | None = None
     born: Ids | None = None
 
 
-def difference(old: Columns, new: Columns, turnover: Turnover | None = None) -> Patch | None:
+def difference(old: Columns, new: Columns, turnover: RowDelta | None = None) -> Delta | None:
     """What makes the new columns of the old; None where it has to be all of them.
 
     Agents have come and gone as their ids say. For others `turnover` says so.
@@ -61,10 +61,10 @@ def difference(old: Columns, new: Columns, turnover: Turnover | None = None) -> 
     born = None
     if turnover is not None and new.ids is not None and len(turnover.born):
         born = new.ids.take(turnover.born)
-    return Patch(old.count, symbols, changes, turnover, born)
+    return Delta(old.count, symbols, changes, turnover, born)
 
 
-def _changes(old: Columns, new: Columns, turnover: Turnover | None) -> Iterator[Change]:
+def _changes(old: Columns, new: Columns, turnover: RowDelta | None) -> Iterator[Change]:
     for level, (before, after) in enumerate(zip(old.levels(), new.levels(), strict=True)):
         for place, (one, other) in enumerate(zip(before.columns, after.columns, strict=True)):
             rows = _other_rows(one, other) if turnover is None else _in(turnover, one, other)
@@ -81,7 +81,7 @@ def _other_rows(one: Column, other: Column) -> Rows | None:
     return one.differs(other) if rows is None else rows
 
 
-def _in(turnover: Turnover, one: Column, other: Column) -> Rows | None:
+def _in(turnover: RowDelta, one: Column, other: Column) -> Rows | None:
     """The rows that have other values after a turnover, among them all that are born."""
     if one.ids is not None and other.ids is not None and other.ids.since(one.ids) is turnover:
         return turnover.born
@@ -93,7 +93,7 @@ def _in(turnover: Turnover, one: Column, other: Column) -> Rows | None:
     return np.flatnonzero(found)
 
 
-def check(old: Columns, patch: Patch) -> None:
+def check(old: Columns, patch: Delta) -> None:
     """Raise Unfit where a patch is none of these columns."""
     symbols = tuple([one.symbol for one in old.levels()])
     if patch.count != old.count or patch.symbols != symbols:
@@ -111,7 +111,7 @@ def check(old: Columns, patch: Patch) -> None:
         raise Unfit(f"a patch without values for {len(turnover.born)} more {old.symbol}")
 
 
-def patched(old: Columns, patch: Patch) -> Columns:
+def patched(old: Columns, patch: Delta) -> Columns:
     """The old columns with a patch. Raises Unfit where it is none of theirs."""
     check(old, patch)
     turned = old if patch.turnover is None else _turned(old, patch.turnover, patch.born)
@@ -124,7 +124,7 @@ def patched(old: Columns, patch: Patch) -> Columns:
     return turned.with_columns([column for level in columns for column in level])
 
 
-def _turned(old: Columns, turnover: Turnover, born: Ids | None) -> Columns:
+def _turned(old: Columns, turnover: RowDelta, born: Ids | None) -> Columns:
     """The rows after a turnover; those born have no values of their own yet."""
     turned = old.changed(lambda column: column.take(turnover.source), turnover.after)
     if old.ids is None:
@@ -135,7 +135,7 @@ def _turned(old: Columns, turnover: Turnover, born: Ids | None) -> Columns:
     return replace(turned, ids=ids)
 
 
-def _tells(change: Change, turnover: Turnover) -> bool:
+def _tells(change: Change, turnover: RowDelta) -> bool:
     """Whether a change has values for all who are born."""
     if change.rows is None or not len(turnover.born):
         return True

@@ -12,7 +12,7 @@ Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Turnover:
+class RowDelta:
     """`count` rows become others: those `gone` are no more, those `born` were not there before.
 
     `gone` are rising row numbers of the old, `born` rising ones of the new.
@@ -39,7 +39,7 @@ class Turnover:
         return rows
 
     @staticmethod
-    def of(was: Rows, count: int) -> Turnover | None:
+    def of(was: Rows, count: int) -> RowDelta | None:
         """By the old row of each new one, -1 where it was not there.
 
         None where they are not in their order any more, or none of them is there.
@@ -49,4 +49,4 @@ class Turnover:
             return None
         gone = np.ones(count, np.bool_)
         gone[stays] = False
-        return Turnover(count, np.flatnonzero(gone), np.flatnonzero(was < 0))
+        return RowDelta(count, np.flatnonzero(gone), np.flatnonzero(was < 0))

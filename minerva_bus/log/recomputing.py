@@ -14,9 +14,9 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
-from minerva_bus.world.moment import Frame
 
 SIDES = ("the record", "this run")
 _HERE = "~again"

@@ -21,7 +21,7 @@ from minerva_bus.grammar.mutation.operators import Mutant
 from minerva_bus.grammar.mutation.places import extent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.study.judging import Score
-from minerva_bus.world.chance import stream
+from minerva_bus.world.rng import stream
 
 CROSSED: Final = 0.4
 """So many of the children have two parents."""

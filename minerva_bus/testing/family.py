@@ -13,7 +13,7 @@ from minerva_bus.grammar.symbols import EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Metres
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.agent import Agent, on, view
-from minerva_bus.world.moment import Moment
+from minerva_bus.world.context import Context
 
 PDot = Primitive("PDot", size=float)
 PGrave = Primitive("PGrave")
@@ -34,11 +34,11 @@ class Walker(Agent, symbol="AWalker"):
     energy: float = 3.0
 
     @on("eStep")
-    def step(self, step: Event, moment: Moment) -> None:
+    def step(self, step: Event, moment: Context) -> None:
         self.x = step.dist
 
     @on("eHit")
-    def tire(self, hit: Event, moment: Moment) -> None:
+    def tire(self, hit: Event, moment: Context) -> None:
         self.energy = self.energy / 2
 
     @view("eShow")
@@ -56,7 +56,7 @@ class Mortal(Agent, symbol="AMortal"):
     energy: float = 1.0
 
     @on("eHit")
-    def suffer(self, hit: Event, moment: Moment) -> Scene | None:
+    def suffer(self, hit: Event, moment: Context) -> Scene | None:
         if hit.amount > 10.0:
             return EMPTY
         if hit.amount > self.energy:
@@ -76,12 +76,12 @@ class Parent(Agent, symbol="AParent"):
     x: Metres = 0.0
 
     @on("eGrow")
-    def grow(self, event: Event, moment: Moment) -> Scene:
+    def grow(self, event: Event, moment: Context) -> Scene:
         mortal, parent = self.child(Mortal, energy=2.0), self.child(x=self.x)
         return self.string + mortal + TShift(self.x)(parent)
 
     @on("eStep")
-    def move(self, step: Event, moment: Moment) -> Scene:
+    def move(self, step: Event, moment: Context) -> Scene:
         self.scope = self.scope + self.child(Walker)
         return TShift(step.dist)(self.string)
 
@@ -92,7 +92,7 @@ class Chameleon(Agent, symbol="AChameleon"):
     x: Metres = 1.0
 
     @on("eTurn")
-    def turn(self, event: Event, moment: Moment) -> Scene:
+    def turn(self, event: Event, moment: Context) -> Scene:
         return Walker(self.id, x=self.x, scope=self.scope).string
 
 
@@ -102,7 +102,7 @@ class Caller(Agent, symbol="ACaller"):
     heard: int = 0
 
     @on("eHit", "eTurn")
-    def call(self, event: Event, moment: Moment) -> None:
+    def call(self, event: Event, moment: Context) -> None:
         self.heard = (self.heard + 1) % 1000
         moment.emit(eHit(amount=float(self.heard), receivers=[self.id]))
         moment.emit(eGrow(condition="births < 3"))

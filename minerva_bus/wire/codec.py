@@ -15,7 +15,7 @@ import msgpack
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.patch import Patch
+from minerva_bus.grammar.patch import Delta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -45,7 +45,7 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _EMPTY = Vocabulary()
 _ADVICE = "send those of one type in columns"
-_NONE: Mapping[str, Patch] = {}
+_NONE: Mapping[str, Delta] = {}
 
 
 # --- to bytes ---

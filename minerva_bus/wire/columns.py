@@ -25,8 +25,8 @@ from minerva_bus.grammar.columns import CHAIN, Columns
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.patch import Change, Patch
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.patch import Change, Delta
+from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.arrays import (
     are_ids,
@@ -68,7 +68,7 @@ def plain_events(events: Events) -> list[Any]:
     ]
 
 
-def plain_patch(patch: Patch) -> list[Any]:
+def plain_patch(patch: Delta) -> list[Any]:
     """A patch."""
     changes = [
         [
@@ -196,7 +196,7 @@ class ColumnsReader:
         senders, receivers = (None if one is None else read_ids(one, count) for one in items[4:])
         return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
-    def patch(self, plain: Any) -> Patch:
+    def patch(self, plain: Any) -> Delta:
         """What is different in columns."""
         items = as_list(plain, "a patch")
         if len(items) not in (4, 7):
@@ -207,12 +207,12 @@ class ColumnsReader:
         symbols = tuple([as_text(one, "a symbol") for one in as_list(items[2], "the symbols")])
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
         changes = [self._change(one, after, fields) for one in as_list(items[3], "the changes")]
-        return Patch(count, symbols, tuple(changes), turnover, born)
+        return Delta(count, symbols, tuple(changes), turnover, born)
 
-    def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[Turnover, Ids | None]:
+    def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[RowDelta, Ids | None]:
         gone = read_rows(gone, count)
         born = read_rows(born, self._limits.nodes)
-        turnover = Turnover(count, gone, born)
+        turnover = RowDelta(count, gone, born)
         if len(born) and int(born[-1]) >= turnover.after:
             raise ProtocolError(f"somebody is born in row {born[-1]} of {turnover.after}")
         newborn = None if ids is None else read_ids(ids, len(born))

@@ -36,7 +36,7 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
-from minerva_bus.world.alone import as_one, view_as_one
+from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
     ON,
     POPULATION,
@@ -48,9 +48,9 @@ from minerva_bus.world.declaring import (
     state_of,
 )
 from minerva_bus.world.lineage import child_id
-from minerva_bus.world.moment import Moment
+from minerva_bus.world.population_of_one import as_one, view_as_one
 
-Handler = Callable[[Any, Event, Moment], Scene | None]
+Handler = Callable[[Any, Event, Context], Scene | None]
 ViewHandler = Callable[[Any, Event], Scene]
 _F = TypeVar("_F", bound=Callable[..., Any])
 

@@ -24,11 +24,11 @@ from minerva_bus.grammar.scene import (
     walk,
 )
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.crowd import evolve_many
+from minerva_bus.world.agent_step import live
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.kinds import Addressed, Kinds, addressed, kinds_of
-from minerva_bus.world.life import live
 from minerva_bus.world.lineage import copy_id, newest_copy
-from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.population_step import evolve_many
 
 
 class Policy(Enum):
@@ -157,7 +157,7 @@ class _Eta:
         self, node: AgentNode, places: list[int], addressed: Addressed, original: str = ""
     ) -> Scene:
         """λ of one agent, or of a copy of one with the id `original`, by the events at places."""
-        moment = Moment(self.frame, f"#{node.id}")
+        moment = Context(self.frame, f"#{node.id}")
         result = live(node, places, addressed, self.kinds, moment)
         if moment.emitted:
             name = original or node.id

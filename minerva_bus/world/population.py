@@ -27,9 +27,9 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.chance import Chances
+from minerva_bus.world.context import Frame, InFrame
 from minerva_bus.world.lineage import child_ids
-from minerva_bus.world.moment import Frame, InFrame
+from minerva_bus.world.rng import RngBatch
 
 if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
@@ -46,7 +46,7 @@ class Birth:
     newborn: Columns
 
 
-class Herd:
+class PopulationState:
     """The working state of a population within a frame: what has become of each row."""
 
     def __init__(self, part: Columns, fields: Fields, *, lasting: bool = True) -> None:
@@ -94,11 +94,11 @@ class Population:
     """Some agents of one kind; see the module."""
 
     __slots__ = ("_herd", "_kind", "_rows")
-    _herd: Herd
+    _herd: PopulationState
     _kind: type[Agent]
     _rows: Rows | None
 
-    def __init__(self, herd: Herd, kind: type[Agent], rows: Rows | None) -> None:
+    def __init__(self, herd: PopulationState, kind: type[Agent], rows: Rows | None) -> None:
         object.__setattr__(self, "_herd", herd)
         object.__setattr__(self, "_kind", kind)
         object.__setattr__(self, "_rows", rows)
@@ -204,11 +204,11 @@ class Population:
         return np.flatnonzero(mask) if self._rows is None else self._rows[mask]
 
 
-class Moments(InFrame):
+class BatchContext(InFrame):
     """A frame as many agents live it at once."""
 
     def __init__(
-        self, frame: Frame, chances: Callable[[], Chances], people: Population, rows: Rows | None
+        self, frame: Frame, chances: Callable[[], RngBatch], people: Population, rows: Rows | None
     ) -> None:
         self.frame = frame
         self._chances = chances
@@ -216,7 +216,7 @@ class Moments(InFrame):
         self._rows = rows
 
     @property
-    def chance(self) -> Chances:
+    def chance(self) -> RngBatch:
         """Draws, one number for each of the agents from its own stream."""
         return self._chances().of(self._rows)
 
@@ -235,7 +235,7 @@ class Moments(InFrame):
         """
         people = self._people
         rows = people._chosen(where)  # pyright: ignore[reportPrivateUsage]
-        herd: Herd = people._herd  # pyright: ignore[reportPrivateUsage]
+        herd: PopulationState = people._herd  # pyright: ignore[reportPrivateUsage]
         ids = cast("Ids", herd.part.ids)
         senders = Ids(ids.stem, ids.data[rows])
         if isinstance(event, Event):
@@ -261,7 +261,7 @@ def returns_nothing(result: object) -> None:
         )
 
 
-class Received:
+class EventBatch:
     """Events as a method for populations gets them: their data by name, arrays of shape (n,)."""
 
     __slots__ = ("_chosen", "_events", "_row")

@@ -26,7 +26,7 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.slots import fill
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.operator import Nobody, Operator
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.signatures import check_overridden
@@ -47,7 +47,7 @@ class WorldInfo:
 
 
 @dataclass(slots=True)
-class Tick(Moment):
+class Tick(Context):
     """The moment at which a lockstep generator is asked for C^d(t).
 
     `readings` are this frame's readings of the topics it subscribes to, sorted by topic and

@@ -22,8 +22,8 @@ from minerva_bus.grammar.scene import (
     with_scope,
 )
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.crowd_views import returned, views_of_many
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds, addressed, kinds_of
+from minerva_bus.world.population_views import returned, views_of_many
 
 
 def visualize(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_bus import EMPTY, EventType, Frame, Moment, Vocabulary, evolve, on
+from minerva_bus import EMPTY, Context, EventType, Frame, Vocabulary, evolve, on
 from minerva_bus.acl import (
     CONTRACT_NET,
     MESSAGES,
@@ -53,7 +53,7 @@ class Two:
         self.waiting = []
 
     def moment(self, name):
-        return Moment(Frame(self.frame), f"#{name}")
+        return Context(Frame(self.frame), f"#{name}")
 
     def open(self, protocol, **more):
         moment = self.moment("a")

@@ -14,7 +14,7 @@ from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
 from minerva_bus.study.trial import prepared, run_trial
-from minerva_bus.world.chance import stream
+from minerva_bus.world.rng import stream
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "evolution"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

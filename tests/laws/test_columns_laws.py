@@ -33,8 +33,8 @@ from minerva_bus.grammar.column import CHUNK
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.patch import difference, patched
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Evolved
-from minerva_bus.world.moment import Frame
 from minerva_bus.world.order import Order, collect
 from minerva_bus.world.views import visualize
 

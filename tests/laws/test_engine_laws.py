@@ -12,9 +12,9 @@ from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.evolution import Policy, evolve
 from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.order import Order, collect
 from minerva_bus.world.views import visualize
 
@@ -45,7 +45,7 @@ class PlainLambda:
         if not concerns(event, agent, cls.activities):
             return scene_of(agent)
         thawed = cls.thaw(agent)
-        moment = self.moments.setdefault(agent.id, Moment(self.frame, f"#{agent.id}"))
+        moment = self.moments.setdefault(agent.id, Context(self.frame, f"#{agent.id}"))
         result = cls.activities[event.type](thawed, event, moment)
         return thawed.string if result is None else result
 

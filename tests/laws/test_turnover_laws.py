@@ -29,15 +29,15 @@ from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.showing import patch_all
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.patch import Patch, difference, patched
-from minerva_bus.grammar.turnover import Turnover
+from minerva_bus.grammar.patch import Delta, difference, patched
+from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.log.edits import edit_between, edited
 from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.values import Reader
-from minerva_bus.world.chance import Chances, hash_of
+from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.moment import Frame
+from minerva_bus.world.rng import RngBatch, hash_of
 from minerva_bus.world.views import visualize
 
 PDot = Primitive("PDot", who=str, size=float)
@@ -85,7 +85,7 @@ def generations(draw):
     born = draw(st.integers(1 if len(gone) == old.count else 0, 9))
     after = old.count - len(gone) + born
     places = draw(st.sets(st.integers(0, after - 1), min_size=born, max_size=born))
-    turnover = Turnover(
+    turnover = RowDelta(
         old.count, np.array(sorted(gone), np.intp), np.array(sorted(places), np.intp)
     )
     newborn = fish(Ids.of([f"f{n}:1" for n in range(born)]), 100.5) if born else None
@@ -284,9 +284,9 @@ def test_ids_one_after_another_travel_as_their_first(count):
 
 
 def test_some_of_some_draw_from_their_own_streams():
-    every = Chances(Chances.begin(Ids.numbered("f", range(9)).hashes, 5))
+    every = RngBatch(RngBatch.begin(Ids.numbered("f", range(9)).hashes, 5))
     some = every.of(np.array([1, 4, 7])).of(np.array([0, 2])).random()
-    alone = Chances(Chances.begin(Ids.numbered("f", range(9)).hashes, 5)).random()
+    alone = RngBatch(RngBatch.begin(Ids.numbered("f", range(9)).hashes, 5)).random()
     assert some.tolist() == alone[[1, 7]].tolist()
 
 
@@ -294,7 +294,7 @@ def test_some_of_some_draw_from_their_own_streams():
 
 SHOAL = fish(ids_of(3, numbered=True), 0.5)
 ONE = fish(Ids.of(["f1:1"]), 9.5)
-TURNED = SHOAL.turned(Turnover(3, np.array([0]), np.array([1])), ONE)
+TURNED = SHOAL.turned(RowDelta(3, np.array([0]), np.array([1])), ONE)
 
 
 def ext(data):
@@ -344,7 +344,7 @@ def test_no_patch_kills_everybody():
     with pytest.raises(ProtocolError, match="whole number from 1"):
         READER.columns.patch(nobody)
     with pytest.raises(Unfit, match="leaves nothing"):
-        patched(SHOAL, Patch(3, ("AFish",), (), Turnover(3, np.arange(3), np.arange(0))))
+        patched(SHOAL, Delta(3, ("AFish",), (), RowDelta(3, np.arange(3), np.arange(0))))
 
 
 def test_births_count_as_the_nodes_that_they_are():

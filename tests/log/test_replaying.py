@@ -209,7 +209,7 @@ def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch)
     sends = {event.type for record, _ in frames for event in record.events if event.sender}
     with record_of(bytes_of("meadow"), tmp_path) as record:
         first = next(frame.number for frame, sent in record.emitted() if sent)
-        monkeypatch.setattr("minerva_bus.world.moment.Moment.emit", lambda *_, **__: None)
+        monkeypatch.setattr("minerva_bus.world.context.Context.emit", lambda *_, **__: None)
         found = recompute(record, kinds, lambda _: None)
     assert sends
     assert found.frame == first

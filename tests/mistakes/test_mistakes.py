@@ -79,7 +79,7 @@ def test_all_frames_are_shown_to_who_wants_them(tmp_path):
     code, text = minerva(tmp_path, "run", mistake.write(tmp_path), "--in-process", "--traceback")
     assert code == 1
     assert "Traceback (most recent call last)" in text
-    assert "minerva_bus/world/life.py" in text
+    assert "minerva_bus/world/agent_step.py" in text
     assert f"garden.py:{mistake.line}" in text
 
 

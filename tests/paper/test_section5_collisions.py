@@ -15,15 +15,15 @@ import pytest
 
 from minerva_bus import (
     Agent,
+    BatchContext,
     Cells,
+    Context,
     Default,
     Degrees,
     Disc,
     Event,
     EventType,
     Metres,
-    Moment,
-    Moments,
     Motion,
     Primitive,
     Raster,
@@ -82,14 +82,14 @@ class Ball(Agent, symbol="ABall"):
     hits: int = 0
 
     @on("eCollision", population=True)
-    def bounce(self, hit: Event, moment: Moments) -> None:
+    def bounce(self, hit: Event, moment: BatchContext) -> None:
         into = np.minimum(self.vx * hit.nx + self.vy * hit.ny, 0.0)
         self.vx = self.vx - 2 * into * hit.nx
         self.vy = self.vy - 2 * into * hit.ny
         self.hits = self.hits + 1
 
     @on("eStep", population=True)
-    def roll(self, step: Event, moment: Moments) -> None:
+    def roll(self, step: Event, moment: BatchContext) -> None:
         self.x = self.x + self.vx * moment.dt
         self.y = self.y + self.vy * moment.dt
 
@@ -108,13 +108,13 @@ class PlainBall(Agent, symbol="ABall"):
     hits: int = 0
 
     @on("eCollision")
-    def bounce(self, hit: Event, moment: Moment) -> None:
+    def bounce(self, hit: Event, moment: Context) -> None:
         into = min(self.vx * hit.nx + self.vy * hit.ny, 0.0)
         self.vx, self.vy = self.vx - 2 * into * hit.nx, self.vy - 2 * into * hit.ny
         self.hits += 1
 
     @on("eStep")
-    def roll(self, step: Event, moment: Moment) -> None:
+    def roll(self, step: Event, moment: Context) -> None:
         self.x, self.y = self.x + self.vx * moment.dt, self.y + self.vy * moment.dt
 
     @view("eBody")
@@ -129,12 +129,12 @@ class Robot(Agent, symbol="ARobot"):
     told: tuple[str, ...] = ()
 
     @on("eCollision")
-    def hear(self, hit: Event, moment: Moment) -> None:
+    def hear(self, hit: Event, moment: Context) -> None:
         place = f"{hit.what} {hit.x:.3f} {hit.y:.3f} {hit.nx:g} {hit.ny:g} {hit.begins}"
         self.told = (*self.told, place)
 
     @on("eStep")
-    def drive(self, step: Event, moment: Moment) -> None:
+    def drive(self, step: Event, moment: Context) -> None:
         self.x = min(self.x + 0.5, 3.0 - RADIUS)
 
     @view("eRepresent")

@@ -42,8 +42,8 @@ from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_events, family_strings
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.kinds import kinds_of
-from minerva_bus.world.moment import Frame, Moment
 from minerva_bus.world.order import Order
 
 Script = dict[str, Callable[[int], list[Event]]]
@@ -261,7 +261,7 @@ class Lambda:
         if not concerns(event, agent, cls.activities):
             return scene_of(agent)
         thawed = cls.thaw(agent)
-        moment = self.moments.setdefault(agent.id, Moment(Frame(self.t), f"#{agent.id}"))
+        moment = self.moments.setdefault(agent.id, Context(Frame(self.t), f"#{agent.id}"))
         result = cls.activities[event.type](thawed, event, moment)
         return thawed.string if result is None else result
 

@@ -27,9 +27,9 @@ from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.wire.columns import plain_patch
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.values import Reader, plain_event, plain_scene, plain_value
-from minerva_bus.world.chance import Chance, answer_key, hash_of, stream
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.moment import Frame, Moment
+from minerva_bus.world.rng import Rng, answer_key, hash_of, stream
 
 DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```$", re.M | re.S)
@@ -348,10 +348,10 @@ def test_the_streams_of_the_document_are_those_of_the_code(vector: list[str]) ->
     _, first, *numbers = rest
     word = mix(polynomial(who) ^ keyed(8, seed, frame, *event_type))
     assert word == int(first, 16)
-    Moment(Frame(at[1], seed=at[0]), f"#{who}")
-    drawing = Moment(Frame(at[1], seed=at[0]), f"#{who}").chance
+    Context(Frame(at[1], seed=at[0]), f"#{who}")
+    drawing = Context(Frame(at[1], seed=at[0]), f"#{who}").chance
     if event_type:
-        drawing = Chance.of(hash_of(who), answer_key(*at, event_type[0]))
+        drawing = Rng.of(hash_of(who), answer_key(*at, event_type[0]))
     for told in map(float.fromhex, numbers):
         word = (word + 0x9E3779B97F4A7C15) & WORD
         assert number(mix(word)) == told == drawing.random()

@@ -12,12 +12,12 @@ from typing import Any
 from minerva_bus import (
     EMPTY,
     Agent,
+    Context,
     Device,
     Event,
     EventType,
     Generator,
     Metres,
-    Moment,
     Primitive,
     Scene,
     Tick,
@@ -50,7 +50,7 @@ class Counter(Agent, symbol="ACounter"):
     n: int = 0
 
     @on("eAdd")
-    def add(self, add: Event, moment: Moment) -> Scene | None:
+    def add(self, add: Event, moment: Context) -> Scene | None:
         self.n += add.n
         if self.n >= 100:
             return EMPTY
@@ -69,7 +69,7 @@ class Mother(Agent, symbol="AMother"):
     births: int = 0
 
     @on("eAdd")
-    def bear(self, add: Event, moment: Moment) -> Scene:
+    def bear(self, add: Event, moment: Context) -> Scene:
         return self.string + self.child(Counter, n=add.n)
 
 
@@ -79,7 +79,7 @@ class Tadpole(Agent, symbol="ATadpole"):
     n: int = 0
 
     @on("eAdd")
-    def grow(self, add: Event, moment: Moment) -> Scene | None:
+    def grow(self, add: Event, moment: Context) -> Scene | None:
         self.n += add.n
         return Counter(self.id, n=self.n).string if self.n >= 2 else None
 
@@ -90,7 +90,7 @@ class Frog(Agent, symbol="AFrog"):
     births: int = 0
 
     @on("eStep")
-    def hop(self, step: Event, moment: Moment) -> Scene | None:
+    def hop(self, step: Event, moment: Context) -> Scene | None:
         self.x += moment.random.normal() + 0.001 * step.count
         if moment.random.random() < 0.4:
             moment.emit(eCroak(self.x))
@@ -99,12 +99,12 @@ class Frog(Agent, symbol="AFrog"):
         return None
 
     @on("eCroak")
-    def listen(self, croak: Event, moment: Moment) -> Scene | None:
+    def listen(self, croak: Event, moment: Context) -> Scene | None:
         self.heard += croak.sender != self.id
         return EMPTY if self.heard > 12 else None
 
     @on("eSeen")
-    def hide(self, seen: Event, moment: Moment) -> None:
+    def hide(self, seen: Event, moment: Context) -> None:
         self.x -= 0.01 * seen.figures
 
     @view("eShow")
@@ -117,7 +117,7 @@ class Fly(Agent, symbol="AFly"):
     x: Metres = 0.0
 
     @on("eCroak")
-    def flee(self, croak: Event, moment: Moment) -> None:
+    def flee(self, croak: Event, moment: Context) -> None:
         self.jumps += 1
         self.x = croak.x + moment.random.random()
 
@@ -132,7 +132,7 @@ class Lily(Agent, symbol="ALily"):
     steps: int = 0
 
     @on("eStep")
-    def count(self, step: Event, moment: Moment) -> None:
+    def count(self, step: Event, moment: Context) -> None:
         self.steps += 1 + len(self.scope)
 
     @view("eShow")

@@ -1,6 +1,6 @@
 """A street for norms: runners run, shout and breed; a light changes; both forms of the same λ."""
 
-from minerva_bus import EMPTY, Agent, Event, EventType, Generator, Moment, Tick, Vocabulary, on
+from minerva_bus import EMPTY, Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import agents
 from minerva_bus.world.norms import Norm, Then
@@ -71,7 +71,7 @@ class Light(Agent, symbol="ALight"):
     green: bool = True
 
     @on("eStep")
-    def change(self, step: Event, moment: Moment) -> None:
+    def change(self, step: Event, moment: Context) -> None:
         self.green = moment.number % 4 < 2
 
 
@@ -90,7 +90,7 @@ class Passer(Agent, symbol="APasser"):
     boos: int = 0
 
     @on("eBoo")
-    def shy(self, boo: Event, moment: Moment) -> None:
+    def shy(self, boo: Event, moment: Context) -> None:
         self.boos += 1
 
 

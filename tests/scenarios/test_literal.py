@@ -25,7 +25,7 @@ from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.testing.strategies import family_events, family_strings
-from minerva_bus.world.moment import Frame
+from minerva_bus.world.context import Frame
 from minerva_bus.world.norms import Norm
 from minerva_bus.world.order import Order, collect
 

@@ -19,7 +19,7 @@ from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.membership import State
-from minerva_bus.grammar.patch import Patch
+from minerva_bus.grammar.patch import Delta
 from minerva_bus.testing.memory_bus import BEGIN
 
 
@@ -184,7 +184,7 @@ def test_a_patch_of_a_view_that_there_is_not_is_refused(name):
     (mine,) = [one for one, it in bus.alive.items() if [*it.host.fragments] == [name]]
     bus.hold(("down", mine))
     bus.frame()
-    patch = Patch(1, ("PDot",), ())
+    patch = Delta(1, ("PDot",), ())
     bus.put(m.EvolveReply(mine, 1, 0, view_patches={"eShow": {name: patch}}))
     bus.step(("up", mine))
     bus.release()

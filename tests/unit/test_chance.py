@@ -3,7 +3,7 @@
 import numpy as np
 
 from minerva_bus import Agent, EventType, Frame, Vocabulary, evolve, on
-from minerva_bus.world.chance import stream
+from minerva_bus.world.rng import stream
 
 eRoll = EventType("eRoll")
 

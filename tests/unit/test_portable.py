@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import minerva_bus.portable as portable
-from minerva_bus.world.chance import Chance, Chances, stream
+from minerva_bus.world.rng import Rng, RngBatch, stream
 
 ONE = ["sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "tanh"]
 ONE += ["log", "log2", "log10", "log1p"]
@@ -149,7 +149,7 @@ def test_the_bits_are_those_of_every_platform():
     assert portable.sin(1e6).hex() == "-0x1.6664b2568d867p-2"
     assert portable.log(0.3).hex() == "-0x1.34378fcbda721p+0"
     assert portable.power(1.7, -3.3).hex() == "0x1.6381ddcf93584p-3"
-    drawn = Chance.of(1, 2)
+    drawn = Rng.of(1, 2)
     assert drawn.normal().hex() == "-0x1.aff6bc6a36fa1p+0"
     assert drawn.exponential().hex() == "0x1.063cb6c5085b7p-1"
 
@@ -175,8 +175,8 @@ def test_nothing_is_used_that_is_not_exact(path):
 
 @given(words=st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
 def test_one_draws_what_many_draw(words):
-    many = Chances(np.array(words, np.uint64))
-    each = [Chance(word) for word in words]
+    many = RngBatch(np.array(words, np.uint64))
+    each = [Rng(word) for word in words]
     for drawn in ("normal", "exponential", "random"):
         expected = [getattr(one, drawn)() for one in each]
         assert getattr(many, drawn)().tolist() == expected
@@ -194,7 +194,7 @@ def test_normal_numbers_of_a_generator_are_those_of_its_uniform_ones():
 
 
 def test_draws_are_distributed_as_they_should_be():
-    many = Chances(Chances.begin(np.arange(200_000, dtype=np.uint64), 5))
+    many = RngBatch(RngBatch.begin(np.arange(200_000, dtype=np.uint64), 5))
     for numbers in (many.normal(), portable.normals(stream(1, "a", 2), 200_000)):
         assert abs(numbers.mean()) < 0.01
         assert abs(numbers.std() - 1) < 0.01

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from minerva_bus import Device, Event, Frame, Generator, Moment
+from minerva_bus import Context, Device, Event, Frame, Generator
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.specs import bind
@@ -88,6 +88,6 @@ def test_a_tick_is_a_moment_of_a_generator():
 
 
 def test_an_agent_emits_in_its_own_name():
-    moment = Moment(Frame(), "#a")
+    moment = Context(Frame(), "#a")
     moment.emit(Event("eRain", sender="someone else"))
     assert moment.emitted == [Event("eRain", sender="a")]

@@ -33,7 +33,7 @@ from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.narrows import Narrows
 from minerva_agents.robot.planning import Path, nearest, shortest_path
 from minerva_agents.robot.searching import Goal, Known, news_ahead, news_at, next_goal
-from minerva_bus import Moment, portable
+from minerva_bus import Context, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -50,7 +50,7 @@ _FACING: Final = 0.01
 
 
 def decide(
-    robot: ARobot, moment: Moment, choose: Callable[[Known], Goal | None] = next_goal
+    robot: ARobot, moment: Context, choose: Callable[[Known], Goal | None] = next_goal
 ) -> Move:
     """The next move on the way to the objective, or in search of it; `choose` is how to search."""
     if robot.pause > 0:
@@ -82,7 +82,7 @@ def _take_note(robot: ARobot) -> None:
     robot.forget_plan()
 
 
-def _holds_good(robot: ARobot, place: Cell | None, moment: Moment) -> bool:
+def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
     """Whether the plan still leads where the robot wants to go, and nothing stands in the way."""
     if robot.purpose == LOOK:
         return place is None
@@ -100,7 +100,7 @@ def _holds_good(robot: ARobot, place: Cell | None, moment: Moment) -> bool:
 
 
 def _make_plan(
-    robot: ARobot, place: Cell | None, moment: Moment, choose: Callable[[Known], Goal | None]
+    robot: ARobot, place: Cell | None, moment: Context, choose: Callable[[Known], Goal | None]
 ) -> None:
     closed = blocked(robot.grid, robot.position, robot.room)
     here = cell_of(robot.position)
@@ -187,7 +187,7 @@ def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> Path | Non
     return next((path for path in paths if path is not None), None)
 
 
-def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> None:
+def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
     """There is no way: wait for a while, step aside, or begin the search again."""
     robot.forget_plan()
     robot.failures += 1
@@ -206,7 +206,7 @@ def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> None
         _set_out(robot, path.cells, ASIDE)
 
 
-def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Moment) -> Path | None:
+def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> Path | None:
     """A path to a random place about a metre or two away."""
     rows, columns = np.ogrid[: closed.shape[0], : closed.shape[1]]
     squares = (rows - here[0]) ** 2 + (columns - here[1]) ** 2

@@ -19,12 +19,12 @@ from minerva_agents.robot.knowledge import holds
 from minerva_agents.robot.looking import look
 from minerva_agents.robot.motion import STAY, Move
 from minerva_agents.robot.vocabulary import eReached
-from minerva_bus import Moment
+from minerva_bus import Context
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
-PLANNERS: Final[Mapping[str, Callable[[ARobot, Moment], Move]]] = {
+PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
     "astar": astar.decide,
     "random": wandering.decide,
 }
@@ -36,7 +36,7 @@ def notice(robot: ARobot) -> None:
         look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
 
 
-def decide(robot: ARobot, moment: Moment) -> Move:
+def decide(robot: ARobot, moment: Context) -> Move:
     """The robot's next move; at its objective it says so, once, and has none any more.
 
     On an errand it does there what the errand asks for. A robot that gives its objective up stays.

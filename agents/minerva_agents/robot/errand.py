@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Final
 from minerva_agents.robot.ground import Position, centre_of
 from minerva_agents.robot.knowledge import Cell
 from minerva_agents.robot.vocabulary import eCarry, eDelivered, eGivenUp, ePut, eTake
-from minerva_bus import Moment
+from minerva_bus import Context
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -34,7 +34,7 @@ _ANSWERED: Final = 2
 """Frames from a question to its answers: events that agents emit belong to the next frame."""
 
 
-def begin(robot: ARobot, source: str, target: str, moment: Moment) -> None:
+def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
     """Set out to the source; an errand that makes no sense changes nothing."""
     unknown = [marker for marker in (source, target) if marker not in robot.markers]
     if unknown:
@@ -53,7 +53,7 @@ def is_fetching(robot: ARobot) -> bool:
     return bool(robot.target) and robot.objective != robot.target
 
 
-def attend(robot: ARobot, place: Cell, moment: Moment) -> bool:
+def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
     """Do what there is to do at the objective's marker; False where it is a mere objective."""
     if is_fetching(robot):
         _fetch(robot, moment)
@@ -69,25 +69,25 @@ def attend(robot: ARobot, place: Cell, moment: Moment) -> bool:
     return True
 
 
-def hear_of_another(robot: ARobot, marker: str, moment: Moment) -> None:
+def hear_of_another(robot: ARobot, marker: str, moment: Context) -> None:
     """Another robot takes what stands at a marker: this one need not go there for it."""
     if is_fetching(robot) and robot.objective == marker and not robot.waits:
         _go_on(robot, "another robot has come first", moment)
 
 
-def give_up(robot: ARobot, why: str, moment: Moment) -> None:
+def give_up(robot: ARobot, why: str, moment: Context) -> None:
     """End an errand that cannot be done, and say why; what the robot carries it takes along."""
     moment.emit(eGivenUp(robot.objective, robot.target, why))
     _end(robot)
 
 
-def carry(robot: ARobot, position: Position, moment: Moment) -> None:
+def carry(robot: ARobot, position: Position, moment: Context) -> None:
     """Tell what the robot carries where it will be."""
     if robot.load:
         moment.emit(eCarry(*robot.metres(position), receivers=robot.load))
 
 
-def _fetch(robot: ARobot, moment: Moment) -> None:
+def _fetch(robot: ARobot, moment: Context) -> None:
     """Ask what stands here to come along; once all answers are there, see what they are."""
     if not robot.waits:
         moment.emit(eTake(robot.objective))
@@ -98,7 +98,7 @@ def _fetch(robot: ARobot, moment: Moment) -> None:
         _go_on(robot, "nothing stands there", moment)
 
 
-def _go_on(robot: ARobot, why: str, moment: Moment) -> None:
+def _go_on(robot: ARobot, why: str, moment: Context) -> None:
     """Bring the load to the target; without any give up, and say why."""
     if robot.load:
         robot.seek(robot.target, robot.target)

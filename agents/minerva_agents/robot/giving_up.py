@@ -13,7 +13,7 @@ import numpy as np
 from minerva_agents.robot import errand
 from minerva_agents.robot.knowledge import SEEN, UNKNOWN
 from minerva_agents.robot.vocabulary import eUnreachable
-from minerva_bus import Moment, portable
+from minerva_bus import Context, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -32,7 +32,7 @@ _CROSSINGS: Final = 10.0
 """It searches without news for five minutes, and for as long as it drives ten times across."""
 
 
-def gives_up(robot: ARobot, moment: Moment) -> bool:
+def gives_up(robot: ARobot, moment: Context) -> bool:
     """Give the objective up, and say why, if there is no hope left; the robot has none then."""
     why = _why(robot, moment)
     if not why:
@@ -45,7 +45,7 @@ def gives_up(robot: ARobot, moment: Moment) -> bool:
     return True
 
 
-def _why(robot: ARobot, moment: Moment) -> str:
+def _why(robot: ARobot, moment: Context) -> str:
     if robot.objective_cell() is not None:
         robot.stale = 0.0
         return f"no way to it after {robot.failures} attempts" if robot.failures >= FAILURES else ""
@@ -57,7 +57,7 @@ def _why(robot: ARobot, moment: Moment) -> str:
     return ""
 
 
-def _count_news(robot: ARobot, moment: Moment) -> None:
+def _count_news(robot: ARobot, moment: Context) -> None:
     """Note for how long it has neither learnt of a cell nor looked at one, in more than ever."""
     robot.stale += moment.dt
     if moment.number % _COUNTED_EVERY:

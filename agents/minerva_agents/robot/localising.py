@@ -29,7 +29,7 @@ from minerva_agents.robot.knowledge import (
 from minerva_agents.robot.matching import Doubt, match
 from minerva_agents.robot.motion import wrapped
 from minerva_agents.robot.robot import ARobot
-from minerva_bus import Degrees, Event, Metres, Moment, portable
+from minerva_bus import Context, Degrees, Event, Metres, portable
 
 _GAP: Final = 0.6
 """Metres between two neighbouring hits up to which they are taken to be on one wall."""
@@ -54,20 +54,20 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
     _hits: tuple[tuple[float, float], ...] = ()
     _misses: tuple[tuple[float, float], ...] = ()
 
-    def sense_obstacle(self, laser: Event, moment: Moment) -> None:
+    def sense_obstacle(self, laser: Event, moment: Context) -> None:
         """Remember (distance in metres, degrees) until the scan is whole, in the same frame."""
         self._hits = (*self._hits, (laser.dist, laser.angle))
 
-    def sense_free(self, beam: Event, moment: Moment) -> None:
+    def sense_free(self, beam: Event, moment: Context) -> None:
         """Remember (distance in metres, degrees) of a beam that met nothing, likewise."""
         self._misses = (*self._misses, (beam.dist, beam.angle))
 
-    def sense_marker(self, camera: Event, moment: Moment) -> None:
+    def sense_marker(self, camera: Event, moment: Context) -> None:
         """g', after the pose is right."""
         self._find_itself(moment)
         super().sense_marker(camera, moment)
 
-    def decide(self, event: Event, moment: Moment) -> None:
+    def decide(self, event: Event, moment: Context) -> None:
         """r', c', ang', act', after the pose is right."""
         self._find_itself(moment)
         before = self.pose
@@ -76,7 +76,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         gone = portable.hypot(self.row - before.row, self.column - before.column)
         self.driven += float(gone) * self.cell
 
-    def _find_itself(self, moment: Moment) -> None:
+    def _find_itself(self, moment: Context) -> None:
         """Correct the pose by the scan, and take the scan into the grid if it has some news."""
         hits, misses = self._in_cells(self._hits), self._in_cells(self._misses)
         self._hits, self._misses = (), ()

@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from minerva_agents.robot.vocabulary import PParcel, TPlace, eTaken
-from minerva_bus import Agent, Degrees, Event, Metres, Moment, Scene, on, portable, view
+from minerva_bus import Agent, Context, Degrees, Event, Metres, Scene, on, portable, view
 
 _FROM_MARKER: Final = 0.25
 _FROM_CARRIER: Final = 0.07
@@ -38,20 +38,20 @@ class AParcel(Agent, symbol="AParcel"):
     side: Degrees = 0.0
 
     @on("eTake")
-    def take(self, take: Event, moment: Moment) -> None:
+    def take(self, take: Event, moment: Context) -> None:
         """Go with the first who asks, and tell it so."""
         if self.marker and self.marker == take.marker and take.sender:
             self.marker, self.carrier = "", take.sender
             moment.emit(eTaken(receivers=(take.sender,)))
 
     @on("eCarry")
-    def follow(self, carry: Event, moment: Moment) -> None:
+    def follow(self, carry: Event, moment: Context) -> None:
         """x', y': where its robot is."""
         if self.carrier and self.carrier == carry.sender:
             self._place(carry.x, carry.y, _FROM_CARRIER)
 
     @on("ePut")
-    def put(self, put: Event, moment: Moment) -> None:
+    def put(self, put: Event, moment: Context) -> None:
         """Stand at a marker from now on; robots may put their own parcels only, people any."""
         if put.sender in ("", self.carrier):
             self.stand(put.marker, put.x, put.y)

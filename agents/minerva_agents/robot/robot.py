@@ -24,11 +24,11 @@ from minerva_bus import (
     EMPTY,
     Agent,
     Cells,
+    Context,
     Degrees,
     Event,
     Metres,
     MetresPerSecond,
-    Moment,
     Scene,
     Seconds,
     on,
@@ -110,7 +110,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     waits: int = 0
 
     @on("eLaser")
-    def sense_obstacle(self, laser: Event, moment: Moment) -> None:
+    def sense_obstacle(self, laser: Event, moment: Context) -> None:
         """g': an obstacle at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         grid, dist = self.writable("grid"), laser.dist / self.cell
         row, column = at_distance(self.row, self.column, self.angle + laser.angle, dist)
@@ -119,14 +119,14 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         mark_obstacle(grid, row, column)
 
     @on("eClear")
-    def sense_free(self, beam: Event, moment: Moment) -> None:
+    def sense_free(self, beam: Event, moment: Context) -> None:
         """g': no obstacle up to (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         dist, part = beam.dist / self.cell, part_that_counts(moment.number)
         end = at_distance(self.row, self.column, self.angle + beam.angle, dist)
         clear_open_beam(self.writable("grid"), self.row, self.column, *end, part)
 
     @on("eCamera")
-    def sense_marker(self, camera: Event, moment: Moment) -> None:
+    def sense_marker(self, camera: Event, moment: Context) -> None:
         """g': a marker at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         if camera.marker not in self.markers:
             self.markers = (*self.markers, camera.marker)
@@ -135,7 +135,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         mark_marker(self.writable("grid"), row, column, marker)
 
     @on("eDecide")
-    def decide(self, event: Event, moment: Moment) -> None:
+    def decide(self, event: Event, moment: Context) -> None:
         """r', c', ang', act': where the action of this frame leads, and the one for the next."""
         if not self.action.nodes:
             self.action = action_of(STAY, self.id, self.radius)
@@ -149,18 +149,18 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
             errand.carry(self, self.pose.after(move, self.cell).position, moment)
 
     @on("eObjective")
-    def set_objective(self, order: Event, moment: Moment) -> None:
+    def set_objective(self, order: Event, moment: Context) -> None:
         """o': the marker to find from now on; an errand ends."""
         self.later = ""
         self.seek(order.marker)
 
     @on("eSpeed")
-    def set_speed(self, order: Event, moment: Moment) -> None:
+    def set_speed(self, order: Event, moment: Context) -> None:
         """s': the speed from now on."""
         self.speed = order.speed
 
     @on("eCollision")
-    def collide(self, collision: Event, moment: Moment) -> None:
+    def collide(self, collision: Event, moment: Context) -> None:
         """Go back by what was not driven, remember the obstacle, make a new plan.
 
         Physics stopped the move that `decide` has taken for done (section 5).
@@ -173,7 +173,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.forget_plan()
 
     @on("eRefused")
-    def take_refusal(self, refused: Event, moment: Moment) -> None:
+    def take_refusal(self, refused: Event, moment: Context) -> None:
         """Take the way ahead for closed, and make a new plan.
 
         A norm has refused the last step, so neither the robot nor its body has gone it.
@@ -184,18 +184,18 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.forget_plan()
 
     @on("eErrand")
-    def set_errand(self, order: Event, moment: Moment) -> None:
+    def set_errand(self, order: Event, moment: Context) -> None:
         """Bring what stands at the source to the target; the objective waits."""
         errand.begin(self, order.source, order.target, moment)
 
     @on("eTake")
-    def hear_of_another(self, take: Event, moment: Moment) -> None:
+    def hear_of_another(self, take: Event, moment: Context) -> None:
         """Another robot takes what stands at a marker."""
         if take.sender != self.id:
             errand.hear_of_another(self, take.marker, moment)
 
     @on("eTaken")
-    def load_parcel(self, taken: Event, moment: Moment) -> None:
+    def load_parcel(self, taken: Event, moment: Context) -> None:
         """Have one parcel more, and lift it."""
         if taken.sender and taken.sender not in self.load:
             self.load = (*self.load, taken.sender)

@@ -18,7 +18,7 @@ from minerva_agents.robot.ground import (
 )
 from minerva_agents.robot.knowledge import at_distance, holds
 from minerva_agents.robot.motion import Move
-from minerva_bus import Moment, portable
+from minerva_bus import Context, portable
 
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
@@ -30,7 +30,7 @@ _LONGEST: Final = 6.0
 _TRIES: Final = 12
 
 
-def decide(robot: ARobot, moment: Moment) -> Move:
+def decide(robot: ARobot, moment: Context) -> Move:
     """The next move of a robot that follows its nose."""
     if not _go_straight_there(robot) and not is_open(robot):
         robot.forget_plan()
@@ -59,7 +59,7 @@ def _go_straight_there(robot: ARobot) -> bool:
     return True
 
 
-def _random_way(robot: ARobot, moment: Moment) -> Position | None:
+def _random_way(robot: ARobot, moment: Context) -> Position | None:
     """The end of a random straight way, or None where luck has found none.
 
     A random length is drawn, then random headings until that length of the way is free; it is

@@ -17,12 +17,12 @@ from typing import Any, Final
 from minerva_bus import (
     EMPTY,
     Agent,
+    Context,
     Device,
     Event,
     EventType,
     Generator,
     Metres,
-    Moment,
     Primitive,
     Scene,
     Tick,
@@ -64,7 +64,7 @@ class Heron(Agent, symbol="AHeron"):
     births: int = 0
 
     @on("eTide")
-    def stride(self, tide: Event, moment: Moment) -> Scene | None:
+    def stride(self, tide: Event, moment: Context) -> Scene | None:
         self.x += moment.random.normal() + 0.001 * tide.count
         if moment.random.random() < 0.4:
             moment.emit(eCall(self.x))
@@ -73,12 +73,12 @@ class Heron(Agent, symbol="AHeron"):
         return None
 
     @on("eCall")
-    def listen(self, call: Event, moment: Moment) -> Scene | None:
+    def listen(self, call: Event, moment: Context) -> Scene | None:
         self.heard += call.sender != self.id
         return EMPTY if self.heard > 16 else None
 
     @on("eSeen")
-    def hide(self, seen: Event, moment: Moment) -> None:
+    def hide(self, seen: Event, moment: Context) -> None:
         self.x -= 0.01 * seen.figures
 
     @view("eShow")
@@ -93,12 +93,12 @@ class Eel(Agent, symbol="AEel"):
     x: Metres = 0.0
 
     @on("eCall")
-    def flee(self, call: Event, moment: Moment) -> None:
+    def flee(self, call: Event, moment: Context) -> None:
         self.jumps += 1
         self.x = call.x + moment.random.random()
 
     @on("eMark")
-    def note(self, mark: Event, moment: Moment) -> None:
+    def note(self, mark: Event, moment: Context) -> None:
         self.x += mark.n
 
     @view("eShow")
@@ -112,11 +112,11 @@ class Reeds(Agent, symbol="AReeds"):
     total: int = 0
 
     @on("eTide")
-    def sway(self, tide: Event, moment: Moment) -> None:
+    def sway(self, tide: Event, moment: Context) -> None:
         self.total += 1 + len(self.scope)
 
     @on("eNote")
-    def note(self, note: Event, moment: Moment) -> None:
+    def note(self, note: Event, moment: Context) -> None:
         self.total = 3 * self.total + note.n
 
     @view("eShow")

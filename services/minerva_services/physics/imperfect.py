@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minerva_bus.world.chance import stream
+from minerva_bus.world.rng import stream
 from minerva_bus.world.services import Tick
 from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.motion_model import MotionModel, Step

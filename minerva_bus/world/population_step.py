@@ -20,25 +20,25 @@ from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.world.addressing import Round, narrowed, turns
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.agent_step import AgentStep, at_fault
+from minerva_bus.world.assembling import Unsound, assembled, emissions
+from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.declaring import TOGETHER
-from minerva_bus.world.descent import Unsound, assembled, emissions
-from minerva_bus.world.draws import Draws, Passing
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
-from minerva_bus.world.life import Life, at_fault
-from minerva_bus.world.moment import Frame, Moment
-from minerva_bus.world.objects import Objects
 from minerva_bus.world.population import (
-    Herd,
-    Moments,
+    BatchContext,
+    EventBatch,
     Population,
-    Received,
+    PopulationState,
     returns_nothing,
 )
-from minerva_bus.world.rounds import Round, narrowed, turns
+from minerva_bus.world.row_adapter import RowAdapter
+from minerva_bus.world.streams import RowContext, Streams
 
 
-class Crowd:
+class PopulationStep:
     """Agents in columns within a frame.
 
     They take three forms: `_herd` has arrays that populations work on; `_objects` has those that
@@ -51,11 +51,11 @@ class Crowd:
         self._kinds = kinds
         self._frame = frame
         self._cls = kinds[part.symbol]
-        self._herd = Herd(part, self._cls.kind.fields)
-        self._draws = Draws(self._ids, frame)
+        self._herd = PopulationState(part, self._cls.kind.fields)
+        self._draws = Streams(self._ids, frame)
         self._by_chance = dict(self._cls.kind.chances)
-        self._objects = Objects(self._cls, self._herd)
-        self._lives: dict[int, tuple[Life, Moment]] = {}
+        self._objects = RowAdapter(self._cls, self._herd)
+        self._lives: dict[int, tuple[AgentStep, Context]] = {}
         self._said: list[tuple[int, Sequence[Event]]] = []
         self._ran: list[tuple[Callable[..., Any], AnyEvent]] = []
 
@@ -71,7 +71,7 @@ class Crowd:
                 continue
             for event, rows in self._rounds(group):
                 if population is not None:
-                    given = Received(event) if isinstance(event, Events) else event
+                    given = EventBatch(event) if isinstance(event, Events) else event
                     self._as_population(population, given, event, rows)
                 elif activity is not None:
                     self._one_by_one(activity, event, rows)
@@ -141,7 +141,7 @@ class Crowd:
             place[concerned] = np.arange(len(concerned))
             row = place[row]
         one = many if chosen is None else many.take(chosen[:1])
-        self._as_population(activity, Received(many, row, chosen), one, concerned)
+        self._as_population(activity, EventBatch(many, row, chosen), one, concerned)
 
     def _mine(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
         """Events of one type, the row of each, and which of them are for somebody here."""
@@ -185,8 +185,8 @@ class Crowd:
             row = 0 if rows is None else int(rows[0])
             raise self._failed(activity, row, event) from error
 
-    def _moments(self, people: Population, rows: Rows | None) -> Moments:
-        return Moments(self._frame, self._draws.many, people, rows)
+    def _moments(self, people: Population, rows: Rows | None) -> BatchContext:
+        return BatchContext(self._frame, self._draws.many, people, rows)
 
     # --- what is written for one agent ---
 
@@ -195,7 +195,7 @@ class Crowd:
         chosen = range(len(agents)) if rows is None else rows.tolist()
         events = some if isinstance(some, Events) else repeat(some, len(agents))
         returned: list[tuple[int, Agent, Any, Event]] = []
-        moment = Passing(self._frame, self._draws)
+        moment = RowContext(self._frame, self._draws)
         row, event = 0, cast("Event", some)
         self._ran.append((activity, some))
         try:
@@ -216,9 +216,9 @@ class Crowd:
         self, row: int, agent: Agent, activity: Callable[..., Any], result: Any, event: Event
     ) -> None:
         """From now on it is more, or less, or other than a row."""
-        moment = Moment(self._frame, "#" + agent.id)
+        moment = Context(self._frame, "#" + agent.id)
         self._draws.lend(row, moment)
-        life = Life(self._node(row), self._kinds, moment, agent)
+        life = AgentStep(self._node(row), self._kinds, moment, agent)
         life.returned(activity, result, event)
         self._lives[row] = life, moment
         self._herd.leave(row)
@@ -276,6 +276,6 @@ def evolve_many(
     cls = kinds[part.symbol]
     if not addressed.types & cls.activities.keys():
         return Scene((part,)), ()
-    crowd = Crowd(part, kinds, frame)
+    crowd = PopulationStep(part, kinds, frame)
     crowd.meet(addressed)
     return crowd.end(addressed.events[-1])

@@ -15,7 +15,7 @@ from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.population import Herd
+from minerva_bus.world.population import PopulationState
 
 _TYPES: Final[dict[str, tuple[type, Any]]] = {
     "real": (float, np.float64),
@@ -26,14 +26,14 @@ _TYPES: Final[dict[str, tuple[type, Any]]] = {
 _OWN = 3  # id, scope and _node beside the state
 
 
-class Objects:
+class RowAdapter:
     """The agents of some rows, made when they are first spoken to.
 
     They stay from frame to frame, beside the columns that they have become, until these are
     evolved otherwise or are no more.
     """
 
-    def __init__(self, cls: type[Agent], herd: Herd) -> None:
+    def __init__(self, cls: type[Agent], herd: PopulationState) -> None:
         self._cls = cls
         self._herd = herd
         self._ids = cast("Ids", herd.part.ids)

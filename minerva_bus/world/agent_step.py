@@ -21,21 +21,21 @@ from minerva_bus.grammar.scene import (
 )
 from minerva_bus.source import assignments
 from minerva_bus.world.agent import Agent
+from minerva_bus.world.context import Context
 from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
-from minerva_bus.world.moment import Moment
 
 Activity = Callable[..., Any]
 
 
 def live(
-    node: AgentNode, places: list[int], addressed: Addressed, kinds: Kinds, moment: Moment
+    node: AgentNode, places: list[int], addressed: Addressed, kinds: Kinds, moment: Context
 ) -> Scene:
     """What an agent becomes by the events at these places, one after another.
 
     An agent that λ turns into one of another kind meets the frame's later events as such.
     Raises ActivityError.
     """
-    life, pending = Life(node, kinds, moment), deque(places)
+    life, pending = AgentStep(node, kinds, moment), deque(places)
     while pending and life.symbol in kinds:
         place, before = pending.popleft(), life.symbol
         life.meet(addressed.event(place))
@@ -45,11 +45,11 @@ def live(
     return life.string
 
 
-class Life:
+class AgentStep:
     """One agent within a frame, and all that it has made of itself so far."""
 
     def __init__(
-        self, node: AgentNode, kinds: Kinds, moment: Moment, agent: Agent | None = None
+        self, node: AgentNode, kinds: Kinds, moment: Context, agent: Agent | None = None
     ) -> None:
         self._node = node
         self._kinds = kinds

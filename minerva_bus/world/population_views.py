@@ -14,7 +14,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import ActivityError, Addressed
-from minerva_bus.world.population import Herd, Population
+from minerva_bus.world.population import Population, PopulationState
 
 
 def views_of_many(
@@ -36,7 +36,7 @@ def views_of_many(
     count = part.count if rows is None else len(rows)
     if not count:
         return EMPTY
-    herd = Herd(part, cls.kind.fields, lasting=False)
+    herd = PopulationState(part, cls.kind.fields, lasting=False)
     try:
         return _one_each(view(Population(herd, cls, rows), event), count)
     except (Exception, SystemExit) as error:

@@ -9,7 +9,7 @@ import numpy as np
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.chance import Chance, answer_key, frame_key, hash_of, stream
+from minerva_bus.world.rng import Rng, answer_key, frame_key, hash_of, stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class InFrame:
 
 
 @dataclass(slots=True)
-class Moment(InFrame):
+class Context(InFrame):
     """A frame as one agent or generator lives it.
 
     `who` is the generator's name, or `#id` for an agent.
@@ -54,8 +54,8 @@ class Moment(InFrame):
     who: str
     emitted: list[Event] = field(default_factory=list[Event])
     _random: np.random.Generator | None = None
-    _chance: Chance | None = None
-    _answers: dict[str, Chance] | None = None
+    _chance: Rng | None = None
+    _answers: dict[str, Rng] | None = None
 
     @property
     def random(self) -> np.random.Generator:
@@ -66,9 +66,9 @@ class Moment(InFrame):
 
     def lent(
         self,
-        chance: Chance | None,
+        chance: Rng | None,
         random: np.random.Generator | None,
-        answers: dict[str, Chance],
+        answers: dict[str, Rng],
     ) -> None:
         """Go on with these streams."""
         self._chance, self._random, self._answers = chance, random, answers
@@ -82,20 +82,20 @@ class Moment(InFrame):
         found = known.get(event_type)
         if found is None:
             key = answer_key(self.frame.seed, self.frame.number, event_type)
-            found = known[event_type] = Chance.of(hash_of(self.who.removeprefix("#")), key)
+            found = known[event_type] = Rng.of(hash_of(self.who.removeprefix("#")), key)
         return found.chance(probability)
 
     @property
-    def drawn(self) -> tuple[Chance | None, np.random.Generator | None]:
+    def drawn(self) -> tuple[Rng | None, np.random.Generator | None]:
         """The streams that have been drawn from."""
         return self._chance, self._random
 
     @property
-    def chance(self) -> Chance:
+    def chance(self) -> Rng:
         """Single draws of this agent or generator in this frame; those of a population too."""
         if self._chance is None:
             who = self.who.removeprefix("#")
-            self._chance = Chance.of(hash_of(who), frame_key(self.frame.seed, self.frame.number))
+            self._chance = Rng.of(hash_of(who), frame_key(self.frame.seed, self.frame.number))
         return self._chance
 
     def emit(self, event: Event | Events) -> None:
@@ -109,3 +109,7 @@ class Moment(InFrame):
         if self.who.startswith("#"):
             event = replace(event, sender=self.who[1:])
         self.emitted.append(event)
+
+
+Moment = Context
+"""Former name."""

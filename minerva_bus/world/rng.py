@@ -1,7 +1,7 @@
 """Random streams: one for each (seed, who, frame), whatever runs where.
 
-Two kinds. `stream` is a numpy Generator with all its distributions, for who draws much. `Chance`
-draws for one agent and `Chances` a number for each of many at once, the same numbers either way:
+Two kinds. `stream` is a numpy Generator with all its distributions, for who draws much. `Rng`
+draws for one agent and `RngBatch` a number for each of many at once, the same numbers either way:
 SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the three.
 
 Normal and exponential draws use `minerva_bus.portable`: numpy's logarithm depends on the processor.
@@ -114,7 +114,7 @@ class _Draws(Generic[_B, _I, _R]):
         return self._kept(mean + deviation * standard_normal(self.random(), self.random()))
 
 
-class Chance(_Draws[bool, int, float]):
+class Rng(_Draws[bool, int, float]):
     """The draws of one agent in a frame."""
 
     __slots__ = ("word",)
@@ -123,15 +123,15 @@ class Chance(_Draws[bool, int, float]):
         self.word = word
 
     @staticmethod
-    def of(agent: int, key: int) -> Chance:
+    def of(agent: int, key: int) -> Rng:
         """From the hash of the agent's id and the key of the frame."""
-        return Chance(_mixed_one(agent ^ key))
+        return Rng(_mixed_one(agent ^ key))
 
-    def as_many(self) -> Chances:
+    def as_many(self) -> RngBatch:
         """The same draws for a population of this one agent; `take` what is left of them."""
-        return Chances(np.array([self.word], np.uint64))
+        return RngBatch(np.array([self.word], np.uint64))
 
-    def take(self, drawn: Chances) -> None:
+    def take(self, drawn: RngBatch) -> None:
         """Go on where a population of this one agent has come to."""
         self.word = int(drawn.words[0])
 
@@ -146,7 +146,7 @@ class Chance(_Draws[bool, int, float]):
         return float(number)
 
 
-class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
+class RngBatch(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
     """The draws of some of many agents in a frame: one number each, shape (n,)."""
 
     __slots__ = ("_rows", "words")
@@ -160,11 +160,11 @@ class Chances(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
         """Where the streams of some agents begin in a frame, from their ids' hashes."""
         return _mixed(agents ^ np.uint64(key))
 
-    def of(self, rows: NDArray[np.intp] | None) -> Chances:
+    def of(self, rows: NDArray[np.intp] | None) -> RngBatch:
         """The draws of some rows of these; the others' streams stay where they are."""
         if rows is None or self._rows is None:
-            return Chances(self.words, self._rows if rows is None else rows)
-        return Chances(self.words, self._rows[rows])
+            return RngBatch(self.words, self._rows if rows is None else rows)
+        return RngBatch(self.words, self._rows[rows])
 
     def random(self) -> Numbers:
         if self._rows is None:

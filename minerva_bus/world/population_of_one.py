@@ -11,13 +11,13 @@ from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
+from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import TOGETHER
-from minerva_bus.world.moment import Moment
 from minerva_bus.world.population import (
-    Herd,
-    Moments,
+    BatchContext,
+    EventBatch,
     Population,
-    Received,
+    PopulationState,
     returns_nothing,
 )
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 Activity = Callable[[Any, Any, Any], Any]
 
 
-def as_one(activity: Activity) -> Callable[[Any, Event, Moment], Scene | None]:
+def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
     """λ of one agent from that of a population."""
     together: bool = getattr(activity, TOGETHER, False)
 
-    def alone(agent: Agent, event: Event, moment: Moment) -> Scene | None:
+    def alone(agent: Agent, event: Event, moment: Context) -> Scene | None:
         herd, people = _population_of(agent)
         chances = moment.chance.as_many()
-        given = Received(Events.repeated(event, 1), np.zeros(1, np.intp)) if together else event
-        moments = Moments(moment.frame, lambda: chances, people, None)
+        given = EventBatch(Events.repeated(event, 1), np.zeros(1, np.intp)) if together else event
+        moments = BatchContext(moment.frame, lambda: chances, people, None)
         returns_nothing(activity(people, given, moments))
         moment.chance.take(chances)
         for name, array in herd.arrays.items():
@@ -63,8 +63,8 @@ def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene
     return alone
 
 
-def _population_of(agent: Agent) -> tuple[Herd, Population]:
+def _population_of(agent: Agent) -> tuple[PopulationState, Population]:
     node = agent.freeze()
     bare = AgentNode(node.symbol, node.id, node.names, node.values)
-    herd = Herd(Columns.of([bare]), agent.kind.fields)
+    herd = PopulationState(Columns.of([bare]), agent.kind.fields)
     return herd, Population(herd, type(agent), None)

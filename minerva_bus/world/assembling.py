@@ -14,8 +14,8 @@ from minerva_bus.grammar.column import Column, Rows, bits
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
-from minerva_bus.grammar.turnover import Turnover
-from minerva_bus.world.population import Birth, Herd
+from minerva_bus.grammar.turnover import RowDelta
+from minerva_bus.world.population import Birth, PopulationState
 
 _FEW = 0.25
 
@@ -28,7 +28,7 @@ class Unsound(StateError):
         self.row = row
 
 
-def assembled(herd: Herd, lives: Mapping[int, Scene]) -> Scene:
+def assembled(herd: PopulationState, lives: Mapping[int, Scene]) -> Scene:
     """The string: rows that stayed, newborns behind their parents, and what single ones became."""
     part = _changed(herd)
     if herd.away is None and not herd.born:
@@ -38,7 +38,7 @@ def assembled(herd: Herd, lives: Mapping[int, Scene]) -> Scene:
     return packed(_in_pieces(part, herd, lives))
 
 
-def _changed(herd: Herd) -> Columns:
+def _changed(herd: PopulationState) -> Columns:
     part = herd.part
     columns = [
         _column(part, herd, name, old) for name, old in zip(part.names, part.columns, strict=True)
@@ -48,7 +48,7 @@ def _changed(herd: Herd) -> Columns:
     return part.with_columns(columns)
 
 
-def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
+def _column(part: Columns, herd: PopulationState, name: str, old: Column) -> Column:
     array = herd.arrays.get(name)
     if array is None:
         return old
@@ -67,17 +67,17 @@ def _column(part: Columns, herd: Herd, name: str, old: Column) -> Column:
     return Column(array)
 
 
-def _in_columns(part: Columns, herd: Herd) -> Scene:
+def _in_columns(part: Columns, herd: PopulationState) -> Scene:
     stays = np.ones(part.count, np.bool_) if herd.away is None else ~herd.away
     gone = np.flatnonzero(~stays)
     if not herd.born:
-        turnover, newborn = Turnover(part.count, gone, np.empty(0, np.intp)), None
+        turnover, newborn = RowDelta(part.count, gone, np.empty(0, np.intp)), None
     else:
         births = sorted(herd.born, key=_later_first)
         parents = np.concatenate([birth.rows for birth in births])
         order = np.argsort(parents, kind="stable")
         ahead = np.cumsum(stays)[parents[order]]
-        turnover = Turnover(part.count, gone, ahead + np.arange(len(order)))
+        turnover = RowDelta(part.count, gone, ahead + np.arange(len(order)))
         newborn = Columns.concatenated([birth.newborn for birth in births]).take(order)
     return Scene((part.turned(turnover, newborn),)) if turnover.after else EMPTY
 
@@ -87,7 +87,7 @@ def _later_first(birth: Birth) -> int:
     return -birth.turn
 
 
-def _in_pieces(part: Columns, herd: Herd, lives: Mapping[int, Scene]) -> Scene:
+def _in_pieces(part: Columns, herd: PopulationState, lives: Mapping[int, Scene]) -> Scene:
     made: list[Piece] = []
     young: dict[int, list[Piece]] = {}
     for birth in sorted(herd.born, key=_later_first):
