@@ -38,9 +38,9 @@ from benchmarks.latency import forked
 from minerva_bus import Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client

@@ -209,7 +209,7 @@ def show_version(json_too: bool) -> None:
     import platform
     from importlib.metadata import version
 
-    from minerva_bus.frame.roster import PROTOCOL_VERSION
+    from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 
     found: dict[str, Any] = {
         "minerva-bus": version("minerva-bus"),

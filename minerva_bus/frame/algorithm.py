@@ -21,7 +21,7 @@ from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.membership import Change, Member, State
+from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.showing import check_all, patch_all
 from minerva_bus.frame.steps import HANDED_OVER
 from minerva_bus.grammar.batch import AnyEvent, count_of
@@ -71,7 +71,7 @@ class FrameAlgorithm(Attendance):
         """Take one stimulus; what is to be done because of it, in order."""
         self._out = []
         who: str = getattr(stimulus, "member", "")
-        if who and not self.roster.knows(who) and not isinstance(stimulus, s.Appeared):
+        if who and not self.members.knows(who) and not isinstance(stimulus, s.Appeared):
             self._on_stranger(who)
         else:
             self._do[type(stimulus)](stimulus)
@@ -87,12 +87,12 @@ class FrameAlgorithm(Attendance):
     def waiting_for(self) -> list[str]:
         """The members that the world waits for now, sorted."""
         if self.phase in (Phase.WAITING, Phase.READY):
-            return [member.name for member in self.roster.awaited()]
+            return [member.name for member in self.members.awaited()]
         if self.phase in (Phase.TICK, Phase.STOPPING):
             return sorted(self._pending)
         names = {name for name, _ in self._parts}
         if self._stranded:
-            names.update(member.name for member in self.roster.awaited())
+            names.update(member.name for member in self.members.awaited())
         return sorted(names)
 
     def awaits(self, member: str) -> bool:
@@ -123,7 +123,7 @@ class FrameAlgorithm(Attendance):
         """
         if self.world.frames or self.phase is not Phase.READY or self._rearrange:
             return False
-        attending = self.roster.attending
+        attending = self.members.index
         unseen = self.frame - self._stirred < attending.every
         busy = unseen or attending.tickers or attending.joining or self._fading
         return not (busy or self._inbox or self._emitted or self._sanctions)
@@ -195,7 +195,7 @@ class FrameAlgorithm(Attendance):
     def expect(self, members: Iterable[str]) -> None:
         """Wait for these too before the world goes on."""
         for name in sorted(members):
-            self.roster.expect(name)
+            self.members.expect(name)
 
     @property
     def over(self) -> bool:
@@ -208,12 +208,12 @@ class FrameAlgorithm(Attendance):
         if self.phase is not Phase.READY:
             return
         self._glances = told.due
-        for member in self.roster.attending.joining:
+        for member in self.members.index.joining:
             if member.hello is not None:
                 self._admit(member, member.hello)
         self._begin_frame_state()
         self.phase = Phase.TICK
-        attending = self.roster.attending
+        attending = self.members.index
         self._ticked, self._early = self._early, {}
         self._hand_over_orders()
         self._pending = set(attending.tickers - self._ticked.keys())
@@ -228,22 +228,22 @@ class FrameAlgorithm(Attendance):
 
         They are people's; what the generator makes of them counts as its own.
         """
-        given = [one for one in self._inbox.get(PEOPLE, ()) if self.roster.takers(one.type)]
+        given = [one for one in self._inbox.get(PEOPLE, ()) if self.members.takers(one.type)]
         if not given:
             return
-        left = [one for one in self._inbox.pop(PEOPLE) if not self.roster.takers(one.type)]
+        left = [one for one in self._inbox.pop(PEOPLE) if not self.members.takers(one.type)]
         self._inbox |= {PEOPLE: left} if left else {}
         self._handed_over = tuple(given)
         self._permitted = self._orders_allowed(self._handed_over)
-        for member in self.roster.here():
+        for member in self.members.active():
             self._give_orders(member)
 
     def _on_tick_reply(self, reply: m.TickReply) -> None:
-        member = self.roster.get(reply.member)
+        member = self.members.get(reply.member)
         in_time = self.awaits_tick(reply.member) and reply.frame == self.frame
         ahead = reply.frame == self._asked_ahead.get(reply.member, -1)
         early = ahead and not (self.in_frame and reply.frame == self.frame)
-        if not member.here or not (in_time or early) or reply.member in self._early:
+        if not member.active or not (in_time or early) or reply.member in self._early:
             member.late += 1
             return
         if not self._may_generate(member, reply.events):
@@ -257,12 +257,12 @@ class FrameAlgorithm(Attendance):
         if not self._pending:
             self._collect()
 
-    def _answered(self, member: Member) -> None:
+    def _answered(self, member: MemberEntry) -> None:
         member.last_reply = self.frame
-        if member.state is State.LATE:
-            self.roster.change(member, Change.ANSWERED)
+        if member.state is MemberState.LATE:
+            self.members.change(member, MemberChange.ANSWERED)
 
-    def _may_generate(self, member: Member, events: tuple[AnyEvent, ...]) -> bool:
+    def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
         allowed = member.hello.generates if member.hello is not None else ()
         for event in events:
             if event.type not in allowed:
@@ -276,8 +276,8 @@ class FrameAlgorithm(Attendance):
         return not objection
 
     def _on_emitted(self, told: m.Emitted) -> None:
-        member = self.roster.get(told.member)
-        if not member.here or not self._may_generate(member, told.events):
+        member = self.members.get(told.member)
+        if not member.active or not self._may_generate(member, told.events):
             return
         member.last_reply = self.frame
         count = sum(map(count_of, told.events))
@@ -299,17 +299,17 @@ class FrameAlgorithm(Attendance):
         self._inbox.setdefault(PEOPLE, []).append(order.event)
 
     def _on_drain(self, told: s.Drain) -> None:
-        member = self.roster.get(told.member)
-        if member.here and not member.drained:
+        member = self.members.get(told.member)
+        if member.active and not member.drained:
             member.drained = self._rearrange = True
             self._say(member.name, "is emptied: its agents go to other hosts")
 
     # --- steps 5 and 6: hosts answer ---
 
     def _on_evolve_reply(self, reply: m.EvolveReply) -> None:
-        member = self.roster.get(reply.member)
+        member = self.members.get(reply.member)
         key = (reply.member, reply.part)
-        if reply.frame != self.frame or key not in self._parts or not member.here:
+        if reply.frame != self.frame or key not in self._parts or not member.active:
             member.late += 1
             return
         wrong, changed = self._wrong_with(reply, frozenset(self._parts[key])), dict[str, Scene]()
@@ -390,16 +390,16 @@ class FrameAlgorithm(Attendance):
             self._miss_reports()
             return
         for name in self.waiting_for():
-            self.roster.change(self.roster.get(name), Change.SILENT)
+            self.members.change(self.members.get(name), MemberChange.SILENT)
 
     def _on_resync(self, told: m.Resync) -> None:
         showing = self._showings.get(told.event_type)
-        if showing is not None and self.roster.get(told.member).here:
+        if showing is not None and self.members.get(told.member).active:
             self._send(told.member, showing.key())
 
     def _on_failed(self, told: m.Failed) -> None:
         """Say it, once until it comes anew: one that has failed is about to end."""
-        member = self.roster.get(told.member)
+        member = self.members.get(told.member)
         if not member.blamed:
             member.blamed = True
             when = f"failed in frame {told.frame}" if told.frame >= 0 else "failed"
@@ -407,7 +407,7 @@ class FrameAlgorithm(Attendance):
             self._say(member.name, f"{when}: {chr(10).join(lines)}", told.traceback)
 
     def _on_doing(self, told: m.Doing) -> None:
-        self.roster.get(told.member).figures = told.figures
+        self.members.get(told.member).figures = told.figures
 
     def _on_report(self, report: m.Report) -> None:
         self._count_report(report.member, report.figures)

@@ -13,8 +13,8 @@ from minerva_bus.frame.composition import Composition, Layout
 from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.enforcement import Enforcement
+from minerva_bus.frame.members import Members
 from minerva_bus.frame.plainly import plainly
-from minerva_bus.frame.roster import Roster
 from minerva_bus.frame.showing import Showing
 from minerva_bus.frame.speaking import Speaking
 from minerva_bus.frame.trial import Trial
@@ -49,7 +49,7 @@ class Core:
         self.phase = Phase.WAITING
         past = world.past
         self.frame: int = past.frame
-        self.roster = Roster(world.expected)
+        self.members = Members(world.expected)
         literal = world.policy is Policy.LITERAL
         self.composition = Composition(world.scene, columns=not literal)
         self._distribution = Distribution(
@@ -150,7 +150,7 @@ class Core:
         return {**waiting, SOURCE: tuple(self._sanctions)} if self._sanctions else waiting
 
     def _send(self, to: str, message: m.ToMember) -> None:
-        plain = self.roster.declines_columns(to)
+        plain = self.members.declines_columns(to)
         self._out.append(s.Send(to, plainly(message) if plain else message))
 
     def _say(self, member: str, text: str, details: str = "") -> None:
@@ -169,7 +169,7 @@ class Core:
     def _stop(self) -> None:
         self.phase = Phase.STOPPING
         self._parts, self._stranded = {}, set()
-        self._pending = {member.name for member in self.roster.here()}
+        self._pending = {member.name for member in self.members.active()}
         self._out.append(s.Stopping(self._reason))
         self._send(s.EVERYONE, m.Stop(self._reason))
         if not self._pending:

@@ -29,7 +29,7 @@ class Enforcing(Core):
         """The sources of a frame that stand for people; who they are matters to norms alone."""
         if not self._enforcement:
             return ()
-        return tuple(sorted(self.roster.stand_for_people().intersection(sources)))
+        return tuple(sorted(self.members.standing_for_people().intersection(sources)))
 
     def _orders_allowed(self, orders: Sequence[AnyEvent]) -> tuple[AnyEvent, ...]:
         """What the norms leave of people's orders, before a generator takes them."""

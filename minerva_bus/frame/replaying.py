@@ -19,7 +19,7 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.hosting import Host
-from minerva_bus.frame.membership import Member
+from minerva_bus.frame.members import MemberEntry
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
@@ -88,7 +88,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         if self.phase is not Phase.READY or recorded is None:
             return
         self._glances = told.due
-        for member in self.roster.attending.joining:
+        for member in self.members.index.joining:
             if member.hello is not None:
                 self._admit(member, member.hello)
         self.frame = recorded.number
@@ -138,7 +138,7 @@ class ReplayAlgorithm(FrameAlgorithm):
         if self.cursor.ahead is not None:
             self.phase = Phase.READY
             self._out.append(s.Ready(self.frame))
-        elif self._stay and self.roster.here():
+        elif self._stay and self.members.active():
             self.phase = Phase.READY
             self._say("replay", f"{OVER}; minerva seek FRAME goes back")
         else:
@@ -162,15 +162,15 @@ class ReplayAlgorithm(FrameAlgorithm):
         self._make_views()
         self._show()
 
-    def _admit(self, member: Member, hello: m.Hello) -> None:
+    def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
         super()._admit(member, hello)
         if self.phase is Phase.READY and not self._showings.keys() >= set(hello.draws):
             self._look()
 
-    def _go_on_without(self, member: Member) -> None:
+    def _go_on_without(self, member: MemberEntry) -> None:
         super()._go_on_without(member)
         rests = self.phase is Phase.READY and self.cursor.ahead is None
-        if rests and not self.roster.here():
+        if rests and not self.members.active():
             self._close(OVER)
 
     def _on_emitted(self, told: m.Emitted) -> None:

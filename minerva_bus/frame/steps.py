@@ -87,7 +87,7 @@ class Steps(Endings):
             dropped = sum(map(count_of, sources[name])) - sum(map(count_of, kept))
             sources[name] = kept
             if dropped:
-                member = self.roster.get(name)
+                member = self.members.get(name)
                 if not member.dropped:
                     gone = "from agents that are not in the string"
                     self._say(name, f"sent {dropped} events {gone}; such events are left out")
@@ -96,16 +96,16 @@ class Steps(Endings):
     def _take_inbox(self) -> dict[str, list[AnyEvent]]:
         """What waits for this frame; orders that a generator takes came too late for it."""
         taken, self._inbox = self._inbox, {}
-        late = [one for one in taken.get(PEOPLE, ()) if self.roster.takers(one.type)]
+        late = [one for one in taken.get(PEOPLE, ()) if self.members.takers(one.type)]
         if late:
             self._inbox[PEOPLE] = late
-            in_time = [one for one in taken.pop(PEOPLE) if not self.roster.takers(one.type)]
+            in_time = [one for one in taken.pop(PEOPLE) if not self.members.takers(one.type)]
             taken |= {PEOPLE: in_time} if in_time else {}
         return taken
 
     def _ask_ahead(self, frame: int) -> None:
         """Ask generators that do not depend on the world before the frame begins, once each."""
-        for member in self.roster.attending.ahead:
+        for member in self.members.index.ahead:
             if self._asked_ahead.get(member, -1) < frame:
                 self._asked_ahead[member] = frame
                 self._send(member, m.TickRequest(frame))
@@ -120,11 +120,11 @@ class Steps(Endings):
         """The event types of those devices that are the source of their own, sorted."""
         due = {
             event_type
-            for hello in self.roster.attending.sources
+            for hello in self.members.index.sources
             if closing or self.frame % hello.every == 0
             for event_type in hello.draws
         }
-        rates = self.roster.attending.rates
+        rates = self.members.index.rates
         due.update(rates if closing else [one for one in self._glances if one in rates])
         return tuple(sorted(due))
 
@@ -145,7 +145,7 @@ class Steps(Endings):
         for host in asked:
             self._parts[host, 0] = tuple(self._distribution.fragments_of(host))
             self._give(host)
-        plain = [host for host in asked if self.roster.declines_columns(host)]
+        plain = [host for host in asked if self.members.declines_columns(host)]
         others = tuple([host for host in asked if host not in plain])
         if others:
             request = m.EvolveRequest(self.frame, others, self._evolving, self._visual)
@@ -169,7 +169,7 @@ class Steps(Endings):
 
     def offers(self) -> Offers:
         """What each host may evolve, as far as the world's placement allows."""
-        return self.world.placement.allowed(self.roster.offers(), self.roster.machines())
+        return self.world.placement.allowed(self.members.offers(), self.members.machines())
 
     def _count_homeless(self) -> None:
         """Say how many agents find no place, where that has changed and rules are why."""
@@ -192,7 +192,7 @@ class Steps(Endings):
 
         Where one has, its loss was told.
         """
-        self._offered.update(self.roster.offers().values())
+        self._offered.update(self.members.offers().values())
         unoffered = {
             kinds
             for kinds in self._distribution.unplaced.values()
@@ -211,7 +211,7 @@ class Steps(Endings):
 
     def _strand(self, unplaced: dict[str, frozenset[str]]) -> None:
         """Fragments that no host can evolve wait for one that comes back, or stand still."""
-        back = self.roster.awaited_kinds()
+        back = self.members.awaited_kinds()
         for fragment, kinds in unplaced.items():
             if kinds <= back:
                 self._stranded.add(fragment)
@@ -348,7 +348,7 @@ class Steps(Endings):
                 self.composition.fragments,
                 self._halted,
             )
-            devices = self.roster.devices(event_type)
+            devices = self.members.devices(event_type)
             last = self.phase is Phase.CLOSING
             for member, hello in devices:
                 shown = showing.unpatched(view) if hello.plain else view

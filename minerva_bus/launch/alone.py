@@ -161,7 +161,7 @@ class Alone:
             return
         self.pace.began()
         self.overruns.began(real_period(self.pace.rate, self.algorithm.world), now)
-        rates = self.algorithm.roster.attending.rates
+        rates = self.algorithm.members.index.rates
         self.tell(s.Begin(self._glances.due(now, rates) if rates else ()))
         self.repace()
 
@@ -169,7 +169,7 @@ class Alone:
         """When the next frame begins, as things stand."""
         if self._due is None or not self.algorithm.at_rest:
             return self._due
-        view = self._glances.next(self.algorithm.roster.attending.rates)
+        view = self._glances.next(self.algorithm.members.index.rates)
         return max(self._due, self.pace.rest(self._last_frame, view))
 
     def _pulse(self) -> None:

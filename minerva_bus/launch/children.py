@@ -172,7 +172,7 @@ class _Told:
         self.record.frame(done)
         if not self._began:
             self._began = True
-            self._members = len(self.coordinator.algorithm.roster.here())
+            self._members = len(self.coordinator.algorithm.members.active())
             self._reports.tell("first_frame", frame=done.frame, at=self.coordinator.last_frame_at)
 
     def _said(self, member: str, text: str, details: str) -> None:

@@ -52,7 +52,7 @@ class InProcess:
         if isinstance(instruction, s.Send):
             self._deliver(self._addressed(instruction.to), instruction.message)
         elif isinstance(instruction, s.Show):
-            devices = self.algorithm.roster.devices(instruction.event_type)
+            devices = self.algorithm.members.devices(instruction.event_type)
             observers = [member.name for member, hello in devices if not hello.coupled]
             self._deliver([self._participants[one] for one in observers], instruction.message)
         else:

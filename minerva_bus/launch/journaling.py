@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.roster import Attending
+from minerva_bus.frame.members import MemberIndex
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal, Journaled, read_journal
@@ -50,7 +50,7 @@ class Keeping:
         self._coordinator = coordinator
         self._say = say
         self._asked_for = bool(file.bus.journal)
-        self._attending: Attending | None = None
+        self._attending: MemberIndex | None = None
         self._journal: Journal | None = Journal(
             journal_path(file), coordinator.epoch, coordinator.algorithm
         )
@@ -87,10 +87,10 @@ class Keeping:
             self._journal.close(over=over)
 
     def _note_members(self, journal: Journal) -> None:
-        roster = self._coordinator.algorithm.roster
-        if roster.attending is not self._attending:
-            self._attending = roster.attending
-            journal.members(member.name for member in roster.here())
+        members = self._coordinator.algorithm.members
+        if members.index is not self._attending:
+            self._attending = members.index
+            journal.members(member.name for member in members.active())
 
     def _note_pace(self, journal: Journal) -> None:
         """The pace, with the frame that is under way among those left: it is not written yet."""

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.roster import objection
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.options import beside
 from minerva_bus.launch.overrides import Overrides, read_view
@@ -131,7 +131,7 @@ def check_members(
             raise WorldFileError(f"{path}: the name {COORDINATOR} is taken")
         if not process.command and process.alike in ("", process.name):
             members.append(process.participant())
-            reason = objection(members[-1].hello(), vocabulary)
+            reason = incompatibility(members[-1].hello(), vocabulary)
             if reason:
                 raise WorldFileError(f"{path}: [process.{process.name}]: {reason}")
     return members

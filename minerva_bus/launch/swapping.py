@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.roster import objection
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.keeping import RecordSettings
 from minerva_bus.launch.overrides import Overrides, typed_options
@@ -183,7 +183,7 @@ def _check_alone(left_out: set[str], others: list[Process], member: str) -> None
 def _check_new(new: Participant, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
     """Complain of a member that cannot take part. Raises MisuseError."""
     where, service = f"--swap {swap.member}", new.service
-    reason = objection(new.hello(), file.world.vocabulary)
+    reason = incompatibility(new.hello(), file.world.vocabulary)
     if reason:
         raise MisuseError(f"{where}: {swap.spec}: {reason}")
     if isinstance(service, Generator) and not service.lockstep:

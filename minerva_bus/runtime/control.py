@@ -27,7 +27,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
-from minerva_bus.frame.membership import Member
+from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.overruns import Overruns
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.people import refusal_of_order, unknown_value
@@ -126,7 +126,7 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
         agents=algorithm.composition.count,
         waiting=tuple(algorithm.waiting_for()),
         waited=running.waited,
-        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.roster]),
+        members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.members]),
         events={name: count * hz for name, count in running.diary.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
@@ -138,13 +138,13 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
     )
 
 
-def _member(member: Member, wait: float) -> MemberStatus:
+def _member(member: MemberEntry, wait: float) -> MemberStatus:
     hello = member.hello
     if hello is None:
         return MemberStatus(member.name, member.state.value, expected=member.expected)
     return MemberStatus(
         name=member.name,
-        state="drained" if member.here and member.drained else member.state.value,
+        state="drained" if member.active and member.drained else member.state.value,
         roles=hello.roles,
         service=hello.service,
         kinds=tuple([kind.name for kind in hello.kinds]),
@@ -197,7 +197,7 @@ def _send(running: Running, event: Event) -> dict[str, Any]:
     refusal = refusal or unknown_value(algorithm, event)
     if refusal:
         raise ProtocolError(refusal)
-    takers = [member.name for member in algorithm.roster.takers(event.type)]
+    takers = [member.name for member in algorithm.members.takers(event.type)]
     running.tell(s.Order(event))
     return {"frame": algorithm.frame, "event": str(event), "through": takers}
 
@@ -237,11 +237,11 @@ def _rate(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member"), "the member")
-    roster = running.algorithm.roster
-    if not roster.knows(member):
-        names = ", ".join(one.name for one in roster)
+    members = running.algorithm.members
+    if not members.knows(member):
+        names = ", ".join(one.name for one in members)
         raise ProtocolError(f"there is no member {member[:64]!r}; there are {names}")
-    if not roster.get(member).expected:
+    if not members.get(member).expected:
         raise ProtocolError(f"{member} is no process of the world file: restart it where it runs")
     refused = running.restart(member)
     if refused:

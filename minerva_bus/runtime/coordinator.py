@@ -17,7 +17,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.diary import Diary
-from minerva_bus.frame.membership import State
+from minerva_bus.frame.members import MemberState
 from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.runtime.audit import Denials
@@ -87,7 +87,7 @@ class BusCoordinator:
         self._system = system
         self.algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         self.epoch = epoch
-        self._guests: frozenset[str] = self.algorithm.roster.expected() - world.expected
+        self._guests: frozenset[str] = self.algorithm.members.expected() - world.expected
         self.keys = Keys(world.name)
         self.inbox = HubInbox(STATUS_EVERY, system)
         self._outbox = Outbox(self.keys, epoch)
@@ -225,12 +225,12 @@ class BusCoordinator:
             self.tell(self._begin())
 
     def _rest_until(self) -> float:
-        rates = self.algorithm.roster.attending.rates
+        rates = self.algorithm.members.index.rates
         return self.pace.rest(self.last_frame_at, self._glances.next(rates))
 
     def _rest(self, until: float) -> None:
         """Take what comes next; where views are due by the clock, after a nap at the latest."""
-        if self.algorithm.roster.attending.rates:
+        if self.algorithm.members.index.rates:
             self._take_all_until(until)
         else:
             self._use_time()
@@ -246,7 +246,7 @@ class BusCoordinator:
         return self.inbox.wait()
 
     def _begin(self) -> s.Begin:
-        rates = self.algorithm.roster.attending.rates
+        rates = self.algorithm.members.index.rates
         if not rates:
             return _BEGIN
         return s.Begin(self._glances.due(self._system.monotonic(), rates))
@@ -325,8 +325,8 @@ class BusCoordinator:
 
     def _say(self, member: str, text: str, details: str = "") -> None:
         """Log a word about a member, with its details, and show it without them."""
-        roster = self.algorithm.roster
-        guest = roster.knows(member) and not roster.get(member).expected
+        members = self.algorithm.members
+        guest = members.knows(member) and not members.get(member).expected
         if self._restraint.lets(GUESTS if guest else member, self._system.monotonic()):
             self._put_down(member, text, details)
 
@@ -343,7 +343,7 @@ class BusCoordinator:
             return
         room = self.guard.gate.has_room(self._name_of(member), len(data))
         answer = may_be_awaited(data, len(self._stamp))
-        if room and data and not self.algorithm.roster.knows(member):
+        if room and data and not self.algorithm.members.knows(member):
             self.tell(m.Leaving(member))  # It is a stranger's, whatever it says.
             return
         if not data or (answer and self.algorithm.awaits(member)):
@@ -366,7 +366,7 @@ class BusCoordinator:
 
     def _heard_in_full(self, member: str, data: bytes) -> None:
         """Hear a message: a small one now, a large one when it is decoded."""
-        roster = self.algorithm.roster
+        members = self.algorithm.members
         try:
             if not data.startswith(self._stamp):
                 if data:
@@ -376,7 +376,7 @@ class BusCoordinator:
             body = data[len(self._stamp) :]
             if len(body) > LARGE or self._large.behind(member):
                 if self._large.behind(member) < MOST_BEHIND:
-                    self._large.add(Letter(member, roster.get(member).joins, body))
+                    self._large.add(Letter(member, members.get(member).joins, body))
                 else:
                     self._pass_over(member)
                 return
@@ -391,8 +391,8 @@ class BusCoordinator:
         letter = opened.letter
         self._large.taken(opened)
         self._decoded_in(opened.seconds)
-        roster = self.algorithm.roster
-        if not roster.knows(letter.member) or roster.get(letter.member).joins != letter.life:
+        members = self.algorithm.members
+        if not members.knows(letter.member) or members.get(letter.member).joins != letter.life:
             return
         if opened.message is None:
             self.tell(s.Violation(letter.member, opened.problem))
@@ -422,15 +422,15 @@ class BusCoordinator:
         """Whether one that has appeared is not greeted: shut out, or one too many."""
         if self.guard.keeps_out(member):
             return True
-        roster, most = self.algorithm.roster, self.limits.members
-        if roster.knows(member) or roster.count < most:
+        members, most = self.algorithm.members, self.limits.members
+        if members.knows(member) or members.count < most:
             return False
         self.guard.too_many(f"{most} members are there already; more are not greeted")
         return True
 
     def _name_of(self, member: str) -> str:
         """Its name, if it is known: of strangers there may be any number."""
-        return member if self.algorithm.roster.knows(member) else STRANGERS
+        return member if self.algorithm.members.knows(member) else STRANGERS
 
     def _pass_over(self, member: str) -> None:
         """Hear nothing of what is too much."""
@@ -441,9 +441,9 @@ class BusCoordinator:
 
     def _pass_late(self, member: str) -> None:
         """A message was for another coordinator: it counts as a late one."""
-        roster = self.algorithm.roster
-        if roster.knows(member):
-            roster.get(member).late += 1
+        members = self.algorithm.members
+        if members.knows(member):
+            members.get(member).late += 1
 
     def _meet(self, epoch: int) -> None:
         """There is a coordinator of this epoch. Raises Followed where it has come later."""
@@ -477,7 +477,7 @@ class BusCoordinator:
             self._ready = True
             self._begin_at = self.pace.due(self._system.monotonic())
             if instruction.frame == 0:
-                self.most_members = len(self.algorithm.roster.here())
+                self.most_members = len(self.algorithm.members.active())
         elif isinstance(instruction, s.Show):
             data = self._encode(instruction.message)
             self._outbox.show(instruction.event_type, data, instruction.to)
@@ -537,13 +537,13 @@ class BusCoordinator:
 
     def _part_from(self, common_name: str) -> None:
         """A certificate was revoked: whoever has come in by it is out."""
-        for member in self.algorithm.roster:
-            if covers(common_name, member.name) and member.state is not State.LEFT:
+        for member in self.algorithm.members:
+            if covers(common_name, member.name) and member.state is not MemberState.LEFT:
                 self.tell(s.Violation(member.name, self.guard.gate.shut_out(member.name)))
 
     def _greet_again(self, now: float) -> None:
         for name in self._greetings.unanswered(now):
-            if self.algorithm.roster.get(name).state is State.JOINING:
+            if self.algorithm.members.get(name).state is MemberState.JOINING:
                 self._send(s.Send(name, m.Greet()))
 
     def _status(self, now: float, waiting: tuple[str, ...], waited: float) -> Status:
@@ -551,7 +551,7 @@ class BusCoordinator:
         rate = (frame - self._status_frame) / max(now - self._status_at, 1e-9)
         self.hz = rate if self.pace.paused else self.hz + SMOOTHING * (rate - self.hz)
         self._status_at, self._status_frame = now, frame
-        here = len(self.algorithm.roster.here())
+        here = len(self.algorithm.members.active())
         self.most_members = max(self.most_members, here)
         return Status(
             frame, rate, here, self.algorithm.phase.value, self.pace.paused, waiting, waited
@@ -567,7 +567,7 @@ class BusCoordinator:
         if unsaid:
             self.tell(s.Silent())
             frame = f"frame {self.algorithm.frame} ({self.algorithm.phase.value}) has been waiting"
-            guests = [one for one in unsaid if not self.algorithm.roster.get(one).expected]
+            guests = [one for one in unsaid if not self.algorithm.members.get(one).expected]
             for name, text in self._waits.told(unsaid, guests, now):
                 self._say(name or COORDINATOR, f"{frame} for {text}")
         if self.waited >= BACK_WITHIN and self._guests:
@@ -608,7 +608,7 @@ class BusCoordinator:
         else:
             self._waits.again(name, now)
             self._watch.stalled(name, waited)
-            if not self.algorithm.roster.get(name).expected:
+            if not self.algorithm.members.get(name).expected:
                 self.tell(s.Violation(name, f"it did not answer for {waited:.0f} s"))
 
     def _let_go(self, waiting: list[str]) -> None:

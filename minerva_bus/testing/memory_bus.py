@@ -94,7 +94,7 @@ class MemoryBus:
             successor = FrameAlgorithm(before.world)
             for inputs in self.inputs:
                 successor.feed(inputs)
-        successor.expect(member.name for member in before.roster.here())
+        successor.expect(member.name for member in before.members.active())
         self.algorithm = successor
         self._queues.clear()
         self._began = True

@@ -194,7 +194,7 @@ def test_a_port_in_use(folder):
 
 
 def test_versions_and_help(folder):
-    from minerva_bus.frame.roster import PROTOCOL_VERSION
+    from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 
     found = json.loads(minerva(folder, "version", "--json").stdout)
     assert found["protocol"] == PROTOCOL_VERSION

@@ -11,13 +11,20 @@ from hypothesis import HealthCheck, given, settings
 
 from minerva_bus import EMPTY, Scene
 from minerva_bus.errors import VocabularyError
-from minerva_bus.frame import membership
+from minerva_bus.frame import members as member_table
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.membership import TRANSITIONS, Change, Member, State
+from minerva_bus.frame.members import (
+    MAX_DEPARTED,
+    TRANSITIONS,
+    MemberChange,
+    MemberEntry,
+    Members,
+    MemberState,
+)
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.placement import place
-from minerva_bus.frame.roster import MOST_DEPARTED, PROTOCOL_VERSION, Roster, objection
 from minerva_bus.frame.showing import Showing
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
@@ -35,68 +42,70 @@ read = FAMILY_VOCABULARY.read
 
 
 def test_who_left_is_listed_until_many_others_have():
-    roster = Roster(["home"])
+    members = Members(["home"])
 
     def comes(name):
-        guest = roster.get(name)
-        roster.change(guest, Change.APPEARED)
-        roster.change(guest, Change.ADMITTED)
+        guest = members.get(name)
+        members.change(guest, MemberChange.APPEARED)
+        members.change(guest, MemberChange.ADMITTED)
         return guest
 
     comes("stays")
     returns = comes("returns")
-    roster.change(returns, Change.WENT)
-    for number in range(MOST_DEPARTED):
-        roster.change(comes(f"guest-{number}"), Change.WENT)
+    members.change(returns, MemberChange.WENT)
+    for number in range(MAX_DEPARTED):
+        members.change(comes(f"guest-{number}"), MemberChange.WENT)
         if not number:
             comes("returns")
-    assert len(list(roster)) == MOST_DEPARTED + 3
-    roster.change(comes("last"), Change.WENT)
-    names = {one.name for one in roster}
+    assert len(list(members)) == MAX_DEPARTED + 3
+    members.change(comes("last"), MemberChange.WENT)
+    names = {one.name for one in members}
     assert {"home", "stays", "returns", "guest-1", "last"} <= names
     assert "guest-0" not in names
-    assert roster.get("guest-0").state is State.LEFT
-    assert len(list(roster)) == MOST_DEPARTED + 3
+    assert members.get("guest-0").state is MemberState.LEFT
+    assert len(list(members)) == MAX_DEPARTED + 3
 
 
-@pytest.mark.parametrize(("state", "change"), list(product(State, Change)))
+@pytest.mark.parametrize(("state", "change"), list(product(MemberState, MemberChange)))
 def test_a_member_moves_by_the_table_and_not_otherwise(state, change):
-    member = Member("m", state=state)
+    member = MemberEntry("m", state=state)
     moved = member.change(change)
     assert moved is ((state, change) in TRANSITIONS)
     assert member.state is TRANSITIONS.get((state, change), state)
 
 
-@given(st.lists(st.sampled_from(Change), max_size=30), st.booleans())
+@given(st.lists(st.sampled_from(MemberChange), max_size=30), st.booleans())
 def test_one_takes_part_or_is_awaited_but_never_both(changes, expected):
-    member = Member("m", expected=expected, state=State.LOST if expected else State.LEFT)
+    member = MemberEntry(
+        "m", expected=expected, state=MemberState.LOST if expected else MemberState.LEFT
+    )
     for change in changes:
         member.change(change)
-        assert not (member.here and member.awaited)
+        assert not (member.active and member.awaited)
         assert expected or not member.awaited
 
 
 def test_every_state_can_be_reached_and_left():
-    reached = {State.LEFT}
-    for _ in State:
+    reached = {MemberState.LEFT}
+    for _ in MemberState:
         reached |= {after for (before, _), after in TRANSITIONS.items() if before in reached}
-    assert reached == set(State)
-    assert {before for before, _ in TRANSITIONS} == set(State)
+    assert reached == set(MemberState)
+    assert {before for before, _ in TRANSITIONS} == set(MemberState)
 
 
 def test_the_drawing_of_the_table_has_all_states():
-    drawn = set(re.findall(r"[A-Z]{4,}", membership.__doc__))
-    assert drawn == {state.name for state in State}
-    assert Path(membership.__file__).exists()
+    drawn = set(re.findall(r"[A-Z]{4,}", member_table.__doc__))
+    assert drawn == {state.name for state in MemberState}
+    assert Path(member_table.__file__).exists()
 
 
-def test_a_roster_is_sorted_whoever_came_first():
-    roster = Roster(["z", "m"])
+def test_members_are_sorted_whoever_came_first():
+    members = Members(["z", "m"])
     for name in ("q", "a"):
-        member = roster.get(name)
-        roster.change(member, Change.APPEARED)
-    assert [member.name for member in roster] == ["a", "m", "q", "z"]
-    assert [member.name for member in roster.awaited()] == ["m", "z"]
+        member = members.get(name)
+        members.change(member, MemberChange.APPEARED)
+    assert [member.name for member in members] == ["a", "m", "q", "z"]
+    assert [member.name for member in members.awaited()] == ["m", "z"]
 
 
 KINDS = tuple(cls.kind for cls in FAMILY)
@@ -112,7 +121,7 @@ KINDS = tuple(cls.kind for cls in FAMILY)
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
 ])  # fmt: skip
 def test_who_may_join(hello, reason):
-    found = objection(hello, FAMILY_VOCABULARY)
+    found = incompatibility(hello, FAMILY_VOCABULARY)
     assert reason in found
     assert bool(found) is bool(reason)
 
@@ -122,11 +131,11 @@ def test_an_objection_says_which_type_differs_and_how():
     name = kind.fields.names[0]
     first = replace(kind.fields.all[0], type=Type("text", words=("other",)), default=None)
     other = replace(kind, fields=Fields((first, *kind.fields.all[1:])))
-    said = objection(Hello("m", PROTOCOL_VERSION, kinds=(other,)), FAMILY_VOCABULARY)
+    said = incompatibility(Hello("m", PROTOCOL_VERSION, kinds=(other,)), FAMILY_VOCABULARY)
     assert said.startswith(f"{name} of its {kind.name} is text other, of the world's ")
     assert str(kind.fields.all[0].type) in said
     fewer = replace(kind, fields=Fields(kind.fields.all[1:]))
-    said = objection(Hello("m", PROTOCOL_VERSION, kinds=(fewer,)), FAMILY_VOCABULARY)
+    said = incompatibility(Hello("m", PROTOCOL_VERSION, kinds=(fewer,)), FAMILY_VOCABULARY)
     assert f"its {kind.name} has the state (" in said
 
 

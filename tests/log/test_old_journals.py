@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.roster import PROTOCOL_VERSION
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.log.journal import FORMAT, Journal, go_on, read_journal

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from minerva_bus import EMPTY, Agent, EventType, Frame, Vocabulary, evolve, on
 from minerva_bus.errors import MisuseError, ProtocolError
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
 from minerva_bus.frame.messages import Hello
-from minerva_bus.frame.roster import PROTOCOL_VERSION, objection
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
@@ -237,7 +237,7 @@ def test_a_host_with_other_probabilities_may_not_join():
         def near(self, near, moment):
             pass
 
-    assert "other probabilities" in objection(
+    assert "other probabilities" in incompatibility(
         Hello("x", PROTOCOL_VERSION, kinds=(Other.kind,)), VOCABULARY
     )
-    assert not objection(Hello("x", PROTOCOL_VERSION, kinds=(One.kind,)), VOCABULARY)
+    assert not incompatibility(Hello("x", PROTOCOL_VERSION, kinds=(One.kind,)), VOCABULARY)

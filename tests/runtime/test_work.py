@@ -9,8 +9,8 @@ from running import World, eventually, put, write_world
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World as Described
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -75,7 +75,7 @@ def test_a_hello_that_comes_twice_counts_once():
     world = rain()
     for _ in range(5):
         world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
-    assert world.roster.get("rain").joins == 1
+    assert world.members.get("rain").joins == 1
 
 
 # --- large messages and questions, with a clock of their own ---

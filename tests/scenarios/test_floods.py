@@ -5,8 +5,8 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 
@@ -24,7 +24,7 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
         out = world.receive(m.Emitted("rain", (eDrop(number),)))
         said += [one.text for one in out if isinstance(one, s.Say)]
     assert said == ["has 10 events waiting for a frame; more are dropped"]
-    assert world.roster.get("rain").dropped == 15
+    assert world.members.get("rain").dropped == 15
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))
 
@@ -37,6 +37,6 @@ def test_what_waited_when_the_world_went_on_counts(monkeypatch):
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
     for number in range(8, 20):
         world.receive(m.Emitted("rain", (eDrop(number),)))
-    assert world.roster.get("rain").dropped == 10
+    assert world.members.get("rain").dropped == 10
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))

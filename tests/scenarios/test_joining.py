@@ -20,7 +20,7 @@ from pond import (
 from minerva_bus import Agent, Generator, Vocabulary
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.membership import State
+from minerva_bus.frame.members import MemberState
 from minerva_bus.frame.participant import Participant
 
 
@@ -136,7 +136,7 @@ def test_a_member_that_joins_in_the_midst_of_a_frame_is_admitted_at_its_edge():
     bus.frame()
     bus.appear("heir")
     bus.settle()
-    assert bus.algorithm.roster.get("heir").state is State.JOINING
+    assert bus.algorithm.members.get("heir").state is MemberState.JOINING
     bus.release()
     bus.settle()
     bus.frame()
@@ -234,7 +234,7 @@ def test_a_successor_with_the_same_name_and_other_faces_is_taken_for_what_it_is(
     bus.release()
     bus.run(2)
     assert bus.stuck == []
-    assert bus.algorithm.roster.get("heir").hello.roles == ("agents",)
+    assert bus.algorithm.members.get("heir").hello.roles == ("agents",)
     assert len(bus.alive["heir"].host.fragments) + len(bus.alive["host"].host.fragments) == 2
 
 

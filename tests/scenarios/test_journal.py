@@ -37,7 +37,7 @@ class Written:
         def watch(instruction):
             carry_out(instruction)
             if isinstance(instruction, FrameDone):
-                self.journal.members(one.name for one in self.bus.algorithm.roster.here())
+                self.journal.members(one.name for one in self.bus.algorithm.members.active())
                 self.journal.frame(instruction.inputs)
 
         self.bus._carry_out = watch

@@ -5,9 +5,9 @@ from pond import VOCABULARY, Counter, Mother, eAdd
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 
 
 def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next():

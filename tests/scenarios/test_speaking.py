@@ -7,8 +7,8 @@ from minerva_bus.errors import WorldFileError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.launch.reading import read_world_file
@@ -61,7 +61,7 @@ def test_a_generator_has_no_agent_as_its_sender(how, lockstep):
         out = world.receive(m.Emitted("rain", FORGED[how]))
     assert "broke the protocol: it sent eAdd from #" in said(out)
     assert "only for itself; speaks_for under [process.rain] names others" in said(out)
-    assert not world.roster.get("rain").here
+    assert not world.members.get("rain").active
 
 
 @pytest.mark.parametrize("speaks_for", [("ACounter",), ("#b", "#a"), ("AFrog", "#a", "#b")])
@@ -101,7 +101,7 @@ def test_the_events_of_one_that_is_no_more_are_left_out_and_counted(in_columns):
     (done,) = [one for one in out if isinstance(one, s.FrameDone)]
     assert [str(event) for one in done.record.events for event in (one if in_columns else [one])] \
         == ["eAdd<n=1> from #a"]  # fmt: skip
-    assert world.roster.get("rain").dropped == 1
+    assert world.members.get("rain").dropped == 1
 
 
 def test_it_speaks_for_agents_in_columns():

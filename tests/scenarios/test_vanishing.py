@@ -18,7 +18,7 @@ from pond import (
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.membership import State
+from minerva_bus.frame.members import MemberState
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
@@ -415,7 +415,7 @@ def test_a_guest_that_goes_is_not_waited_for(how, hold):
     bus.run(2)
     assert bus.stuck == []
     assert len(bus.records) == 4
-    assert bus.algorithm.roster.get("guest").state is State.LEFT
+    assert bus.algorithm.members.get("guest").state is MemberState.LEFT
 
 
 @pytest.mark.parametrize("how", ["vanish", "leave"])
@@ -575,14 +575,14 @@ def test_who_leaves_has_left_also_where_the_departure_overtakes_the_last_words(w
         if bus is overtaken:
             bus.leave(who)
             bus.settle()
-            assert bus.algorithm.roster.get(who).state is State.LOST
+            assert bus.algorithm.members.get(who).state is MemberState.LOST
         bus.release()
         if bus is plain:
             bus.put(m.Leaving(who))
             bus.settle()
             bus.vanish(who)
         bus.run(3)
-        assert bus.algorithm.roster.get(who).state is State.LEFT
+        assert bus.algorithm.members.get(who).state is MemberState.LEFT
         assert bus.algorithm.waiting_for() == bus.stuck == []
     assert overtaken.digests == plain.digests
 
@@ -597,6 +597,6 @@ def test_a_world_that_has_not_begun_does_not_wait_for_who_has_left(who):
     bus.settle()
     bus.release()
     bus.run(2)
-    assert bus.algorithm.roster.get(who).state is State.LEFT
+    assert bus.algorithm.members.get(who).state is MemberState.LEFT
     assert bus.stuck == []
     assert len(bus.records) == 2

@@ -18,7 +18,7 @@ from pond import (
 from minerva_bus import Generator
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.membership import State
+from minerva_bus.frame.members import MemberState
 from minerva_bus.grammar.patch import Delta
 from minerva_bus.testing.memory_bus import BEGIN
 
@@ -31,8 +31,8 @@ def started(text="ACounter#a · ACounter#b", **rest):
     return bus
 
 
-def roster(bus, name):
-    return bus.algorithm.roster.get(name)
+def member(bus, name):
+    return bus.algorithm.members.get(name)
 
 
 @pytest.mark.parametrize("frame", [0, 2, 99, 1 << 60])
@@ -41,7 +41,7 @@ def test_an_answer_to_another_tick_is_dropped_and_counted(frame):
     bus.step(BEGIN)
     bus.put(m.TickReply("add", frame, (eAdd(50),)))
     bus.settle()
-    assert roster(bus, "add").late == 1
+    assert member(bus, "add").late == 1
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
@@ -66,7 +66,7 @@ def test_a_second_answer_to_a_tick_is_dropped_and_counted():
             ready for frame 2
     """,
     )
-    assert roster(bus, "add").late == 1
+    assert member(bus, "add").late == 1
 
 
 def test_an_answer_of_one_who_was_not_asked_is_dropped_and_counted():
@@ -79,7 +79,7 @@ def test_an_answer_of_one_who_was_not_asked_is_dropped_and_counted():
     bus.settle()
     bus.release()
     bus.settle()
-    assert [roster(bus, name).late for name in ("screen", "host")] == [2, 2]
+    assert [member(bus, name).late for name in ("screen", "host")] == [2, 2]
     assert bus.algorithm.strangers == 2
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
@@ -93,7 +93,7 @@ def test_an_answer_of_a_host_for_another_frame_or_part_is_dropped_and_counted(fr
     bus.settle()
     bus.release()
     bus.settle()
-    assert roster(bus, "host").late == 1
+    assert member(bus, "host").late == 1
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
@@ -123,7 +123,7 @@ def test_what_a_dead_host_had_answered_is_dropped_when_another_has_been_asked():
         > host: evolved 1: #a
     """,
     )
-    assert roster(bus, "host").late == 1
+    assert member(bus, "host").late == 1
 
 
 def test_a_late_member_is_one_until_it_answers():
@@ -131,17 +131,17 @@ def test_a_late_member_is_one_until_it_answers():
     bus.hold(("up", "add"))
     bus.frame()
     bus.tell(s.Silent())
-    assert roster(bus, "add").state is State.LATE
+    assert member(bus, "add").state is MemberState.LATE
     bus.release()
     bus.settle()
-    assert roster(bus, "add").state is State.PRESENT
+    assert member(bus, "add").state is MemberState.PRESENT
     bus.hold(("up", "host"))
     bus.frame()
     bus.tell(s.Silent())
-    assert roster(bus, "host").state is State.LATE
+    assert member(bus, "host").state is MemberState.LATE
     bus.release()
     bus.settle()
-    assert roster(bus, "host").state is State.PRESENT
+    assert member(bus, "host").state is MemberState.PRESENT
 
 
 HIS = VOCABULARY.read("ACounter#b<n=66>")

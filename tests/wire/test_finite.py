@@ -17,8 +17,8 @@ from minerva_bus import (
     Vocabulary,
 )
 from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.roster import PROTOCOL_VERSION
 from minerva_bus.grammar.forms import Disc, Motion
 from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.codec import Decoder

@@ -1,0 +1,72 @@
+"""Checks a member's hello against the vocabulary of the world that it wants to join."""
+
+from __future__ import annotations
+
+from minerva_bus.errors import nearest
+from minerva_bus.frame.messages import Hello
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.types import Type
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+PROTOCOL_VERSION = 6
+
+
+def incompatibility(hello: Hello, vocabulary: Vocabulary) -> str:
+    """Reason why a member cannot join a world of this vocabulary, or an empty string."""
+    if hello.version != PROTOCOL_VERSION:
+        return (
+            f"it speaks protocol {hello.version}, this world {PROTOCOL_VERSION}: install the same"
+            " version of Minerva Bus on both sides"
+        )
+    for event_type in (*hello.generates, *hello.draws, *hello.orders):
+        if event_type not in vocabulary.events:
+            known = nearest(event_type, list(vocabulary.events))
+            return f"the world's vocabulary has no event type {event_type}{known}"
+    for event_type in hello.draws if hello.every or hello.rate else ():
+        fields = vocabulary.events[event_type].fields.all
+        required = [field.name for field in fields if field.default is None]
+        if required:
+            return (
+                f"it cannot be the source of {event_type} itself, which needs {required[0]}; let a"
+                " generator make the event (every = 0, rate = 0)"
+            )
+    if hello.publishes and hello.coupled and not hello.lockstep:
+        return "it publishes readings but generates nothing: a publisher is a Generator too"
+    reasons = (_kind_mismatch(kind, vocabulary) for kind in hello.kinds)
+    return next((reason for reason in reasons if reason), "")
+
+
+def _kind_mismatch(kind: AgentKind, vocabulary: Vocabulary) -> str:
+    expected = vocabulary.kinds.get(kind.name)
+    if expected is None:
+        return f"the world's vocabulary has no agents {kind.name}"
+    mismatch = _state_mismatch(kind, expected)
+    if mismatch:
+        return f"{mismatch}: both must come from the same code"
+    if expected.chances != kind.chances:
+        return f"its {kind.name} answers events with other probabilities than the world's"
+    if expected.rest != kind.rest:
+        return f"its {kind.name} rests by other attributes than the world's"
+    return ""
+
+
+def _state_mismatch(kind: AgentKind, expected: AgentKind) -> str:
+    """How the attributes of a kind differ from the world's, or an empty string."""
+    names, expected_names = kind.fields.names, expected.fields.names
+    if names != expected_names:
+        return (
+            f"its {kind.name} has the state ({', '.join(names)}),"
+            f" the world's ({', '.join(expected_names)})"
+        )
+    for field, other in zip(kind.fields.all, expected.fields.all, strict=True):
+        if field.type != other.type:
+            return (
+                f"{field.name} of its {kind.name} is {_described(field.type, other.type)}, of the"
+                f" world's {_described(other.type, field.type)}"
+            )
+    return ""
+
+
+def _described(of: Type, other: Type) -> str:
+    """A type as text; with all its parameters where the short texts of both are equal."""
+    return str(of) if str(of) != str(other) else repr(of)

@@ -1,0 +1,340 @@
+"""The members of a world as the coordinator knows them: one table of states and transitions.
+
+       appeared          greeted           admitted
+(none) ────────▶ JOINING ───────▶ JOINING ────────▶ PRESENT ◀──▶ LATE
+                    ▲                                  │ vanished  │
+                    │ appeared                         ▼           ▼
+                   LEFT ◀─── gave up, or left ──────── LOST ◀──────
+
+A member that leaves of its own accord sends `Leaving`, and its token vanishes. Either may arrive
+first, because Zenoh delivers token changes before data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from minerva_bus.frame.messages import Figures, Hello
+
+MAX_DEPARTED: Final = 200
+"""Guests that stay listed after they have left; the one that left first is forgotten first."""
+
+
+class MemberState(Enum):
+    """State of a member."""
+
+    JOINING = "joining"
+    PRESENT = "present"
+    LATE = "late"
+    LOST = "lost"
+    LEFT = "left"
+
+
+class MemberChange(Enum):
+    """What can happen to a member."""
+
+    APPEARED = "appeared"
+    ADMITTED = "admitted"
+    SILENT = "silent"
+    ANSWERED = "answered"
+    VANISHED = "vanished"
+    GAVE_UP = "gave up"
+    WENT = "went"
+
+
+TRANSITIONS: Final[Mapping[tuple[MemberState, MemberChange], MemberState]] = {
+    (MemberState.JOINING, MemberChange.ADMITTED): MemberState.PRESENT,
+    (MemberState.JOINING, MemberChange.VANISHED): MemberState.LOST,
+    (MemberState.JOINING, MemberChange.WENT): MemberState.LEFT,
+    (MemberState.PRESENT, MemberChange.SILENT): MemberState.LATE,
+    (MemberState.PRESENT, MemberChange.VANISHED): MemberState.LOST,
+    (MemberState.PRESENT, MemberChange.WENT): MemberState.LEFT,
+    (MemberState.LATE, MemberChange.ANSWERED): MemberState.PRESENT,
+    (MemberState.LATE, MemberChange.VANISHED): MemberState.LOST,
+    (MemberState.LATE, MemberChange.WENT): MemberState.LEFT,
+    (MemberState.LOST, MemberChange.APPEARED): MemberState.JOINING,
+    (MemberState.LOST, MemberChange.GAVE_UP): MemberState.LEFT,
+    (MemberState.LOST, MemberChange.WENT): MemberState.LEFT,
+    (MemberState.LEFT, MemberChange.APPEARED): MemberState.JOINING,
+}
+
+
+@dataclass(slots=True)
+class MemberEntry:
+    """One member: a row of the table `Members`.
+
+    `expected`: the world file names it, so the world waits for it until it is given up.
+    `greeted`: `hello` is from the current process, not from one before it.
+    `late`: number of replies that arrived too late to count.
+    `drained`: it hosts no agents that another host can evolve.
+    `dropped`: number of its events that were discarded.
+    `figures`: its metrics, as it last reported them.
+    `joins`: number of times a process of this name has joined.
+    `blamed`: its misbehaviour was logged since it appeared.
+    """
+
+    name: str
+    expected: bool = False
+    state: MemberState = MemberState.LEFT
+    hello: Hello | None = None
+    greeted: bool = False
+    last_reply: int = -1
+    late: int = 0
+    drained: bool = False
+    dropped: int = 0
+    figures: Figures = field(default_factory=dict[str, bool | int | float | str])
+    joins: int = 0
+    blamed: bool = False
+
+    def change(self, change: MemberChange) -> bool:
+        """Apply the transition table; False where it has no such transition."""
+        after = TRANSITIONS.get((self.state, change))
+        if after is not None:
+            self.state = after
+        return after is not None
+
+    @property
+    def ticks(self) -> bool:
+        """Whether each frame asks it in its tick."""
+        return self.hello is not None and self.hello.ticks
+
+    @property
+    def active(self) -> bool:
+        """Whether it takes part in frames."""
+        return self.state in (MemberState.PRESENT, MemberState.LATE)
+
+    @property
+    def needed(self) -> bool:
+        """Whether no frame runs without it. A member that only watches is needed until it joins."""
+        return self.expected and not (self.hello is not None and self.hello.watches_only)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether the world waits for it to join or to return."""
+        return self.needed and self.state in (MemberState.JOINING, MemberState.LOST)
+
+
+@dataclass(frozen=True, slots=True)
+class MemberIndex:
+    """Members by role, computed once per change of the table because each frame needs it.
+
+    `tickers` are asked in a tick; `sources` are the devices that generate their own visual events.
+    Both include members that are away and awaited. `ahead` are asked before the frame begins;
+    `joining` are to be admitted. `anyone_ticks`: somebody is asked in the tick itself. `rates` maps
+    the visual event types of devices that want views by the clock to views per second. Every other
+    device gets a view within `every` frames.
+    """
+
+    active: tuple[MemberEntry, ...]
+    awaited: tuple[MemberEntry, ...]
+    joining: tuple[MemberEntry, ...]
+    tickers: frozenset[str]
+    anyone_ticks: bool
+    ahead: tuple[str, ...]
+    sources: tuple[Hello, ...]
+    rates: Mapping[str, float]
+    every: int
+
+
+class Members:
+    """Members by name, and queries over them; iteration is sorted by name."""
+
+    def __init__(self, expected: Iterable[str]) -> None:
+        self._entries = {
+            name: MemberEntry(name, expected=True, state=MemberState.LOST)
+            for name in sorted(expected)
+        }
+        self._named = frozenset(self._entries)
+        self._departed: dict[str, None] = {}
+        self._index: MemberIndex | None = None
+        self.publishers: dict[str, tuple[str, ...]] = {}
+        """The lockstep publishers of each sensor topic, as last announced to all members."""
+        self.strangers: int = 0
+        """Number of messages from senders that never appeared."""
+
+    def __iter__(self) -> Iterator[MemberEntry]:
+        return iter([self._entries[name] for name in sorted(self._entries)])
+
+    @property
+    def count(self) -> int:
+        """Number of members that have appeared or are expected, without those that have left."""
+        return len(self._entries) - len(self._departed)
+
+    def knows(self, name: str) -> bool:
+        """Whether a member of this name is expected or has ever appeared."""
+        return name in self._entries
+
+    def get(self, name: str) -> MemberEntry:
+        """The member of a name; creates its entry if necessary."""
+        member = self._entries.get(name)
+        if member is None:
+            member = self._entries[name] = MemberEntry(name)
+            self._index = None
+            self._note_departed(member)
+        return member
+
+    # --- changes ---
+
+    def change(self, member: MemberEntry, change: MemberChange) -> bool:
+        """Apply the transition table to a member; False where it has no such transition."""
+        self._index = None
+        if change is MemberChange.APPEARED:
+            member.greeted = False
+        moved = member.change(change)
+        self._note_departed(member)
+        return moved
+
+    def _note_departed(self, member: MemberEntry) -> None:
+        # Guests can use any number of names, so the table keeps only the latest of those that left.
+        self._departed.pop(member.name, None)
+        if member.state is MemberState.LEFT and not member.expected:
+            self._departed[member.name] = None
+        if len(self._departed) > MAX_DEPARTED:
+            first = next(iter(self._departed))
+            del self._departed[first]
+            self._entries.pop(first, None)
+
+    def expect(self, name: str) -> None:
+        """Wait for a member of this name to join or return."""
+        member = self.get(name)
+        if not member.expected:
+            member.expected, member.state = True, MemberState.LOST
+            self._index = None
+            self._note_departed(member)
+
+    def stop_expecting(self, member: MemberEntry) -> None:
+        """Do not wait for a member any longer."""
+        self._index = None
+        member.expected = False
+        self._note_departed(member)
+
+    def introduce(self, member: MemberEntry, hello: Hello) -> None:
+        """Store the hello of a process that has just started."""
+        self._index = None
+        member.hello, member.greeted, member.drained = hello, True, False
+        member.joins += 1
+
+    # --- queries ---
+
+    @property
+    def index(self) -> MemberIndex:
+        """Members by role."""
+        if self._index is None:
+            self._index = self._make_index()
+        return self._index
+
+    def _make_index(self) -> MemberIndex:
+        members = list(self)
+        tickers = [m for m in members if m.ticks and (m.active or m.awaited)]
+        hellos = [m.hello for m in members if m.hello is not None and (m.active or m.awaited)]
+        return MemberIndex(
+            active=tuple(m for m in members if m.active),
+            awaited=tuple(m for m in members if m.awaited),
+            joining=tuple(m for m in members if m.state is MemberState.JOINING and m.greeted),
+            tickers=frozenset(m.name for m in tickers),
+            anyone_ticks=any(m.active and not _ahead(m) for m in tickers),
+            ahead=tuple(m.name for m in tickers if m.active and _ahead(m)),
+            sources=tuple(hello for hello in hellos if hello.every > 0),
+            rates=_rates(hellos),
+            every=max([1, *(hello.every for hello in hellos)]),
+        )
+
+    def active(self) -> tuple[MemberEntry, ...]:
+        """The members that take part in frames."""
+        return self.index.active
+
+    def awaited(self) -> tuple[MemberEntry, ...]:
+        """The members that the world waits for."""
+        return self.index.awaited
+
+    def expected(self) -> frozenset[str]:
+        """The members that the world waits for whenever they are away."""
+        return frozenset(name for name, member in self._entries.items() if member.expected)
+
+    def declines_columns(self, name: str) -> bool:
+        """Whether a member receives agents and events one by one instead of in columns."""
+        member = self._entries.get(name)
+        return member is not None and member.hello is not None and member.hello.plain
+
+    def offers(self) -> dict[str, frozenset[str]]:
+        """The kinds that each active host offers; a drained host only what nobody else offers."""
+        hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
+        kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
+        elsewhere = frozenset[str]().union(*kept)
+        offers = {
+            name: kinds - elsewhere if self._entries[name].drained else kinds
+            for name, kinds in hosts.items()
+        }
+        return {name: kinds for name, kinds in offers.items() if kinds}
+
+    def machines(self) -> dict[str, str]:
+        """The machine of each active member."""
+        return {m.name: m.hello.host for m in self.active() if m.hello is not None}
+
+    def awaited_kinds(self) -> frozenset[str]:
+        """The kinds offered by hosts that are away and awaited."""
+        hellos = [member.hello for member in self.awaited() if member.hello is not None]
+        return frozenset[str]().union(*(_kinds(hello) for hello in hellos))
+
+    def lockstep_publishers(self) -> dict[str, tuple[str, ...]]:
+        """The lockstep publishers of each sensor topic."""
+        publishers: dict[str, tuple[str, ...]] = {}
+        for member in self:
+            hello = member.hello
+            if hello is not None and hello.ticks and (member.active or member.awaited):
+                for topic in hello.publishes:
+                    publishers[topic] = (*publishers.get(topic, ()), member.name)
+        return publishers
+
+    def devices(self, event_type: str) -> list[tuple[MemberEntry, Hello]]:
+        """The active devices that draw a visual event type."""
+        hellos = [(member, member.hello) for member in self.active()]
+        return [(member, h) for member, h in hellos if h is not None and event_type in h.draws]
+
+    def standing_for_people(self) -> frozenset[str]:
+        """The generators whose events count as sent by people.
+
+        Either their hello says so, as a keyboard's does, or somebody attached them to the world.
+        """
+        named, active = self._named, self.active()
+        return frozenset(
+            m.name
+            for m in active
+            if m.name not in named or (m.hello is not None and m.hello.people)
+        )
+
+    def makers(self, event_type: str) -> list[str]:
+        """The generators, present or awaited, that make events of a type by themselves.
+
+        Generators that stand for people, or that take orders for the type, are not among them.
+        """
+        hellos = [m.hello for m in self if m.hello is not None and (m.active or m.expected)]
+        return [
+            hello.member
+            for hello in hellos
+            if event_type in hello.generates and event_type not in hello.orders and not hello.people
+        ]
+
+    def takers(self, event_type: str) -> list[MemberEntry]:
+        """The active generators that take people's orders for an event type."""
+        active = self.active()
+        return [m for m in active if m.hello is not None and event_type in m.hello.orders]
+
+
+def _rates(hellos: Iterable[Hello]) -> dict[str, float]:
+    rates: dict[str, float] = {}
+    for hello in hellos:
+        for event_type in hello.draws if hello.rate > 0 else ():
+            rates[event_type] = max(rates.get(event_type, 0.0), hello.rate)
+    return rates
+
+
+def _ahead(member: MemberEntry) -> bool:
+    return member.hello is not None and member.hello.ahead
+
+
+def _kinds(hello: Hello) -> frozenset[str]:
+    return frozenset(kind.name for kind in hello.kinds)
