@@ -40,7 +40,8 @@ runroot = "{place}/running"
 
 def needs(*programs):
     """Skip unless the programs are installed and the tests run as root."""
-    missing = [program for program in programs if shutil.which(program) is None]
+    path = f"{os.environ.get('PATH', '')}:/usr/lib/podman:/usr/libexec/podman"
+    missing = [program for program in programs if shutil.which(program, path=path) is None]
     if missing:
         pytest.skip(f"apt-get install {' '.join(missing)}: not installed")
     if os.geteuid():

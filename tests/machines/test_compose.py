@@ -18,7 +18,7 @@ OURS = [name for name, one in COMPOSE["services"].items() if "profiles" not in o
 @pytest.fixture
 def compose(podman, image, tmp_path):
     """podman-compose for the project, with the keys that the page's commands make."""
-    needs("podman-compose")
+    needs("podman-compose", "aardvark-dns")
     text = README.partition("## Containers")[2].split("```")[1]
     script = "\n".join(line for line in text.splitlines() if "minerva keys" in line)
     assert script.count("minerva keys") == 4

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from tests.deploy.deployed import PODS, README
-from tests.machines.conftest import IMAGE, run
+from tests.machines.conftest import IMAGE, needs, run
 from tests.runtime.running import eventually
 
 pytestmark = [pytest.mark.deploy, pytest.mark.timeout(900)]
@@ -62,6 +62,7 @@ def secret(keys, name):
 @pytest.fixture
 def play(podman, image, tmp_path):
     """Start a pod of a manifest."""
+    needs("catatonit")
     section = README.partition("## Kubernetes")[2].partition("\n## ")[0]
     commands = "\n".join(line for line in section.splitlines() if line.startswith("minerva keys"))
     assert commands.count("minerva keys") == 2
