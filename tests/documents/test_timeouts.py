@@ -10,7 +10,7 @@ from minerva_bus.launch import members, starting, supervisor
 from minerva_bus.runtime import coordinator, greetings, member, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
-ROW = re.compile(r"^\| `((?:bus|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
+ROW = re.compile(r"^\| `((?:runtime|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
 
 
 def constant(path):
