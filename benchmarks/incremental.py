@@ -40,8 +40,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.watchers import Watchers
 
 WARM_UP: Final = 20
@@ -148,10 +148,10 @@ def in_process(what: str, size: int, frames: int, digest: bool = False) -> list[
             times.append(time.perf_counter())
 
     algorithm = FrameAlgorithm(world(what, size, frames))
-    runner = InProcess(algorithm, [participant(name) for name in MEMBERS], watch)
+    runner = InProcessRunner(algorithm, [participant(name) for name in MEMBERS], watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     return microseconds(times)
 
 

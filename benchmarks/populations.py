@@ -40,8 +40,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.columns import size
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.order import Order
 
@@ -176,10 +176,12 @@ def in_process(task: Task) -> Figures:
         if isinstance(instruction, s.FrameDone):
             meter.frame_done(algorithm)
 
-    runner = InProcess(algorithm, [*participants, Participant("host-0", agents=model.kinds)], watch)
+    runner = InProcessRunner(
+        algorithm, [*participants, Participant("host-0", agents=model.kinds)], watch
+    )
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     return {**meter.figures(), "memory_mb": memory("self")}
 
 
@@ -387,24 +389,24 @@ def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
     algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
     participants = [Participant(name, service) for name, service in services.items()]
     host = Participant("host-0", agents=model.kinds)
-    runner = InProcess(algorithm, [*participants, host], lambda _: None)
+    runner = InProcessRunner(algorithm, [*participants, host], lambda _: None)
     runner.start()
     found: dict[int, Figures] = {}
     for step in range(max(at) + 1):
         if step in at:
             found[step] = model.statistics(settled(runner, list(services.values())))
         for _ in range(cycle(model)):
-            runner.tell(s.Begin())
+            runner.handle(s.Begin())
     return found
 
 
-def settled(runner: InProcess, services: list[Any]) -> Scene:
+def settled(runner: InProcessRunner, services: list[Any]) -> Scene:
     """The string after a frame without a step, where the model's clock can be quiet."""
     quiet = [one for one in services if hasattr(one, "quiet")]
     for one in quiet:
         one.quiet = True
     if quiet:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     for one in quiet:
         one.quiet = False
     return runner.algorithm.scene

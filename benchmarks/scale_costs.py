@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -25,7 +25,8 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import open_client, open_hub
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.world.order import Order
@@ -39,15 +40,16 @@ LARGE = 4_000_000
 MODELS: dict[str, ModuleType] = {"in columns, all send": wealth, "one by one": plain}
 
 
-class Weighed(InProcess):
+class Weighed(InProcessRunner, Sink):
     """A world in one process, with the time of either side and the bytes between them."""
 
     def __init__(self, algorithm: FrameAlgorithm, members: list[Participant]) -> None:
-        super().__init__(algorithm, members, self._note)
+        super().__init__(algorithm, members, self, deliver=self._answers)
         self.ours = self.theirs = self.bytes = 0.0
         self.rows: list[tuple[float, float, float]] = []
-        self._ready = False
-        self._decoders = {one.name: Decoder(algorithm.world.vocabulary) for one in members}
+        self._began = 0.0
+        self._sent: tuple[Any, bytes] = None, b""
+        self._decoders = {member.name: Decoder(algorithm.world.vocabulary) for member in members}
         self._decoder = Decoder(algorithm.world.vocabulary)
 
     def run(self, frames: int) -> list[tuple[float, float, float]]:
@@ -55,45 +57,41 @@ class Weighed(InProcess):
         self.start()
         for _ in range(frames):
             self.ours = self.theirs = self.bytes = 0.0
-            self.tell(s.Begin())
+            self.handle(s.Begin())
             self.rows.append((self.ours, self.theirs, self.bytes))
         return self.rows
 
-    def tell(self, stimulus: s.Stimulus) -> None:
-        self._queue.append(stimulus)
-        while self._queue:
-            began = time.perf_counter()
-            done = self.algorithm.receive(self._queue.popleft())
-            self.ours += time.perf_counter() - began
-            for instruction in done:
-                self._carry_out(instruction)
+    def received(self, stimulus: s.Stimulus) -> None:
+        """The algorithm begins."""
+        self._began = time.perf_counter()
 
-    def _deliver(self, to: list[Participant], message: Any) -> None:
-        data = self._as_ours(lambda: encode(message))
-        for one in to:
-            self.bytes += len(data)
-            decoder = self._decoders[one.name]
-            began = time.perf_counter()
-            if isinstance(message, m.Welcome):
-                self._decoders[one.name] = Decoder(message.vocabulary)
-            answers = one.receive(decoder.to_member(data))
-            sent = [encode(answer) for answer in answers]
-            self.theirs += time.perf_counter() - began
-            for answer in sent:
-                self.bytes += len(answer)
-                name, bytes_ = one.name, answer
-                self._queue.append(
-                    self._as_ours(lambda n=name, b=bytes_: self._decoder.from_member(n, b))
-                )
+    def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
+        """The algorithm is done."""
+        self.ours += time.perf_counter() - self._began
+
+    def _answers(self, member: Participant, message: Any) -> Iterator[Any]:
+        if message is not self._sent[0]:
+            self._sent = message, self._as_ours(lambda: encode(message))
+        data = self._sent[1]
+        self.bytes += len(data)
+        began = time.perf_counter()
+        decoder = self._decoders[member.name]
+        if isinstance(message, m.Welcome):
+            self._decoders[member.name] = Decoder(message.vocabulary)
+        answers = member.receive(decoder.to_member(data))
+        sent = [encode(answer) for answer in answers]
+        self.theirs += time.perf_counter() - began
+        for answer in sent:
+            self.bytes += len(answer)
+            yield self._as_ours(
+                lambda answer=answer: self._decoder.from_member(member.name, answer)
+            )
 
     def _as_ours(self, work: Callable[[], Any]) -> Any:
         began = time.perf_counter()
         done = work()
         self.ours += time.perf_counter() - began
         return done
-
-    def _note(self, instruction: s.Instruction) -> None:
-        """Nothing is watched."""
 
 
 def world_of(model: ModuleType, agents: int) -> Weighed:

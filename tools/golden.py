@@ -24,10 +24,10 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.codec import encode
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -97,10 +97,10 @@ def golden_values(name: str) -> dict[str, str]:
             digests.append(instruction.record.digest.hex())
 
     members: Any = [Tapped(process.participant(), wire) for process in file.processes]
-    runner = InProcess(algorithm, members, watch)
+    runner = InProcessRunner(algorithm, members, watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     return {"string": digests[-1], **wire.digests()}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NoAnswer
 from queue import Empty, SimpleQueue
@@ -20,14 +20,15 @@ from minerva_bus.frame.pacing import Glances, Pace
 from minerva_bus.frame.participant import Participant, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.control import answer
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.notices import Outlet, Published
 from minerva_bus.runtime.operating import AskingOperator
+from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.totals import Totals
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator, Service
@@ -54,8 +55,15 @@ def close_services(participants: Iterable[Participant]) -> None:
 class Alone:
     """One world without a bus: the same frames, the same digests."""
 
-    def __init__(self, file: WorldFile, console: Console, began: float) -> None:
+    def __init__(
+        self,
+        file: WorldFile,
+        console: Console,
+        began: float,
+        *sinks: Sink | Callable[[Notice], None],
+    ) -> None:
         self._file = file
+        self._sinks = sinks
         self._console = console
         self._began = began
         self._status_at = began
@@ -94,11 +102,13 @@ class Alone:
         participants = [process.participant() for process in self._file.processes]
         for participant in participants:
             participant.operator = AskingOperator(self._ask)
-        runner = self._runner = InProcess(self.algorithm, participants, self._watch)
-        self._record = recording(
+        record = self._record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
-        runner.hear = self._record.sensed if self._record.topics else None
+        on_readings = record.sensed if record.topics else None
+        runner = self._runner = InProcessRunner(
+            self.algorithm, participants, self._watch, *self._sinks, on_readings=on_readings
+        )
         reason = ""
         try:
             for note in self._file.notes:
@@ -115,7 +125,7 @@ class Alone:
                     self._turn()
         except KeyboardInterrupt:
             reason = "interrupted"
-            runner.tell(s.End(reason))
+            runner.handle(s.End(reason))
         except Unready as error:
             raise WorldStopped(str(error)) from None
         except Exception as error:
@@ -129,7 +139,7 @@ class Alone:
 
     def _failed(self, error: Exception) -> WorldStopped:
         """Show an error in a member's code, and why the world stops."""
-        running = self._runner.running
+        running = self._runner.direct.running
         member = MEMBERS if running is None else running.name
         frame = max(self.algorithm.frame if running is None else running.frame, 0)
         self._console.frame = frame
@@ -206,11 +216,11 @@ class Alone:
     def _hear(self) -> None:
         for _ in range(self._said.qsize()):  # What comes meanwhile has to wait for a frame.
             participant, said = self._said.get()
-            self._runner.running = participant
+            self._runner.direct.running = participant
             if isinstance(said, Exception):
                 raise said
             if isinstance(said, Published):
-                self._runner.pass_on(participant.published(said.topic, said.reading))
+                self._runner.publish(participant.published(said.topic, said.reading))
             else:
                 self.tell(participant.emitted(said))
             self._outlets[participant.name].taken()
@@ -219,7 +229,7 @@ class Alone:
 
     def tell(self, stimulus: s.Stimulus) -> None:
         """Give the algorithm a stimulus, and carry out all that follows from it."""
-        self._runner.tell(stimulus)
+        self._runner.handle(stimulus)
 
     def repace(self) -> None:
         """The pace has changed: the next frame may begin now, later, or not at all."""
@@ -301,7 +311,7 @@ class Alone:
             live_line(self._file.world.name, status, self._file.world.frames, self._began)
         )
 
-    def _summary(self, runner: InProcess, reason: str) -> Summary:
+    def _summary(self, runner: InProcessRunner, reason: str) -> Summary:
         ended, first = runner.ended, self._first_frame
         return Summary(
             world=self._file.world.name,

@@ -17,13 +17,13 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.keeping import RecordSettings
 from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.specs import AGENTS, bind, entries, find_agents, find_service, load
 from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator
 
@@ -217,16 +217,15 @@ class _Rerun:
         self._difference: Difference | None = None
         self._algorithm = FrameAlgorithm(file.world)
         self._members = members
-        self._runner = InProcess(self._algorithm, members, self._watch)
 
     def run(self) -> Swapped:
         """Run it to its end."""
         from minerva_bus.log.comparison import Difference
 
-        runner, algorithm = self._runner, self._algorithm
-        said: list[str] = []
-        self._recording = recording(self._file, algorithm, said.append)
-        runner.hear = self._recording.sensed if self._recording.topics else None
+        algorithm, said = self._algorithm, list[str]()
+        record = self._recording = recording(self._file, algorithm, said.append)
+        on_readings = record.sensed if record.topics else None
+        runner = InProcessRunner(algorithm, self._members, self._watch, on_readings=on_readings)
         try:
             self._live(runner)
         finally:
@@ -246,13 +245,13 @@ class _Rerun:
             dict(ended.figures) if ended is not None else {},
         )
 
-    def _live(self, runner: InProcess) -> None:
+    def _live(self, runner: InProcessRunner) -> None:
         algorithm = self._algorithm
         try:
             runner.start()
             while runner.ended is None:
                 frame = algorithm.frame
-                runner.tell(s.Begin())
+                runner.handle(s.Begin())
                 if algorithm.frame == frame and runner.ended is None:
                     waited = ", ".join(algorithm.waiting_for()) or "agents that nobody here runs"
                     raise MinervaError(f"it waits for {waited}")

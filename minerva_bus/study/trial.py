@@ -24,6 +24,7 @@ from minerva_bus.launch.watching import WatchSettings
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.study.outcome import Outcome
 
@@ -92,25 +93,18 @@ def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Bu
     return coordinator
 
 
-class _Counting(Alone):
-    """A world in one process that counts its events."""
-
-    def __init__(self, file: WorldFile) -> None:
-        super().__init__(file, Console(quiet=True), time.monotonic())
-        self.events: Counter[str] = Counter()
-
-    def _watch(self, instruction: s.Instruction) -> None:
-        super()._watch(instruction)
-        if isinstance(instruction, s.FrameDone):
-            _count(self.events, instruction.events)
-
-
 def _alone(file: WorldFile) -> Outcome:
-    alone = _Counting(file)
+    counts: Counter[str] = Counter()
+
+    def observe(notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            _count(counts, notice.events)
+
+    alone = Alone(file, Console(quiet=True), time.monotonic(), observe)
     summary = alone.run()
     if alone.algorithm.failed:
         raise WorldStopped(summary.ended)
-    return _outcome(file, summary, str(alone.algorithm.scene), alone.events)
+    return _outcome(file, summary, str(alone.algorithm.scene), counts)
 
 
 def _outcome(file: WorldFile, summary: Summary, text: str, events: dict[str, int]) -> Outcome:

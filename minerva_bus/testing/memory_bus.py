@@ -1,21 +1,21 @@
-"""A bus in memory that delays, reorders and loses on demand: a world under any schedule.
+"""An in-memory bus that delays, reorders and loses messages on demand: a world under any schedule.
 
     bus = MemoryBus(world, {"steps": lambda: Participant("steps", Steps()), ...})
     bus.start()
     bus.run()
     assert bus.digests == ...
 
-Each member has a link up to the hub and one down from it, on which messages keep their order, as
-they do on a real bus; between links nothing is in order. Readings go up, and down to those who
-listen. Whether a member is there comes on a link of its own. What goes next is up to `settle` (a
-fixed order) or to the test: `ready` names all that could happen next, `step` lets one of it
-happen. Members that raise end as a process would.
+Each member has an uplink to the coordinator and a downlink from it. Messages on one link keep their
+order, as on a real bus; between links there is no order. Readings go up, and down to the members
+that subscribe to them. Liveliness changes have a link of their own. `settle` delivers everything in
+a fixed order; a test that wants another schedule lists the possible steps with `ready` and executes
+one with `step`. A member whose code raises ends, as its process would.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 from minerva_bus.frame import messages as m
@@ -24,9 +24,11 @@ from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.participant import Outgoing, Participant, Refusal
+from minerva_bus.runtime.direct import observers, receivers
+from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.testing.telling import told
 
-Maker: TypeAlias = Callable[[], Participant]
+MemberFactory: TypeAlias = Callable[[], Participant]
 Link: TypeAlias = tuple[str, str]
 
 BEGIN: Final[Link] = ("begin", "")
@@ -35,24 +37,85 @@ TWICE: Final = (m.TickRequest, m.EvolveRequest, m.TickReply, m.EvolveReply, m.Re
 _KINDS: Final = ("down", "up", "there")
 
 
-class MemoryBus:
-    """A world's coordinator and members, with every message in a queue until it is let through.
+class QueueTransport:
+    """Queues every message until the schedule delivers it. `alive` are the running members."""
 
-    `makers` makes a member's participant anew each time that it appears.
+    def __init__(self) -> None:
+        self.alive: dict[str, Participant] = {}
+        self.queues: dict[Link, deque[Any]] = {}
+
+    def queue(self, kind: str, name: str) -> deque[Any]:
+        """The queue of one link: "down", "up" or "there" (liveliness) of a member."""
+        return self.queues.setdefault((kind, name), deque())
+
+    def send(self, to: str, message: m.ToMember) -> tuple[()]:
+        """Queue a message for the members that listen, whether or not they have joined."""
+        for member in receivers(to, self.alive.values()):
+            self.queue("down", member.name).append(message)
+        return ()
+
+    def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
+        """Queue a view for its observers."""
+        for member in observers(event_type, self.alive.values()):
+            self.queue("down", member.name).append(message)
+        return ()
+
+    def publish(self, readings: m.Readings) -> None:
+        """Queue readings for the members that subscribe to their topic."""
+        for name, member in sorted(self.alive.items()):
+            if readings.topic in member.topics:
+                self.queue("down", name).append(readings)
+
+
+class _Log(Sink):
+    """Writes the trace of a run, and keeps its frames and messages."""
+
+    def __init__(self) -> None:
+        self.trace: list[str] = []
+        self.records: list[m.FrameRecord] = []
+        self.inputs: list[FrameInputs] = []
+        self.said: list[str] = []
+        self.ready = False
+
+    def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
+        """Add a stimulus and its instructions to the trace."""
+        self.trace.append(f"> {told(stimulus)}")
+        self.trace += [f"    {line}" for line in map(told, instructions) if line]
+
+    def observe(self, notice: Notice) -> None:
+        """Keep what tests ask for."""
+        if isinstance(notice, s.FrameDone):
+            self.records.append(notice.record)
+            if notice.inputs is not None:
+                self.inputs.append(notice.inputs)
+        elif isinstance(notice, s.Ready):
+            self.ready = True
+        elif isinstance(notice, s.Say):
+            self.said.append(f"{notice.member}: {notice.text}")
+
+
+class MemoryBus:
+    """A coordinator and its members, with every message queued until it is delivered.
+
+    `makers` creates a member each time it appears; `sinks` observe the run like those of a runner.
     """
 
-    def __init__(self, world: World, makers: Mapping[str, Maker]) -> None:
-        self.algorithm = FrameAlgorithm(world)
-        self.inputs: list[FrameInputs] = []
+    def __init__(
+        self,
+        world: World,
+        makers: Mapping[str, MemberFactory],
+        sinks: Iterable[Sink | Callable[[Notice], None]] = (),
+    ) -> None:
         self.makers = dict(makers)
-        self.alive: dict[str, Participant] = {}
-        self.records: list[m.FrameRecord] = []
-        self.ended: s.Ended | None = None
-        self.said: list[str] = []
-        self.trace: list[str] = []
-        self._queues: dict[Link, deque[Any]] = {}
+        self._sinks = tuple(sinks)
+        self._transport = QueueTransport()
+        self._log = _Log()
         self._held: set[Link] = set()
-        self._began = True
+        self._run(FrameAlgorithm(world))
+
+    def _run(self, algorithm: FrameAlgorithm) -> None:
+        self._runner = Runner(algorithm, self._transport, [self._log, *self._sinks])
+        self._log.ready = False
 
     # --- members come and go ------------------------------------------------------------------
 
@@ -64,14 +127,14 @@ class MemoryBus:
     def appear(self, name: str) -> None:
         """Start a member's process."""
         self.alive[name] = self.makers[name]()
-        self._queue("there", name).append(s.Appeared(name))
+        self._transport.queue("there", name).append(s.Appeared(name))
 
     def vanish(self, name: str) -> None:
-        """End a member's process: what it has not heard yet is lost, what it said is not."""
+        """End a member's process: messages to it are lost, messages from it are not."""
         if self.alive.pop(name, None) is None:
             return
-        self._queue("down", name).clear()
-        self._queue("there", name).append(s.Vanished(name))
+        self._transport.queue("down", name).clear()
+        self._transport.queue("there", name).append(s.Vanished(name))
 
     def restart(self, name: str) -> None:
         """Let a member vanish and appear again."""
@@ -79,15 +142,15 @@ class MemoryBus:
         self.appear(name)
 
     def leave(self, name: str) -> None:
-        """Let a member go of its own will."""
-        self._queue("up", name).append(m.Leaving(name))
+        """Let a member leave on its own initiative."""
+        self._transport.queue("up", name).append(m.Leaving(name))
         self.vanish(name)
 
     def kill_coordinator(self, successor: FrameAlgorithm | None = None) -> None:
-        """Let another coordinator go on after the last whole frame; members stay.
+        """Let another coordinator continue after the last complete frame; members stay.
 
-        A missing `successor` is computed from the inputs of all frames. What is under way is lost,
-        in both directions.
+        Without a `successor`, one is computed from the inputs of all frames. Messages in transit
+        are lost in both directions.
         """
         before = self.algorithm
         if successor is None:
@@ -95,94 +158,134 @@ class MemoryBus:
             for inputs in self.inputs:
                 successor.feed(inputs)
         successor.expect(member.name for member in before.members.active())
-        self.algorithm = successor
-        self._queues.clear()
-        self._began = True
+        self._transport.queues.clear()
+        self._run(successor)
         self.trace.append("the coordinator was killed")
         for name in sorted(self.alive):
-            self._queue("there", name).append(s.Appeared(name))
+            self._transport.queue("there", name).append(s.Appeared(name))
 
-    # --- one thing after another --------------------------------------------------------------
+    # --- one step at a time -------------------------------------------------------------------
 
     def ready(self) -> list[Link]:
-        """All that could happen next, sorted: to members, from them, and whether they are there."""
-        waiting = sorted(filter(self._may_pass, self._queues), key=_place)
-        if not waiting and self.algorithm.phase is Phase.STOPPING and self._mourned():
+        """All steps that could happen next, sorted: to members, from members, liveliness."""
+        queues = self._transport.queues
+        waiting = sorted(filter(self._may_pass, queues), key=_place)
+        if not waiting and self.algorithm.phase is Phase.STOPPING and self._awaits_the_dead():
             return [CLOCK]
-        return waiting if self._began or self.ended else [BEGIN, *waiting]
+        return [BEGIN, *waiting] if self._log.ready and not self.ended else waiting
 
     def step(self, link: Link) -> None:
-        """Let the first message of a link through, or the next frame begin."""
+        """Deliver the first message of a link, or begin the next frame."""
         if link in (BEGIN, CLOCK):
-            self._began = True
-            self.tell(s.Begin() if link == BEGIN else s.Silent())
+            self._log.ready = False
+            self.handle(s.Begin() if link == BEGIN else s.Silent())
             return
-        message, (kind, name) = self._queues[link].popleft(), link
+        message, (kind, name) = self._transport.queues[link].popleft(), link
         if kind == "down":
-            self._hear(name, message)
+            self._deliver(name, message)
         elif isinstance(message, m.Readings):
-            self._pass_on(message)
+            self._transport.publish(message)
         else:
-            self.tell(message)
+            self.handle(message)
 
     def _may_pass(self, link: Link) -> bool:
-        """Whether there is something on a link.
+        """Whether the first message of a link may be delivered now.
 
-        A departure may overtake last words; a successor appears when they have long been heard.
+        A departure may overtake a member's last messages; a successor appears only after they have
+        been delivered, because the new process starts later than the old one ended.
         """
-        queue, (kind, name) = self._queues[link], link
+        queue, (kind, name) = self._transport.queues[link], link
         if kind == "there" and queue and isinstance(queue[0], s.Appeared):
-            return not self._queues.get(("up", name))
+            return not self._transport.queues.get(("up", name))
         return bool(queue)
 
-    def _mourned(self) -> bool:
-        """Whether the coordinator waits for last words of somebody who is dead."""
+    def _awaits_the_dead(self) -> bool:
+        """Whether the coordinator waits for the report of a member that has ended."""
         return any(name not in self.alive for name in self.algorithm.waiting_for())
 
     def hold(self, *links: Link) -> None:
-        """Hold up what is on these links, until `release`; `step` lets it through all the same."""
+        """Let `settle` skip these links until `release`; `step` still delivers from them."""
         self._held.update(links)
 
     def release(self) -> None:
-        """Hold up nothing any more."""
+        """Hold no link any longer."""
         self._held.clear()
 
     def settle(self) -> None:
-        """Let all messages through that are not held up, in a fixed order; begin no frame."""
-        while links := [one for one in self.ready() if one != BEGIN and one not in self._held]:
+        """Deliver all messages of links that are not held, in a fixed order; begin no frame."""
+        while links := [link for link in self.ready() if link != BEGIN and link not in self._held]:
             self.step(links[0])
 
     def frame(self) -> None:
-        """Begin a frame, and let all messages through that are not held up."""
+        """Begin a frame and deliver all messages of links that are not held."""
         self.step(BEGIN)
         self.settle()
 
     def run(self, frames: int = 1000) -> None:
-        """Run to the world's end, for so many frames, or to where the world waits."""
+        """Run until the world ends, for so many frames, or until it waits."""
         self.settle()
         for _ in range(frames):
-            if self.ended is not None or self._began:
+            if self.ended is not None or not self._log.ready:
                 return
             self.frame()
 
     def repeat(self, link: Link) -> None:
-        """Let the first message of a link come once more, behind all that is on its way there.
+        """Deliver the first message of a link a second time, after all others on the link.
 
-        Only what a frame asks and what is answered comes twice; all else a link says once.
+        Only requests of a frame and their replies can be duplicated; a link sends all else once.
         """
-        message = self._queues[link][0]
-        if isinstance(message, TWICE):
-            self._queues[link].append(message)
+        queue = self._transport.queues[link]
+        if isinstance(queue[0], TWICE):
+            queue.append(queue[0])
 
     def drop(self, link: Link) -> None:
         """Lose the first message of a link."""
-        self._queues[link].popleft()
+        self._transport.queues[link].popleft()
 
     def put(self, message: Outgoing) -> None:
-        """Say something in a member's name."""
-        self._queue("up", message.member).append(message)
+        """Send a message in a member's name."""
+        self._transport.queue("up", message.member).append(message)
 
-    # --- what follows ---------------------------------------------------------------------------
+    def handle(self, stimulus: s.Stimulus) -> None:
+        """Pass a stimulus to the algorithm and queue the messages it sends."""
+        self._runner.handle(stimulus)
+
+    # --- results --------------------------------------------------------------------------------
+
+    @property
+    def algorithm(self) -> FrameAlgorithm:
+        """The frame algorithm of the coordinator that runs now."""
+        return self._runner.algorithm
+
+    @property
+    def alive(self) -> dict[str, Participant]:
+        """The running members, by name."""
+        return self._transport.alive
+
+    @property
+    def ended(self) -> s.Ended | None:
+        """How the world ended, once it has."""
+        return self._runner.ended
+
+    @property
+    def trace(self) -> list[str]:
+        """Every stimulus, followed by its instructions, one line each."""
+        return self._log.trace
+
+    @property
+    def records(self) -> list[m.FrameRecord]:
+        """The record of each frame."""
+        return self._log.records
+
+    @property
+    def inputs(self) -> list[FrameInputs]:
+        """The inputs of each frame."""
+        return self._log.inputs
+
+    @property
+    def said(self) -> list[str]:
+        """Each message about a member, as "name: text"."""
+        return self._log.said
 
     @property
     def digests(self) -> list[str]:
@@ -191,55 +294,16 @@ class MemoryBus:
 
     @property
     def stuck(self) -> list[str]:
-        """For whom a world waits that will never go on: all are alive, and nothing is under way.
+        """Members for which the world waits forever: all are alive, and no message is in transit.
 
-        A world that waits for nobody and goes on no more names itself.
+        A world that waits for nobody and does not continue names itself.
         """
         if self.ended is not None or self.ready():
             return []
         awaited = self.algorithm.waiting_for()
         return [] if any(name not in self.alive for name in awaited) else awaited or ["the world"]
 
-    def tell(self, stimulus: s.Stimulus) -> None:
-        """Give the algorithm a stimulus, and queue what it says."""
-        self.trace.append(f"> {told(stimulus)}")
-        for instruction in self.algorithm.receive(stimulus):
-            if line := told(instruction):
-                self.trace.append(f"    {line}")
-            self._carry_out(instruction)
-
-    def _carry_out(self, instruction: s.Instruction) -> None:
-        if isinstance(instruction, s.Send):
-            for name in self._addressed(instruction.to):
-                self._queue("down", name).append(instruction.message)
-        elif isinstance(instruction, s.Show):
-            for name in self._observers(instruction.event_type):
-                self._queue("down", name).append(instruction.message)
-        elif isinstance(instruction, s.FrameDone):
-            self.records.append(instruction.record)
-            if instruction.inputs is not None:
-                self.inputs.append(instruction.inputs)
-        elif isinstance(instruction, s.Ready):
-            self._began = False
-        elif isinstance(instruction, s.Say):
-            self.said.append(f"{instruction.member}: {instruction.text}")
-        elif isinstance(instruction, s.Ended):
-            self.ended = instruction
-
-    def _addressed(self, to: str) -> list[str]:
-        """The members that listen to a key: by what they are, not by what anyone knows of them."""
-        if to == s.TICKED:
-            hellos = [(name, one.hello()) for name, one in sorted(self.alive.items())]
-            return [name for name, hello in hellos if hello.ticks and not hello.ahead]
-        if to == s.HOSTS:
-            return [name for name, one in sorted(self.alive.items()) if one.host.kinds]
-        return [name for name in sorted(self.alive) if to in (s.EVERYONE, name)]
-
-    def _observers(self, event_type: str) -> list[str]:
-        hellos = [(name, one.hello()) for name, one in sorted(self.alive.items())]
-        return [name for name, h in hellos if event_type in h.draws and not h.coupled]
-
-    def _hear(self, name: str, message: m.ToMember | m.Readings) -> None:
+    def _deliver(self, name: str, message: m.ToMember | m.Readings) -> None:
         member = self.alive[name]
         try:
             answers = member.receive(message)
@@ -255,14 +319,6 @@ class MemoryBus:
             self.put(answer)
         if member.stopped:
             self.vanish(name)
-
-    def _pass_on(self, readings: m.Readings) -> None:
-        for name, member in sorted(self.alive.items()):
-            if readings.topic in member.topics:
-                self._queue("down", name).append(readings)
-
-    def _queue(self, kind: str, name: str) -> deque[Any]:
-        return self._queues.setdefault((kind, name), deque())
 
 
 def _place(link: Link) -> tuple[int, str]:

@@ -8,9 +8,9 @@ from minerva_bus import EventType, Vocabulary, on
 from minerva_bus.acl import CONTRACT_NET, MESSAGES, Talker
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 eStep = EventType("eStep")
 
@@ -121,8 +121,8 @@ def auction(processes=1, seed=5):
                 if event.type == "eMessage"
             )
 
-    runner = InProcess(algorithm, [one.participant() for one in file.processes], told)
+    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], told)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     return strings, messages

@@ -13,10 +13,10 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.runtime.direct import InProcessRunner
 
 TESTS = Path(__file__).parents[1]
 FRAMES = 12
@@ -67,12 +67,12 @@ def lasers_of_each_frame(file, readings=()):
             frames.append([(e.dist, e.angle) for e in single(events) if e.type == "eLaser"])
 
     members = {one.name: one.participant() for one in file.processes}
-    runner = InProcess(algorithm, members.values(), told)
+    runner = InProcessRunner(algorithm, members.values(), told)
     runner.start()
     for number in range(FRAMES):
         if number < len(readings):
-            runner.pass_on(members["log"].published(*readings[number]))
-        runner.tell(s.Begin())
+            runner.publish(members["log"].published(*readings[number]))
+        runner.handle(s.Begin())
     return frames, algorithm.scene
 
 

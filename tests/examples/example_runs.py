@@ -9,9 +9,9 @@ from minerva_bus import Event, Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -33,10 +33,10 @@ class Run:
                 self.digests.append(algorithm.scene.digest.hex())
                 self.events.append(list(single(instruction.record.events)))
 
-        runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+        runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
         runner.start()
         while runner.ended is None:
-            runner.tell(s.Begin())
+            runner.handle(s.Begin())
         assert not algorithm.failed, runner.ended.reason
 
 

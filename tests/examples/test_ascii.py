@@ -25,10 +25,10 @@ from minerva_bus import (
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service, find_world
+from minerva_bus.runtime.direct import InProcessRunner
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "ascii"
@@ -51,10 +51,10 @@ def show(spec: str, world: str, frames: int) -> None:
     device.every = 10**6  # type: ignore[attr-defined]
     members = [process.participant() for process in file.processes]
     algorithm = FrameAlgorithm(file.world)
-    runner = InProcess(algorithm, [*members, Participant("ascii", device)], lambda _: None)
+    runner = InProcessRunner(algorithm, [*members, Participant("ascii", device)], lambda _: None)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
 
 
 @pytest.mark.parametrize(

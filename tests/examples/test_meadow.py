@@ -20,9 +20,9 @@ from minerva_bus import EMPTY, Event, Frame, Scene, evolve, visualize
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import AgentNode, agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "meadow"
@@ -156,7 +156,7 @@ class Run:
         self.algorithm = FrameAlgorithm(file.world)
         self.heard: Counter[str] = Counter()
         participants = [process.participant() for process in file.processes]
-        self._runner = InProcess(self.algorithm, participants, self._watch)
+        self._runner = InProcessRunner(self.algorithm, participants, self._watch)
         self._runner.start()
 
     def _watch(self, instruction: s.Instruction) -> None:
@@ -167,7 +167,7 @@ class Run:
     def frames(self, count: int) -> Iterator[dict[str, int]]:
         """The population after each frame."""
         for _ in range(count):
-            self._runner.tell(s.Begin())
+            self._runner.handle(s.Begin())
             nodes = self.algorithm.scene.nodes
             yield Counter(node.symbol for node in nodes if isinstance(node, AgentNode))
 

@@ -11,9 +11,9 @@ from minerva_bus import Frame, evolve
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import Begin
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 from tests.runtime.running import here, minerva, summary
 
 FOLDER = Path(__file__).parents[2] / "examples" / "traffic"
@@ -31,10 +31,10 @@ def lived(norms, frames=500):
     file = read_world_file(FOLDER / "traffic.toml", overrides)
     algorithm = FrameAlgorithm(file.world)
     members = [process.participant() for process in file.processes]
-    runner = InProcess(algorithm, members, lambda instruction: None)
+    runner = InProcessRunner(algorithm, members, lambda instruction: None)
     runner.start()
     while runner.ended is None:
-        runner.tell(Begin())
+        runner.handle(Begin())
     return runner.ended.figures, [one.state for one in agents(algorithm.scene) if "c" in one.id]
 
 

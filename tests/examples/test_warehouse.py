@@ -18,9 +18,9 @@ from minerva_bus.acl import eMessage
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "warehouse"
@@ -113,10 +113,10 @@ class Run:
         self.algorithm = FrameAlgorithm(file.world)
         self.messages = []
         participants = [process.participant() for process in file.processes]
-        runner = InProcess(self.algorithm, participants, self._watch)
+        runner = InProcessRunner(self.algorithm, participants, self._watch)
         runner.start()
         while runner.ended is None:
-            runner.tell(s.Begin())
+            runner.handle(s.Begin())
 
     def _watch(self, instruction):
         if isinstance(instruction, s.FrameDone):

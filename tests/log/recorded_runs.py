@@ -6,7 +6,6 @@ from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
@@ -14,6 +13,7 @@ from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.runtime.direct import InProcessRunner
 
 ROOT = Path(__file__).parents[2]
 WORLDS = {
@@ -42,10 +42,10 @@ def run(file, watch):
         if isinstance(instruction, s.FrameDone):
             watch(instruction.record, algorithm.scene, algorithm.checkpoint)
 
-    runner = InProcess(algorithm, [one.participant() for one in file.processes], told)
+    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], told)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
 
 
 def description(file):

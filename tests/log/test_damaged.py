@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.log import channels as c
@@ -24,6 +23,7 @@ from minerva_bus.log.info import info_of
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recovering import recover, recovered_name
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import (
     CHECKPOINTS,
     ROOT,
@@ -406,10 +406,10 @@ def test_a_damaged_record_is_gone_on_from(chunk, tmp_path):
         if isinstance(told, s.FrameDone):
             lived[told.frame + 1] = algorithm.scene
 
-    runner = InProcess(algorithm, [one.participant() for one in resumed.processes], watch)
+    runner = InProcessRunner(algorithm, [one.participant() for one in resumed.processes], watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     assert len(lived) == 62 - begin
     assert all(string == strings[number] for number, string in lived.items() if number <= 60)
 

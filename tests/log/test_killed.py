@@ -29,7 +29,7 @@ import sys
 from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
@@ -46,10 +46,10 @@ def watch(told):
         record.frame(told)
         print(record._recorder.frames, flush=True)
 
-runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
 runner.start()
 while True:
-    runner.tell(s.Begin())
+    runner.handle(s.Begin())
 """
 """A run that says after each frame how many are sure to be in its record, until it is killed."""
 

@@ -15,8 +15,8 @@ import pytest
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Begin, FrameDone
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.log.journal import FORMAT, Journal, go_on, read_journal
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import processes, world
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -35,10 +35,10 @@ def write(path):
     algorithm = FrameAlgorithm(world(FRAMES + 1))
     journal = Journal(path, 1, algorithm)
     members = [process.participant() for process in processes({}, count(1))]
-    runner = InProcess(algorithm, members, watch)
+    runner = InProcessRunner(algorithm, members, watch)
     runner.start()
     for _ in range(FRAMES):
-        runner.tell(Begin())
+        runner.handle(Begin())
     journal.close(over=False)
     path.with_suffix(".json").write_text(json.dumps({"digests": digests}) + "\n")
 

@@ -12,10 +12,10 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.replaying import OVER, ReplayAlgorithm
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.recomputing import recompute
+from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
 mcap = pytest.importorskip("mcap")
@@ -48,10 +48,10 @@ def lived(name):
         if isinstance(told, s.FrameDone):
             digests.append(told.record.digest)
 
-    runner = InProcess(algorithm, [*members, Participant("seen", seen)], watch)
+    runner = InProcessRunner(algorithm, [*members, Participant("seen", seen)], watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     return seen.shown, digests
 
 
@@ -70,15 +70,15 @@ class Projector:
         self.algorithm = ReplayAlgorithm(world, self.cursor, kinds_in(file), stay=stay)
         self.told, self.seen = [], Seen(name)
         members = [Participant("seen", self.seen)] if seen else []
-        self.runner = InProcess(self.algorithm, members, self.told.append)
+        self.runner = InProcessRunner(self.algorithm, members, self.told.append)
         self.runner.start()
         if not seen:
-            self.runner.tell(s.Begin())  # Nobody is waited for: this only gets it ready.
+            self.runner.handle(s.Begin())  # Nobody is waited for: this only gets it ready.
 
     def play(self, frames=1000):
         for _ in range(frames):
             if self.runner.ended is None and self.cursor.ahead is not None:
-                self.runner.tell(s.Begin())
+                self.runner.handle(s.Begin())
 
     @property
     def digests(self):
@@ -90,7 +90,7 @@ def test_its_views_and_strings_are_those_of_the_run(name, tmp_path):
     projector, (shown, digests) = Projector(name, tmp_path), lived(name)
     played = []
     while projector.runner.ended is None:
-        projector.runner.tell(s.Begin())
+        projector.runner.handle(s.Begin())
         played.append(projector.algorithm.scene.digest)
     assert projector.seen.shown == shown
     assert played == digests
@@ -113,20 +113,20 @@ def test_it_is_wound_to_any_frame_and_shows_it_at_once(name, tmp_path):
     assert projector.algorithm.scene.digest == digests[-1]
     for frame in (3, 10, 0, 8):
         projector.seen.shown.clear()
-        projector.runner.tell(s.Seek(frame))
+        projector.runner.handle(s.Seek(frame))
         projector.play(2)
         assert projector.seen.shown[0] == (frame, by_frame[frame])
         assert projector.seen.shown[1:] == [(n, by_frame[n]) for n in (frame, frame + 1)]
         assert projector.algorithm.scene.digest == digests[frame + 1]
     projector.seen.shown.clear()
-    projector.runner.tell(s.Seek(projector.cursor.end))
+    projector.runner.handle(s.Seek(projector.cursor.end))
     assert projector.seen.shown == [(projector.cursor.end, by_frame[projector.cursor.end])]
 
 
 def test_to_wind_it_to_its_end_is_to_end_it(tmp_path):
     projector = Projector("meadow", tmp_path)
     projector.play(2)
-    projector.runner.tell(s.Seek(projector.cursor.end))
+    projector.runner.handle(s.Seek(projector.cursor.end))
     assert projector.runner.ended.reason == OVER
 
 
@@ -140,8 +140,8 @@ def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):
     projector = Projector("meadow", tmp_path, seen=False)
     projector.play(5)
     seen = Seen("meadow")
-    projector.runner._participants["late"] = Participant("late", seen)
-    projector.runner.tell(s.Appeared("late"))
+    projector.runner.direct.add(Participant("late", seen))
+    projector.runner.handle(s.Appeared("late"))
     assert seen.shown == [(5, dict(lived("meadow")[0])[5])]
 
 
@@ -150,7 +150,7 @@ def test_it_rests_for_as_long_as_somebody_looks(tmp_path):
     projector.play()
     assert projector.runner.ended is None
     assert not projector.algorithm.waiting_for()
-    projector.runner.tell(m.Leaving("seen"))
+    projector.runner.handle(m.Leaving("seen"))
     assert projector.runner.ended.reason == OVER
 
 
@@ -163,7 +163,7 @@ def test_it_does_not_rest_for_nobody(tmp_path):
 def test_it_takes_no_orders(tmp_path):
     projector = Projector("meadow", tmp_path)
     vocabulary = projector.algorithm.world.vocabulary
-    projector.runner.tell(s.Order(vocabulary.events["eStep"]()))
+    projector.runner.handle(s.Order(vocabulary.events["eStep"]()))
     assert not projector.algorithm._inbox
 
 

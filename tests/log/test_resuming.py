@@ -9,7 +9,6 @@ import pytest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides, toml_value
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.resuming import option_text, read_resumed
@@ -20,6 +19,7 @@ from minerva_bus.log.description import LIMITS
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.wire.values import Reader
 from tests.log.recorded_runs import (
     CHECKPOINTS,
@@ -52,10 +52,10 @@ def lived(file, stop=None):
             record.frame(told)
             digests[told.frame] = told.record.digest
 
-    runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
     runner.start()
     while runner.ended is None and algorithm.frame != stop:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     record.close()
     return digests
 
@@ -258,10 +258,10 @@ def test_events_of_people_that_wait_for_a_frame_come_in_it(tmp_path):
             algorithm._inbox["~order"] = [order] if told.frame == 3 else []
             record.frame(told)
 
-    runner = InProcess(algorithm, [one.participant() for one in file.processes], watch)
+    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
     runner.start()
     while algorithm.frame < 4:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     record.close()
     past = read_resumed(tmp_path / "cut.mcap", "", Overrides()).world.past
     assert past.inbox == {"~order": (order,)}

@@ -39,7 +39,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.semantics.volumes import volumes
 from minerva_bus.world.order import Order
 from minerva_services.input.each import Each
@@ -178,10 +178,10 @@ class Story:
                 self.scenes.append(algorithm.scene)
                 self.collisions.append([one for one in events if one.type == "eCollision"])
 
-        runner = InProcess(algorithm, members, watch)
+        runner = InProcessRunner(algorithm, members, watch)
         runner.start()
         while runner.ended is None:
-            runner.tell(s.Begin())
+            runner.handle(s.Begin())
         assert not algorithm.failed, runner.ended.reason
 
 

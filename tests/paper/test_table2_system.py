@@ -37,7 +37,7 @@ from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import Scene, agents, scene_of
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.semantics.geometry import Geometry, interpret
 from minerva_bus.testing import transcription
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
@@ -147,11 +147,11 @@ class Setting:
             expected=named, frames=self.most,
         )  # fmt: skip
         algorithm = FrameAlgorithm(world)
-        runner = InProcess(algorithm, members, partial(self._watch, run))
+        runner = InProcessRunner(algorithm, members, partial(self._watch, run))
         runner.start()
         while runner.ended is None:
             run.strings.append(algorithm.scene)
-            runner.tell(Begin())
+            runner.handle(Begin())
             assert len(run.strings) <= self.most
         return run
 

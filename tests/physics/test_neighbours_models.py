@@ -14,9 +14,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.order import Order
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,10 +50,10 @@ def run(
         if isinstance(instruction, s.FrameDone):
             digests.append(algorithm.scene.digest.hex())
 
-    runner = InProcess(algorithm, members, watch)
+    runner = InProcessRunner(algorithm, members, watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     assert not algorithm.failed, runner.ended.reason
     return digests, algorithm.scene
 
@@ -117,10 +117,10 @@ def test_the_flock_of_the_examples_is_the_same_in_any_number_of_processes() -> N
         members = [process.participant() for process in file.processes]
         assert len(members) == processes + 2
         algorithm = FrameAlgorithm(file.world)
-        runner = InProcess(algorithm, members, lambda _: None)
+        runner = InProcessRunner(algorithm, members, lambda _: None)
         runner.start()
         while runner.ended is None:
-            runner.tell(s.Begin())
+            runner.handle(s.Begin())
         assert not algorithm.failed, runner.ended.reason
         assert algorithm.frame == 30
         digests.add(algorithm.scene.digest)

@@ -12,9 +12,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ class Run:
         self.events = []
         self.digests = []
         members = [process.participant() for process in file.processes]
-        self.runner = InProcess(self.algorithm, members, self._watch)
+        self.runner = InProcessRunner(self.algorithm, members, self._watch)
         self.runner.start()
 
     def _watch(self, instruction):
@@ -48,13 +48,13 @@ class Run:
             self.digests.append(instruction.record.digest)
 
     def order(self, event):
-        self.runner.tell(s.Order(event))
+        self.runner.handle(s.Order(event))
         return self
 
     def to_the_end(self, frames):
         while self.runner.ended is None:
             assert self.algorithm.frame < frames
-            self.runner.tell(s.Begin())
+            self.runner.handle(s.Begin())
         return self
 
     def of(self, *types):

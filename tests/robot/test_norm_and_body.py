@@ -10,9 +10,9 @@ from errands import FILE
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.direct import InProcessRunner
 
 STEP = 0.08
 """Metres that a robot drives in a frame: w is a frame ahead of the body between two frames."""
@@ -41,13 +41,13 @@ class Watched:
         self.algorithm = FrameAlgorithm(file.world)
         members = [process.participant() for process in file.processes]
         self.physics = next(one.service for one in members if one.name == "physics")
-        self.runner = InProcess(self.algorithm, members, lambda told: None)
+        self.runner = InProcessRunner(self.algorithm, members, lambda told: None)
         self.runner.start()
         self.apart, self.cells = 0.0, set()
 
     def run(self, frames):
         while self.runner.ended is None and self.algorithm.frame < frames:
-            self.runner.tell(s.Begin())
+            self.runner.handle(s.Begin())
             arena = self.physics._stage.arena
             for robot in agents(self.algorithm.scene):
                 if robot.id in arena.bodies:

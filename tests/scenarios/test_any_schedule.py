@@ -34,7 +34,7 @@ from minerva_bus import Scene
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import Begin, FrameDone, GaveUp
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.memory_bus import MemoryBus
 
 POND = """
@@ -67,10 +67,10 @@ class Setting:
                 found.append(instruction.record.digest.hex())
 
         members = [make() for make in self.members.values()]
-        runner = InProcess(FrameAlgorithm(self.world), members, watch)
+        runner = InProcessRunner(FrameAlgorithm(self.world), members, watch)
         runner.start()
         while runner.ended is None:
-            runner.tell(Begin())
+            runner.handle(Begin())
         return found, runner.ended
 
 
@@ -217,7 +217,7 @@ def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(settin
         note("\n".join(bus.trace))
         assert bus.stuck == []
         for name in sorted(mortal - bus.alive.keys()):
-            bus.tell(GaveUp(name))
+            bus.handle(GaveUp(name))
         assert not given_up
         given_up = True
         play(bus, chance, [])

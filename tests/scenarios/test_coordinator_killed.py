@@ -26,7 +26,7 @@ def run(setting, kills):
             bus.kill_coordinator()
             for name in sorted(setting.members.keys() - bus.alive.keys()):
                 if len(bus.records) == FRAMES:  # It was told of the end, and has gone.
-                    bus.tell(GaveUp(name))
+                    bus.handle(GaveUp(name))
     return bus, steps
 
 

@@ -145,7 +145,7 @@ def test_a_person_may_end_it_in_any_phase(phase):
         bus.hold(links[phase])
         bus.frame()
     assert bus.algorithm.phase is phase
-    bus.tell(s.End("a person wishes it"))
+    bus.handle(s.End("a person wishes it"))
     bus.release()
     bus.settle()
     assert bus.ended is not None
@@ -172,7 +172,7 @@ def test_what_comes_after_the_end_is_ignored():
         s.GaveUp("add"),
         s.Vanished("host"),
     ):
-        bus.tell(told)
+        bus.handle(told)
     assert bus.ended.figures == {"adders": 1, "added": 1}
     assert not any("ended" in line for line in bus.trace)
 
@@ -196,7 +196,7 @@ def test_figures_of_guests_count_and_those_of_the_dead_do_not():
     bus.appear("guest")
     bus.run(1)
     bus.vanish("more")
-    bus.tell(s.End("enough"))
+    bus.handle(s.End("enough"))
     bus.settle()
     assert bus.ended.figures == {"adders": 2, "added": 31}
 
@@ -250,13 +250,13 @@ def test_one_that_says_nothing_is_not_waited_for_for_ever():
     bus.settle()
     assert bus.algorithm.phase is Phase.STOPPING
     assert bus.algorithm.waiting_for() == ["host"]
-    bus.tell(s.End("no report in time"))
+    bus.handle(s.End("no report in time"))
     assert bus.ended.reason == "the frames are over"
 
 
 def test_a_world_without_anybody_ends_at_once():
     bus = counters(members={"add": service("add", Add)}, expected=[])
-    bus.tell(s.End("never mind"))
+    bus.handle(s.End("never mind"))
     assert bus.ended.reason == "never mind"
     assert bus.ended.figures == {}
 
@@ -275,7 +275,7 @@ def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
     assert bus.algorithm.phase is Phase.CLOSING
     assert bus.algorithm.waiting_for() == ["host"]
     bus.trace.clear()
-    bus.tell(s.GaveUp("host"))
+    bus.handle(s.GaveUp("host"))
     bus.settle()
     expect(
         bus,

@@ -272,7 +272,7 @@ def test_a_member_of_another_protocol_is_refused():
     bus.start()
     bus.run(1)
     bus.trace.clear()
-    bus.tell(s.Appeared("old"))
+    bus.handle(s.Appeared("old"))
     bus.put(m.Hello("old", 0, generates=("eAdd",)))
     bus.run(1)
     expect(
@@ -332,7 +332,7 @@ def test_a_member_that_appears_while_the_world_ends_is_told_so():
     bus = counters()
     bus.start()
     bus.settle()
-    bus.tell(s.End("enough"))
+    bus.handle(s.End("enough"))
     bus.makers["late"] = host("late", Mother)
     bus.appear("late")
     bus.settle()

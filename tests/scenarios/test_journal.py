@@ -30,19 +30,15 @@ class Written:
     def __init__(self, path, name, epoch=7):
         setting = SETTINGS[name]
         self.path, self.world = path, setting.world
-        self.bus = MemoryBus(setting.world, setting.members)
+        self.bus = MemoryBus(setting.world, setting.members, [self._observe])
         self.journal = j.Journal(path, epoch, self.bus.algorithm)
-        carry_out = self.bus._carry_out
-
-        def watch(instruction):
-            carry_out(instruction)
-            if isinstance(instruction, FrameDone):
-                self.journal.members(one.name for one in self.bus.algorithm.members.active())
-                self.journal.frame(instruction.inputs)
-
-        self.bus._carry_out = watch
         self.bus.start()
         self.bus.settle()
+
+    def _observe(self, notice):
+        if isinstance(notice, FrameDone):
+            self.journal.members(one.name for one in self.bus.algorithm.members.active())
+            self.journal.frame(notice.inputs)
 
     def read(self):
         past = j.read_journal(self.path, self.world)
@@ -198,7 +194,7 @@ def test_people_s_events_between_two_frames_are_not_lost(tmp_path):
     written.bus.frame()
     algorithm = written.bus.algorithm
     event = written.world.vocabulary.events["eAdd"](n=3)
-    written.bus.tell(Order(event))
+    written.bus.handle(Order(event))
     written.journal.waiting(algorithm.ordered)
     _, again, _ = written.read()
     assert kept(again) == kept(algorithm)

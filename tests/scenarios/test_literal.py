@@ -21,7 +21,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.testing.strategies import family_events, family_strings
@@ -79,10 +79,12 @@ def in_one_process(*what, **rest):
         if isinstance(instruction, FrameDone):
             found.append(instruction.record.digest.hex())
 
-    runner = InProcess(FrameAlgorithm(described), [make() for make in members.values()], watch)
+    runner = InProcessRunner(
+        FrameAlgorithm(described), [make() for make in members.values()], watch
+    )
     runner.start()
     while runner.ended is None:
-        runner.tell(Begin())
+        runner.handle(Begin())
     return found
 
 
@@ -254,7 +256,7 @@ def test_a_world_in_which_agents_would_vanish_does_not_rest():
     bus.start()
     bus.settle()
     assert not bus.algorithm.at_rest
-    bus.tell(m.Emitted("bell", (eAdd(1),)))
+    bus.handle(m.Emitted("bell", (eAdd(1),)))
     bus.frame()
     assert str(bus.algorithm.scene) == "ACounter#a<n=1>() · PDot<x=0>"
     assert not bus.algorithm.at_rest

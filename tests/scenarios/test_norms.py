@@ -16,7 +16,7 @@ from minerva_bus.frame.stimuli import Begin, FrameDone, Order
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.norms import SOURCE, Norm, Then
 
@@ -39,12 +39,12 @@ def live(scene, norms, kinds=KINDS, hosts=1, frames=8, before=(), **rest):
         if isinstance(told, FrameDone):
             found.append((told.events, algorithm.scene))
 
-    runner = InProcess(algorithm, [make() for make in members.values()], watch)
+    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
     runner.start()
     for stimulus in before:
-        runner.tell(stimulus)
+        runner.handle(stimulus)
     while runner.ended is None:
-        runner.tell(Begin())
+        runner.handle(Begin())
     return found, algorithm, runner.ended.figures
 
 
@@ -316,9 +316,9 @@ def ordered(members, orders, norms=(HUSH,), expected=None, emitted=()):
     bus.start()
     bus.run(1)
     for event in orders:
-        bus.tell(Order(event))
+        bus.handle(Order(event))
     for name, event in emitted:
-        bus.tell(Emitted(name, (event,)))
+        bus.handle(Emitted(name, (event,)))
     bus.run(2)
     return [str(e) for one in bus.records for e in single(one.events) if e.type == "eShout"], bus
 
@@ -366,7 +366,7 @@ def test_an_order_that_is_handed_over_is_obeyed_once_whenever_the_coordinator_di
     bus = MemoryBus(street("ARunner#r<speed=-9>", (HUSH,), members, frames=0), members)
     bus.start()
     bus.run(1)
-    bus.tell(Order(eShout(4.0)))
+    bus.handle(Order(eShout(4.0)))
     for _ in range(steps):
         bus.step(bus.ready()[0])
     waits, whole = bus.algorithm.ordered, len(bus.records)

@@ -20,7 +20,7 @@ from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
 
@@ -91,10 +91,10 @@ def run(scene, norms, kind=Walker, frames=4):
             scenes.append(algorithm.scene)
             events.append(list(single(instruction.events)))
 
-    runner = InProcess(algorithm, [make() for make in members.values()], watch)
+    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(Begin())
+        runner.handle(Begin())
     return scenes, events, runner.ended.figures
 
 

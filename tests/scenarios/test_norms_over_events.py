@@ -18,7 +18,7 @@ from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.world.norms import Norm, Then
 
 eShout = EventType("eShout", loud=float)
@@ -93,10 +93,10 @@ def run(norms, events, **world):
         if isinstance(instruction, FrameDone):
             frames.append((list(single(instruction.events)), instruction.record.digest))
 
-    runner = InProcess(algorithm, [make() for make in members.values()], watch)
+    runner = InProcessRunner(algorithm, [make() for make in members.values()], watch)
     runner.start()
     while runner.ended is None:
-        runner.tell(Begin())
+        runner.handle(Begin())
     return frames, runner.ended.figures
 
 

@@ -37,7 +37,7 @@ def test_nor_is_it_while_that_generator_is_away():
     bus.vanish("add")
     bus.settle()
     assert "comes from add" in refusal(bus, "eAdd")
-    bus.tell(s.GaveUp("add"))
+    bus.handle(s.GaveUp("add"))
     assert refusal(bus, "eAdd") == ""
 
 
@@ -51,7 +51,7 @@ def test_what_a_generator_takes_orders_for_is_for_people_whoever_makes_it_too():
 def test_the_world_file_may_allow_it():
     bus = started(counters(people=("eAdd",)))
     assert refusal(bus, "eAdd") == ""
-    bus.tell(s.Order(eAdd(3)))
+    bus.handle(s.Order(eAdd(3)))
     bus.run(1)
     assert "n=5" in str(bus.algorithm.scene)
 

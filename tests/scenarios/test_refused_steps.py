@@ -253,7 +253,7 @@ def test_agents_that_are_left_out_of_a_frame_carry_nothing_out():
     bus.run(3)
     bus.hold(("up", "host-0"))
     bus.frame()
-    bus.tell(s.Skip("host-0"))
+    bus.handle(s.Skip("host-0"))
     bus.settle()
     bus.release()
     bus.settle()

@@ -130,14 +130,14 @@ def test_a_late_member_is_one_until_it_answers():
     bus = started()
     bus.hold(("up", "add"))
     bus.frame()
-    bus.tell(s.Silent())
+    bus.handle(s.Silent())
     assert member(bus, "add").state is MemberState.LATE
     bus.release()
     bus.settle()
     assert member(bus, "add").state is MemberState.PRESENT
     bus.hold(("up", "host"))
     bus.frame()
-    bus.tell(s.Silent())
+    bus.handle(s.Silent())
     assert member(bus, "host").state is MemberState.LATE
     bus.release()
     bus.settle()
@@ -328,7 +328,7 @@ def test_a_member_that_fails_is_named_with_its_frame_and_the_world_waits_for_the
 
 def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
     bus = started()
-    bus.tell(s.Violation("add", "this is no msgpack"))
+    bus.handle(s.Violation("add", "this is no msgpack"))
     bus.settle()
     assert "add" not in bus.alive
     assert bus.said == ["add: broke the protocol: this is no msgpack"]
@@ -341,20 +341,20 @@ def test_one_that_goes_on_with_garbage_is_named_once_until_it_comes_anew():
     bus = started()
     for round_ in (1, 2):
         for number in range(20):
-            bus.tell(s.Violation("add", f"garbage {number}"))
+            bus.handle(s.Violation("add", f"garbage {number}"))
         bus.settle()
         assert bus.said == ["add: broke the protocol: garbage 0"] * round_
         bus.appear("add")
         bus.run(1)
-    bus.tell(s.Appeared("odd"))
+    bus.handle(s.Appeared("odd"))
     for _ in range(20):
-        bus.tell(m.Hello("odd", 0))
+        bus.handle(m.Hello("odd", 0))
     assert [said for said in bus.said if said.startswith("odd: may not join")] == bus.said[2:]
     assert len(bus.said) == 3
 
 
 def test_garbage_in_the_name_of_a_stranger_changes_nothing():
     bus = started()
-    bus.tell(s.Violation("stranger", "this is no msgpack"))
+    bus.handle(s.Violation("stranger", "this is no msgpack"))
     bus.run(1)
     assert len(bus.records) == 2

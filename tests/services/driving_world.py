@@ -32,7 +32,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner, deliver
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Service
@@ -170,7 +170,7 @@ class Mortal:
         return answers[: self.answers]
 
 
-class Yard(InProcess):
+class Yard(InProcessRunner):
     """A world of drivers in one process, which starts its physics again when that dies."""
 
     def __init__(
@@ -195,28 +195,27 @@ class Yard(InProcess):
         ]
         names = frozenset({"physics", *(one.name for one in others)})
         world = World("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
-        super().__init__(FrameAlgorithm(world), [self.mortal, *others], self._saw)  # type: ignore[list-item]
+        members = [self.mortal, *others]
+        super().__init__(FrameAlgorithm(world), members, self._saw, deliver=self._delivered)  # type: ignore[arg-type]
         self.start()
 
     def _saw(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.FrameDone):
             self.frames.append(instruction.record)
 
-    def _deliver(self, to: list[Participant], message: m.ToMember | m.Readings) -> None:
-        super()._deliver(to, message)
+    def _delivered(self, member: Participant, message: m.ToMember | m.Readings) -> list[Any]:
+        answers = list(deliver(member, message))
         if self.mortal.dead and self._notices_at_once:
-            self._restart()
-
-    def _restart(self) -> None:
-        self.deaths += 1
-        self.mortal.reborn()
-        self._queue += (s.Vanished("physics"), s.Appeared("physics"))
+            self.deaths += 1
+            self.mortal.reborn()
+            answers += [s.Vanished("physics"), s.Appeared("physics")]
+        return answers
 
     def run(self, frames: int) -> "Yard":
         for _ in range(frames):
             self.scenes.append(self.algorithm.scene)
             done = len(self.frames)
-            self.tell(s.Begin())
+            self.handle(s.Begin())
             while len(self.frames) == done:
                 self._raise_the_dead()
             if self.mortal.dead:  # nobody has missed it yet
@@ -227,8 +226,8 @@ class Yard(InProcess):
         assert self.mortal.dead, f"waits for {self.algorithm.waiting_for()}"
         self.deaths += 1
         self.mortal.reborn()
-        self.tell(s.Vanished("physics"))
-        self.tell(s.Appeared("physics"))
+        self.handle(s.Vanished("physics"))
+        self.handle(s.Appeared("physics"))
 
     @property
     def digests(self) -> list[bytes]:

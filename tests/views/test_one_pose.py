@@ -15,10 +15,10 @@ from minerva_agents.robot.world import vocabulary
 from minerva_bus import View, WorldInfo, visualize
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.semantics.picture import Lists
 from minerva_services.views.svg import Svg
 from minerva_services.views.window.painter import Sight
@@ -33,10 +33,12 @@ def moment():
     """The robot's own figure on its floor after some frames, and where its state says it is."""
     file = read_world_file(find_world("robot"), Overrides(options={"parcels": ""}))
     algorithm = FrameAlgorithm(file.world)
-    runner = InProcess(algorithm, [one.participant() for one in file.processes], lambda _: None)
+    runner = InProcessRunner(
+        algorithm, [one.participant() for one in file.processes], lambda _: None
+    )
     runner.start()
     for _ in range(FRAMES):
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     (robot,) = [node for node in algorithm.scene if node.symbol == "ARobot"]
     state = robot.state
     shown = visualize(algorithm.scene, [vocabulary.events["ePicture"]()], KINDS)

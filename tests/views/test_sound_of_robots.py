@@ -6,10 +6,10 @@ from pathlib import Path
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.inprocess import InProcess
 from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_services.views.sound import Sound
 
 FRAMES = 150
@@ -22,12 +22,12 @@ def test_bumps_of_the_robot_click(tmp_path: Path):
     file = read_world_file(find_world("robot"), overrides)
     sound = Sound(str(tmp_path / "w.wav"))
     members = [process.participant() for process in file.processes]
-    runner = InProcess(
+    runner = InProcessRunner(
         FrameAlgorithm(file.world), [*members, Participant("sound", sound)], lambda _: None
     )
     runner.start()
     while runner.ended is None:
-        runner.tell(s.Begin())
+        runner.handle(s.Begin())
     sound.close()
     figures = dict(runner.ended.figures)
     assert 0 < int(figures["clicks"]) <= int(figures["collisions"])

@@ -11,7 +11,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.events import Event
-from minerva_bus.launch.inprocess import InProcess
+from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
 
 Orders = tuple[tuple[int, tuple[tuple[str, int], ...]], ...]
@@ -41,12 +41,12 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
 
     due = dict(orders)
     members = _members(shown)
-    runner = InProcess(FrameAlgorithm(world(frames)), members, watch)
+    runner = InProcessRunner(FrameAlgorithm(world(frames)), members, watch)
     runner.start()
     while runner.ended is None:
         for event_type, number in due.get(len(digests), ()):
-            runner.tell(s.Order(ORDERS[event_type](number)))
-        runner.tell(s.Begin())
+            runner.handle(s.Order(ORDERS[event_type](number)))
+        runner.handle(s.Begin())
     return Undisturbed(tuple(digests), tuple(events), shown)
 
 

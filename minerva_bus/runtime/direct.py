@@ -1,0 +1,122 @@
+"""The direct transport: all members in this process, messages handed over as objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeAlias
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.participant import Participant
+from minerva_bus.runtime.runner import Notice, Runner, Sink
+
+Deliver: TypeAlias = Callable[
+    [Participant, m.ToMember | m.Readings], Iterable[m.FromMember | m.Readings]
+]
+
+
+def receivers(to: str, members: Iterable[Participant]) -> list[Participant]:
+    """Members, out of those in `members`, to which a message for `to` is delivered, by name."""
+    ordered = sorted(members, key=lambda member: member.name)
+    if to == s.TICKED:
+        return [member for member in ordered if (h := member.hello()).ticks and not h.ahead]
+    if to == s.HOSTS:
+        return [member for member in ordered if member.host.kinds]
+    return [member for member in ordered if to in (s.EVERYONE, member.name)]
+
+
+def observers(event_type: str, members: Iterable[Participant]) -> list[Participant]:
+    """Members that draw the views of an event type outside of the frames, by name."""
+    ordered = sorted(members, key=lambda member: member.name)
+    hellos = [(member, member.hello()) for member in ordered]
+    return [member for member, h in hellos if event_type in h.draws and not h.coupled]
+
+
+def deliver(
+    member: Participant, message: m.ToMember | m.Readings
+) -> Iterable[m.FromMember | m.Readings]:
+    """Let a member process a message and draw; returns its answers."""
+    answers = member.receive(message)
+    member.show()
+    return answers
+
+
+class DirectTransport:
+    """Delivers messages by calling the members, which are in this process.
+
+    `running` is the member whose code runs, or ran last. `on_readings` is called with everything
+    published on sensor topics. `deliver` replaces the function that passes one message to one
+    member, for tests and benchmarks.
+    """
+
+    def __init__(
+        self,
+        members: Iterable[Participant],
+        on_readings: Callable[[m.Readings], None] | None = None,
+        deliver: Deliver = deliver,
+    ) -> None:
+        self.members = {member.name: member for member in members}
+        self.running: Participant | None = None
+        self._on_readings = on_readings
+        self._deliver = deliver
+        self._receivers: dict[str, list[Participant]] = {}
+
+    def add(self, member: Participant) -> None:
+        """Add a member, or replace the one of the same name."""
+        self.members[member.name] = member
+        self._receivers.clear()
+
+    def send(self, to: str, message: m.ToMember) -> Iterator[s.Stimulus]:
+        """Deliver a message; yields the answers one by one, as the members give them."""
+        found = self._receivers.get(to)
+        if found is None:
+            found = self._receivers[to] = receivers(to, self.members.values())
+        return self._deliver_to(found, message)
+
+    def show(self, event_type: str, message: m.ToMember, to: str) -> Iterator[s.Stimulus]:
+        """Deliver a view to its observers."""
+        return self._deliver_to(observers(event_type, self.members.values()), message)
+
+    def publish(self, readings: m.Readings) -> Iterator[s.Stimulus]:
+        """Deliver a publisher's readings to the members that subscribe to their topic."""
+        if self._on_readings is not None:
+            self._on_readings(readings)
+        subscribed = [one for one in self.members.values() if readings.topic in one.topics]
+        return self._deliver_to(subscribed, readings)
+
+    def _deliver_to(
+        self, members: Iterable[Participant], message: m.ToMember | m.Readings
+    ) -> Iterator[s.Stimulus]:
+        for member in members:
+            self.running = member
+            for answer in self._deliver(member, message):
+                if isinstance(answer, m.Readings):
+                    yield from self.publish(answer)
+                else:
+                    yield answer
+
+
+class InProcessRunner(Runner):
+    """A runner whose members are all in this process."""
+
+    def __init__(
+        self,
+        algorithm: FrameAlgorithm,
+        members: Iterable[Participant],
+        *sinks: Sink | Callable[[Notice], None],
+        on_readings: Callable[[m.Readings], None] | None = None,
+        deliver: Deliver = deliver,
+    ) -> None:
+        self.direct = DirectTransport(members, on_readings, deliver)
+        super().__init__(algorithm, self.direct, sinks)
+
+    def start(self) -> None:
+        """Let all members join, in the order of their names."""
+        for name in sorted(self.direct.members):
+            self.handle(s.Appeared(name))
+
+    def publish(self, readings: m.Readings) -> None:
+        """Deliver the readings of a free-running publisher."""
+        for stimulus in self.direct.publish(readings):
+            self.handle(stimulus)

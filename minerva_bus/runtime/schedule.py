@@ -1,0 +1,90 @@
+"""When the next frame begins: real time outside of the frame algorithm, which has no clock.
+
+Pausing, stepping and pacing only decide when `Begin` is given. They cannot influence the string.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.overruns import Overruns, real_period
+from minerva_bus.frame.pacing import Glances, Pace
+from minerva_bus.runtime.runner import Notice, Sink
+
+_BEGIN: Final = s.Begin()
+
+
+class FrameSchedule(Sink):
+    """Times the frames of one algorithm; `clock` gives monotonic seconds.
+
+    `due` is when the next frame begins, or None while a frame is in progress, members are missing
+    or the world is paused. `notify` is called with a text when frames overrun real time.
+    """
+
+    def __init__(
+        self,
+        algorithm: FrameAlgorithm,
+        rate: float,
+        clock: Callable[[], float],
+        notify: Callable[[str], None],
+    ) -> None:
+        self.pace = Pace(rate)
+        self.overruns = Overruns()
+        self.due: float | None = None
+        self.last_frame_at = 0.0
+        self._algorithm = algorithm
+        self._clock = clock
+        self._notify = notify
+        self._views = Glances()
+        self._ready = False
+
+    @property
+    def rests(self) -> bool:
+        """Whether the next frame would change nothing, so that it may begin later than `due`."""
+        return self._algorithm.at_rest
+
+    def rest_until(self) -> float:
+        """Until when a world at rest may skip frames: a view may be due before."""
+        rates = self._algorithm.members.index.rates
+        return self.pace.rest(self.last_frame_at, self._views.next(rates))
+
+    @property
+    def shows_by_clock(self) -> bool:
+        """Whether an observer asks for views per second, not per frame."""
+        return bool(self._algorithm.members.index.rates)
+
+    def begin(self) -> s.Begin:
+        """The stimulus that begins the frame that is due."""
+        now = self._clock()
+        self.due, self._ready = None, False
+        self.pace.began()
+        self.overruns.began(real_period(self.pace.rate, self._algorithm.world), now)
+        rates = self._algorithm.members.index.rates
+        return s.Begin(self._views.due(now, rates)) if rates else _BEGIN
+
+    def repace(self) -> None:
+        """Apply a changed pace: the next frame may begin now, later or not at all."""
+        if self._ready:
+            self.due = self.pace.due(self._clock())
+
+    def received(self, stimulus: s.Stimulus) -> None:
+        """Note which member answers last, for the report of an overrun."""
+        if isinstance(stimulus, m.TickReply):
+            self.overruns.heard("events", stimulus.member, self._clock())
+        elif isinstance(stimulus, m.EvolveReply):
+            self.overruns.heard("evolution", stimulus.member, self._clock())
+
+    def observe(self, notice: Notice) -> None:
+        """Time the end of a frame, and the beginning of the next."""
+        if isinstance(notice, s.FrameDone):
+            self.last_frame_at = self._clock()
+            late = self.overruns.done(notice.frame, self.last_frame_at)
+            if late:
+                self._notify(late)
+        elif isinstance(notice, s.Ready):
+            self._ready = True
+            self.due = self.pace.due(self._clock())
