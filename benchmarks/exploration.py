@@ -37,7 +37,7 @@ from benchmarks.exploring.floors import Named, generated, large, of_others
 from benchmarks.exploring.strategies import use
 from benchmarks.exploring.tours import tour_of
 from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.maps import Marker, OccupancyMap, Pose
+from minerva_agents.robot.maps import MapPose, Marker, OccupancyMap
 from minerva_agents.robot.placing import roomiest, spread
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.robot import ARobot
@@ -59,7 +59,7 @@ class Task:
     """A run to be made."""
 
     named: Named
-    start: Pose
+    start: MapPose
     marker: Marker
     shortest: float | None
     noise: Noise
@@ -98,7 +98,7 @@ def tasks(floors: Iterator[Named], noises: Sequence[Noise], strategy: str) -> It
                 yield Task(named, start, marker, shortest, noise, strategy)
 
 
-def _shortest(floor: OccupancyMap, start: Pose, marker: Marker) -> float | None:
+def _shortest(floor: OccupancyMap, start: MapPose, marker: Marker) -> float | None:
     """The length of the shortest path for a disc on the true map, in metres; None without one."""
     solid = np.pad(floor.obstacles, 1, constant_values=True)
     closed = (clearance(solid) <= RADIUS / floor.resolution)[1:-1, 1:-1]

@@ -21,9 +21,9 @@ from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
     clear_open_beam,
+    clearing_part,
     mark_marker,
     mark_obstacle,
-    part_that_counts,
 )
 from minerva_agents.robot.maps import Marker, OccupancyMap
 from minerva_agents.robot.motion import STAY, Move
@@ -165,7 +165,7 @@ class Drive:
             ranges = ranges + self._noise.laser * self._chance.standard_normal(BEAMS) * hit
         if self._noise.dropout:
             hit &= self._chance.random(BEAMS) >= self._noise.dropout
-        part, row, column = part_that_counts(self.run.frames), robot.row, robot.column
+        part, row, column = clearing_part(self.run.frames), robot.row, robot.column
         beams = list(zip(angles.tolist(), ranges.tolist(), hit.tolist(), strict=True))
         for angle, dist, is_hit in beams:
             if is_hit:

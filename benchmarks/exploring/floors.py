@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.maps import FREE, OCCUPIED, OccupancyMap, Pose, load_map
+from minerva_agents.robot.maps import FREE, OCCUPIED, MapPose, OccupancyMap, load_map
 
 Solid: TypeAlias = NDArray[np.bool_]
 
@@ -56,7 +56,7 @@ def hall(metres: float, side: float, seed: int) -> Solid:
     return empty(metres, side)
 
 
-def start_in_hall(metres: float, seed: int) -> Pose:
+def start_in_hall(metres: float, seed: int) -> MapPose:
     """Where the robot starts in a hall, anywhere: all that one hall has different from another."""
     chance = random.Random(f"hall {metres} {seed}")
     x, y = (round(chance.uniform(1.0, metres - 1.0), 2) for _ in range(2))

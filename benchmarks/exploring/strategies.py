@@ -11,11 +11,11 @@ import numpy as np
 from minerva_agents.robot import astar, deciding
 from minerva_agents.robot.knowledge import UNKNOWN, free
 from minerva_agents.robot.looking import expanses, frontier, out_of_view
-from minerva_agents.robot.searching import Goal, Known
+from minerva_agents.robot.searching import Goal, SearchState
 from minerva_agents.robot.wave import Wave
 
 
-def nearest(known: Known) -> Goal | None:
+def nearest(known: SearchState) -> Goal | None:
     """The nearest cell that is on the frontier or out of view, by the way there [Yamauchi 1997]."""
     grid = known.grid
     here = math.floor(known.pose.row), math.floor(known.pose.column)

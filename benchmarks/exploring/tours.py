@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.exploring.driving import SIGHT
 from minerva_agents.robot.knowledge import Cell
-from minerva_agents.robot.maps import OccupancyMap, Pose
+from minerva_agents.robot.maps import MapPose, OccupancyMap
 from minerva_agents.robot.placing import free_component
 from minerva_agents.robot.wave import STEP, Wave
 
@@ -31,7 +31,7 @@ _ACROSS = 120
 class Tour:
     """The tour of a floor from a start, for a robot of a radius in metres."""
 
-    def __init__(self, floor: OccupancyMap, start: Pose, radius: float) -> None:
+    def __init__(self, floor: OccupancyMap, start: MapPose, radius: float) -> None:
         self._floor, self._reach = floor, SIGHT / floor.resolution
         self._open = free_component(floor, radius, start[:2])
         self._start = floor.cell_at(start[0], start[1])
@@ -102,7 +102,7 @@ class Tour:
 
 
 @lru_cache(maxsize=1)
-def tour_of(floor: OccupancyMap, start: Pose, radius: float) -> Tour:
+def tour_of(floor: OccupancyMap, start: MapPose, radius: float) -> Tour:
     """The tour of a floor; the last one is kept."""
     return Tour(floor, start, radius)
 

@@ -100,7 +100,7 @@ def test_a_map_says_which_scans_it_cannot_correct(tmp_path, capsys):
     path = bag(tmp_path, late=1.5)
     map_recording(path, tmp_path / "map.pgm", 0.05, 0.0, 0.0, None, "odometry")
     said = capsys.readouterr().err
-    assert "scans are not corrected for the robot's motion" in said
+    assert "scans not corrected for the robot's motion" in said
     assert "--time-offset" in said
 
 

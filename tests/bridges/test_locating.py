@@ -106,8 +106,8 @@ def test_the_command_says_how_far_off_it_was(tmp_path, capsys):
     path = drive(tmp_path / "a.log", slip=3.0)
     map_recording(path, tmp_path / "a.pgm", 0.05, 0.0, 0.0, None, "matched")
     said = capsys.readouterr().err
-    assert "matched, against the published places: 0.0" in said
-    assert "odometry alone: 0." in said
+    assert "matched, relative to the published poses: mean 0.0" in said
+    assert "odometry alone: mean 0." in said
     assert (tmp_path / "a-errors.png").stat().st_size > 10_000
 
 

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("scipy")
 from looping import Block, recorded
 
-from minerva_agents.robot.doubling import doubled_walls, doubling_told
+from minerva_agents.robot.doubling import doubled_walls, doubling_notes
 from minerva_agents.robot.drift import errors_of
 from minerva_agents.robot.loops import closed_loops
 from minerva_agents.robot.mapping import draw_map
@@ -70,11 +70,11 @@ def test_a_loop_is_closed(lap):
 
 def test_walls_that_are_drawn_twice_are_told(lap):
     scans, true, drifted = lap
-    assert doubling_told(scans, true, "published") == []
-    (line,) = doubling_told(scans, drifted, "odometry")
+    assert doubling_notes(scans, true, "published") == []
+    (line,) = doubling_notes(scans, drifted, "odometry")
     assert "walls are drawn twice at" in line
     assert "--poses matched" in line
-    assert doubling_told(scans, closed_loops(scans, drifted, silently).places, "matched") == []
+    assert doubling_notes(scans, closed_loops(scans, drifted, silently).places, "matched") == []
 
 
 def test_who_does_not_come_back_has_no_loops(lap):

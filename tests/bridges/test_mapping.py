@@ -171,7 +171,7 @@ def test_scans_without_a_place_are_counted(tmp_path):
     ("lines", "why"),
     [
         ([odom()], "no scans"),
-        ([raw_laser([1.0])], "where the robot was is not known of any of its 1 scans"),
+        ([raw_laser([1.0])], "the recording gives no pose for any of its 1 scans"),
     ],
 )
 def test_without_scans_or_places_there_is_no_map(tmp_path, lines, why):
@@ -181,7 +181,7 @@ def test_without_scans_or_places_there_is_no_map(tmp_path, lines, why):
 
 def test_a_map_that_is_too_large_is_refused(tmp_path):
     path = write(tmp_path / "a.log", flaser([1.0]), flaser([1.0], (1e7, 1e7, 0.0)))
-    with pytest.raises(MisuseError, match="take larger cells"):
+    with pytest.raises(MisuseError, match="Use larger cells"):
         drawn(path)
 
 
@@ -242,7 +242,7 @@ def test_north_is_up_in_the_picture(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("into", "why"), [("map.png", "written as .pgm"), ("nowhere/map.pgm", "no folder")]
+    ("into", "why"), [("map.png", "ends in .pgm"), ("nowhere/map.pgm", "does not exist")]
 )
 def test_files_that_cannot_be_written_are_told_before_the_work(tmp_path, into, why):
     with pytest.raises(MisuseError, match=why):
@@ -297,7 +297,7 @@ def test_what_is_no_recording(tmp_path, name, why):
 @needs_demo
 def test_a_bag_of_scans_alone_says_what_it_lacks(tmp_path):
     pytest.importorskip("rosbags")
-    with pytest.raises(RecordingError, match="where the robot was is not known of any of its 360"):
+    with pytest.raises(RecordingError, match="the recording gives no pose for any of its 360"):
         command(DEMO, tmp_path / "map.pgm")
 
 

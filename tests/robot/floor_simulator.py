@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from minerva_agents.robot.distances import clearance
-from minerva_agents.robot.motion import Pose, move_of
+from minerva_agents.robot.motion import GridPose, move_of
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import (
     eCamera,
@@ -77,7 +77,7 @@ class Run:
     metres: float = 0.0
     least_gap: float = 0.5
     seconds: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
+    poses: list[GridPose] = field(default_factory=list)
 
 
 class Simulator:
@@ -90,7 +90,7 @@ class Simulator:
         (self.node,) = agents(scene)
         state = self.node.state
         self.cell, self.x0, self.y0 = state["cell"], state["x0"], state["y0"]
-        self.pose = Pose(state["row"], state["column"], state["angle"])
+        self.pose = GridPose(state["row"], state["column"], state["angle"])
         self.first = [eSpeed(speed), eObjective(objective)]
         self.seed, self.dt = seed, dt
         self.run = Run()

@@ -10,8 +10,8 @@ from drifting import House
 
 from minerva_agents.robot.knowledge import clear_beam, mark_obstacle
 from minerva_agents.robot.localising import ALocalisingRobot
-from minerva_agents.robot.matching import Doubt, match
-from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.matching import Uncertainty, match
+from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import eDecide, eLaser
 from minerva_agents.robot.world import scene
@@ -19,7 +19,7 @@ from minerva_bus import Frame, evolve
 from minerva_bus.grammar.scene import agents
 
 ERRORS = {"alpha1": 0.05, "alpha2": 0.02, "alpha3": 0.05, "alpha4": 0.01}
-HERE = Pose(60.3, 52.8, 20.7)
+HERE = GridPose(60.3, 52.8, 20.7)
 CELL = 0.05
 
 
@@ -55,33 +55,35 @@ def room_drawn(*poses):
     return grid
 
 
-DRAWN = room_drawn(HERE, Pose(55.1, 50.2, 22.3))
+DRAWN = room_drawn(HERE, GridPose(55.1, 50.2, 22.3))
 
 
 @pytest.mark.parametrize("off", [(0, 0, 0), (3.2, -2.1, 4.0), (-4.0, 3.0, -7.5), (0.4, 5.5, 2.2)])
 def test_a_wrong_guess_is_put_right(off):
-    guess = Pose(HERE.row + off[0], HERE.column + off[1], HERE.angle + off[2])
-    found = match(DRAWN, guess, room_seen_from(HERE), CELL, Doubt(0.15, 4.0))
+    guess = GridPose(HERE.row + off[0], HERE.column + off[1], HERE.angle + off[2])
+    found = match(DRAWN, guess, room_seen_from(HERE), CELL, Uncertainty(0.15, 4.0))
     assert math.dist(found.position, HERE.position) < 0.8
     assert found.angle == pytest.approx(HERE.angle, abs=0.6)
 
 
 def test_a_guess_is_kept_where_nothing_fits():
-    guess = Pose(60.0, 52.0, 20.0)
-    assert match(np.zeros_like(DRAWN), guess, room_seen_from(HERE), CELL, Doubt(0.2, 5)) is guess
+    guess = GridPose(60.0, 52.0, 20.0)
+    assert (
+        match(np.zeros_like(DRAWN), guess, room_seen_from(HERE), CELL, Uncertainty(0.2, 5)) is guess
+    )
     dist, angle = room_seen_from(HERE)
-    assert match(DRAWN, guess, (dist[:5], angle[:5]), CELL, Doubt(0.2, 5)) is guess
+    assert match(DRAWN, guess, (dist[:5], angle[:5]), CELL, Uncertainty(0.2, 5)) is guess
 
 
 def test_it_may_look_beyond_the_grid():
-    guess = Pose(2.0, 3.0, 0.0)
+    guess = GridPose(2.0, 3.0, 0.0)
     hits = np.full(40, 30.0), np.linspace(-180, 171, 40)
-    found = match(DRAWN, guess, hits, CELL, Doubt(0.1, 2))
+    found = match(DRAWN, guess, hits, CELL, Uncertainty(0.1, 2))
     assert math.dist(found.position, guess.position) < 10
 
 
 def test_doubt_grows_with_the_move():
-    still, turned, driven_far = (Doubt.after(*move) for move in ((0, 0), (30, 0), (0, 1)))
+    still, turned, driven_far = (Uncertainty.after(*move) for move in ((0, 0), (30, 0), (0, 1)))
     assert still.metres < turned.metres < driven_far.metres
     assert still.degrees < driven_far.degrees
     assert still.degrees < turned.degrees

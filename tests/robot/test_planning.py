@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from minerva_agents.robot import jumps, planning, windows
 from minerva_agents.robot.distances import clearance, inflate
 from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.planning import Path, nearest, shortest_path
+from minerva_agents.robot.planning import GridPath, nearest, shortest_path
 
 BENCHMARKS = File(__file__).parents[2].parent / "shared" / "data" / "movingai"
 NAMES = ("32room_000", "Berlin_0_256", "maze512-8-0")
@@ -70,12 +70,12 @@ def check_path(blocked, path, start):
 
 def test_open_ground_is_crossed_diagonally():
     path = shortest_path(grid("....", "....", "...."), (0, 0), (2, 3))
-    assert path == Path(((0, 0), (1, 1), (2, 2), (2, 3)), 1 + 2 * ROOT2)
+    assert path == GridPath(((0, 0), (1, 1), (2, 2), (2, 3)), 1 + 2 * ROOT2)
 
 
 def test_no_corner_is_cut():
     path = shortest_path(grid("..", "#."), (0, 0), (1, 1))
-    assert path == Path(((0, 0), (0, 1), (1, 1)), 2.0)
+    assert path == GridPath(((0, 0), (0, 1), (1, 1)), 2.0)
 
 
 def test_two_corners_that_touch_are_a_wall():
@@ -83,7 +83,7 @@ def test_two_corners_that_touch_are_a_wall():
 
 
 def test_start_is_goal():
-    assert shortest_path(grid(".."), (0, 1), (0, 1)) == Path(((0, 1),), 0.0)
+    assert shortest_path(grid(".."), (0, 1), (0, 1)) == GridPath(((0, 1),), 0.0)
 
 
 @pytest.mark.parametrize(("start", "goal"), [((0, 0), (0, 2)), ((0, 2), (0, 0)), ((0, 2), (0, 2))])
@@ -93,7 +93,7 @@ def test_a_blocked_end_has_no_path(start, goal):
 
 @pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (1, 0), (0, 3), (0.5, 0)])
 def test_a_cell_outside_is_an_error_that_names_it(cell):
-    with pytest.raises(MapError, match=r"shortest_path: goal .* is no cell of the grid; expected"):
+    with pytest.raises(MapError, match=r"shortest_path: goal .* is outside the grid; expected"):
         shortest_path(grid("..."), (0, 0), cell)
     with pytest.raises(MapError, match=r"shortest_path: start"):
         shortest_path(grid("..."), cell, (0, 0))
@@ -127,7 +127,7 @@ def test_nearest_is_nearest_by_path_not_by_air():
 
 
 def test_nearest_takes_the_start_itself():
-    assert nearest(grid(".."), (0, 0), grid("#.")) == Path(((0, 0),), 0.0)
+    assert nearest(grid(".."), (0, 0), grid("#.")) == GridPath(((0, 0),), 0.0)
 
 
 @pytest.mark.parametrize("targets", [grid("..."), grid(".#."), grid("..#")])

@@ -8,7 +8,7 @@ from robot_steps import after, changed, robot
 
 from minerva_agents.robot.knowledge import FREE, MARKER, SEEN, UNKNOWN
 from minerva_agents.robot.looking import forget_looks, frontier, look, out_of_view
-from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.vocabulary import eCamera
 
 KITCHEN, STORE = MARKER, MARKER + 1
@@ -64,7 +64,7 @@ def room():
 
 def test_free_cells_ahead_are_seen_up_to_the_wall():
     grid = room()
-    look(grid, Pose(20.5, 20.5, 0.0), 60.0, 15.0)
+    look(grid, GridPose(20.5, 20.5, 0.0), 60.0, 15.0)
     assert (grid[21:30, 20] == SEEN).all()
     assert (grid[31:] == FREE).all()
     assert (grid[30] == 9).all()
@@ -76,7 +76,7 @@ def test_free_cells_ahead_are_seen_up_to_the_wall():
 
 def test_looking_leaves_specks_at_most():
     grid = np.full((60, 60), FREE, np.int16)
-    look(grid, Pose(5.5, 30.5, 0.0), 60.0, 50.0)
+    look(grid, GridPose(5.5, 30.5, 0.0), 60.0, 50.0)
     rows, columns = np.ogrid[:60, :60]
     bearings = np.degrees(np.arctan2(columns - 30, rows - 5))
     near = np.hypot(columns - 30, rows - 5) <= 48
@@ -87,7 +87,7 @@ def test_looking_leaves_specks_at_most():
 
 def test_looking_off_the_grid_does_no_harm():
     grid = room()
-    look(grid, Pose(0.5, 0.5, -135.0), 60.0, 50.0)
+    look(grid, GridPose(0.5, 0.5, -135.0), 60.0, 50.0)
     assert (grid[1:30, 1:] == FREE).all()
 
 

@@ -8,7 +8,7 @@ from robot_steps import PAPER, after, changed, emitted, robot
 
 from minerva_agents.robot.ground import blocked, cell_of, is_clear, room_of, sees, straightened
 from minerva_agents.robot.knowledge import FREE, MARKER, obstacles
-from minerva_agents.robot.motion import STAY, TURNING, Move, Pose, action_of, move_of, towards
+from minerva_agents.robot.motion import STAY, TURNING, GridPose, Move, action_of, move_of, towards
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.vocabulary import eDecide, eObjective, eReached
 from minerva_bus import EMPTY
@@ -93,7 +93,7 @@ def test_an_action_says_its_move():
 
 
 def test_a_turn_comes_before_the_way():
-    pose = Pose(2.0, 3.0, 170.0).after(Move(20.0, 0.2), 0.1)
+    pose = GridPose(2.0, 3.0, 170.0).after(Move(20.0, 0.2), 0.1)
     turned = math.radians(190.0)
     assert (pose.row, pose.column) == pytest.approx(
         (2 + 2 * math.cos(turned), 3 + 2 * math.sin(turned))
@@ -102,7 +102,7 @@ def test_a_turn_comes_before_the_way():
 
 
 def test_it_turns_on_the_spot_until_it_faces_its_way():
-    pose, turns = Pose(0.5, 0.5, 0.0), 0
+    pose, turns = GridPose(0.5, 0.5, 0.0), 0
     while not (move := towards(pose, 0.5, 9.5, 0.1, 0.05, 0.1)).dist:
         assert 0 < move.turn <= TURNING * 0.1
         pose, turns = pose.after(move, 0.1), turns + 1
@@ -111,8 +111,8 @@ def test_it_turns_on_the_spot_until_it_faces_its_way():
 
 
 def test_it_stops_where_it_wants_to_be():
-    assert towards(Pose(0.5, 0.5, 0.0), 0.9, 0.5, 0.1, 0.08, 0.1).dist == pytest.approx(0.04)
-    assert towards(Pose(0.5, 0.5, 0.0), 0.5, 0.5, 0.1, 0.08, 0.1) == STAY
+    assert towards(GridPose(0.5, 0.5, 0.0), 0.9, 0.5, 0.1, 0.08, 0.1).dist == pytest.approx(0.04)
+    assert towards(GridPose(0.5, 0.5, 0.0), 0.5, 0.5, 0.1, 0.08, 0.1) == STAY
 
 
 # --- ground -------------------------------------------------------------------------------------

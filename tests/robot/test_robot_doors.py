@@ -13,7 +13,7 @@ from floor_simulator import Simulator
 import minerva_agents.robot
 from minerva_agents.robot.narrows import Narrows, is_passable, passable_width
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
-from minerva_agents.robot.options import Options
+from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.world import scene
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.overrides import Overrides
@@ -61,7 +61,7 @@ def drive(tmp_path, width, offset, along_x=True, frames=700):
         "markers": {"A": list(end)},
         "parcels": "",
     }
-    chosen = Options.read(options)
+    chosen = RobotOptions.read(options)
     simulator = Simulator(chosen.floor, chosen.places, scene(options), "A")
     run = simulator.go(frames)
     run.reached &= math.dist(simulator.place(), end) < 1.2  # and it has not given up
@@ -106,8 +106,11 @@ def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
     [
         ({}, None),
         ({"radius": "0.4"}, None),  # no cell makes such a robot fit a door of 0.7 m
-        ({"cell": "0.2"}, "doors from 0.80 m up, for their cells are 0.2 m wide; with --cell 0.1"),
-        ({"radius": "0.25", "cell": "0.15"}, "doors from 0.75 m up"),
+        (
+            {"cell": "0.2"},
+            "doors of at least 0.80 m, because their cells are 0.2 m wide; with --cell 0.1",
+        ),
+        ({"radius": "0.25", "cell": "0.15"}, "doors of at least 0.75 m"),
     ],
 )
 def test_a_run_says_if_the_cells_keep_robots_from_doors(options, line):
@@ -131,7 +134,7 @@ def test_a_run_in_one_process_shows_its_notes():
         timeout=60,
         check=False,  # it has not found the kitchen in one frame
     )
-    assert "the robots pass doors from 0.80 m up" in done.stderr + done.stdout
+    assert "the robots pass doors of at least 0.80 m" in done.stderr + done.stdout
 
 
 def gap_of(grid, way):

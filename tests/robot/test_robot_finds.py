@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from floor_simulator import Simulator
 
-from minerva_agents.robot.options import Options
+from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.world import scene
 from minerva_bus import Scene
@@ -22,7 +22,7 @@ RADIUS = 0.18
 def simulator(options, objective="", seed=0, start=(0.0, 0.0, 0.0)):
     """A robot alone, off its start by that many rows, columns and degrees."""
     options = {"parcels": "", **options}
-    chosen = Options.read(options)
+    chosen = RobotOptions.read(options)
     string = moved(scene(options), *start)
     return Simulator(chosen.floor, chosen.places, string, objective or chosen.goal, seed=seed)
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from minerva_agents.robot.distances import inflate
 from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, obstacles
 from minerva_agents.robot.looking import look
-from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.motion import GridPose
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.prospects import RAYS, Prospects, kinds_of
-from minerva_agents.robot.searching import Known, news_ahead, news_at, next_goal
+from minerva_agents.robot.searching import SearchState, news_ahead, news_at, next_goal
 from minerva_agents.robot.wave import STEP, Wave
 
 CELL = 0.1
@@ -27,7 +27,9 @@ def room(rows=80, columns=80, code=SEEN):
 
 
 def known(grid, row=40.5, column=40.5, angle=0.0, **more):
-    return Known(grid, inflate(obstacles(grid), 2.5), Pose(row, column, angle), CELL, **more)
+    return SearchState(
+        grid, inflate(obstacles(grid), 2.5), GridPose(row, column, angle), CELL, **more
+    )
 
 
 def test_nothing_is_left_to_see():
@@ -36,7 +38,7 @@ def test_nothing_is_left_to_see():
 
 def test_what_lies_behind_is_seen_by_a_turn():
     grid = room(code=FREE)
-    look(grid, Pose(40.5, 40.5, 0.0), 60.0, 50.0)
+    look(grid, GridPose(40.5, 40.5, 0.0), 60.0, 50.0)
     goal = next_goal(known(grid))
     assert goal.cells == ()
     assert abs(goal.heading) > 30

@@ -1,1 +1,1 @@
-"""The robot of the paper: its maps, and how it finds its way on them."""
+"""The paper's robot: agent, maps, planning and exploration."""

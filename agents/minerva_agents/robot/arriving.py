@@ -1,11 +1,11 @@
-"""When a robot is at a marker, and how near it tries to come.
+"""Arrival at a marker: when it counts, and which cells to aim for.
 
-A robot has arrived within half a metre of the marker with nothing between. A marker may hang on a
-wall, and another robot may stand before it: where half a metre cannot be had, the robot goes as
-near as it can, and has arrived where that way ends or is blocked, 1.2 m from the marker at most.
+A robot has arrived when it is within 0.5 m of the marker and nothing stands between them. A marker
+may hang on a wall, or another robot may block it. Where 0.5 m is impossible, the robot approaches
+as closely as it can and has arrived where its path ends or is blocked, at most 1.2 m away.
 
-One that has arrived makes way for others: it goes on to a place behind the marker, as seen from
-where it came, so that it stands neither in the door nor before the marker.
+After arriving, a robot clears the way: it moves behind the marker, as seen from its approach, so
+that it blocks neither the door nor the marker.
 """
 
 from __future__ import annotations
@@ -29,19 +29,22 @@ APPROACH: Final = "approach"
 MAKE_WAY: Final = "make way"
 
 STOP: Final = 0.4
-"""Metres from the marker that are aimed at: an error of a few centimetres does no harm."""
+"""Distance from the marker to aim for, in metres.
+
+Leaves a margin for errors of a few centimetres.
+"""
 
 _DISTANCES: Final = (STOP, 0.6, 0.8, 1.0, NEAR)
 _TRIES: Final = 5
 _FARTHEST: Final = 3.0
-"""Metres that a robot goes at most to make way."""
+"""Maximum path length for clearing the way, in metres."""
 
 PATIENCE: Final = 3
-"""Failures in a row after which a robot does with what it can get."""
+"""Consecutive failures after which a robot accepts a worse approach."""
 
 
 def has_arrived(robot: ARobot, place: Cell) -> bool:
-    """Whether the robot is at the marker, or as near to it as it can get."""
+    """True if the robot is at the marker, or as close to it as it can get."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     if robot.purpose == APPROACH and not robot.plan_rows and dist <= NEAR:
         return True
@@ -49,16 +52,16 @@ def has_arrived(robot: ARobot, place: Cell) -> bool:
 
 
 def is_near(robot: ARobot, place: Cell) -> bool:
-    """Whether the robot is as near as has to do where it can come no nearer."""
+    """True if the robot is close enough given that it can come no closer."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
     return dist <= NEAR and (_sees(robot, place) or robot.failures >= PATIENCE)
 
 
 def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
-    """Cells from which to be at the marker, the best first.
+    """Masks of cells from which the marker counts as reached, best first.
 
-    Those without a view of it come last and only after some failures: they may lie in the next
-    room.
+    Cells without line of sight come last and only after `PATIENCE` failures, because they may lie
+    in the next room.
     """
     walls = obstacles(robot.grid)
     for dist in _DISTANCES:
@@ -69,7 +72,7 @@ def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
 
 
 def make_way(robot: ARobot, place: Cell) -> None:
-    """Plan to go out of the way of others that want to come to the marker, if there is room."""
+    """Plan a path out of the way of other robots heading for the marker, if there is space."""
     robot.forget_plan()
     grid, room = robot.grid, robot.room
     closed = blocked(grid, robot.position, room)
@@ -94,10 +97,10 @@ def _around(walls: Mask, place: Cell, cells: float) -> Mask:
 
 
 def _with_view(walls: Mask, around: Mask, place: Cell) -> Mask:
-    found = np.zeros(walls.shape, np.bool_)
+    visible = np.zeros(walls.shape, np.bool_)
     for row, column in np.argwhere(around & ~walls).tolist():
-        found[row, column] = sees(walls, centre_of((row, column)), centre_of(place))
-    return found
+        visible[row, column] = sees(walls, centre_of((row, column)), centre_of(place))
+    return visible
 
 
 def _sees(robot: ARobot, place: Cell) -> bool:

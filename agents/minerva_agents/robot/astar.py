@@ -1,13 +1,12 @@
-"""Decisions by A*: straight to the objective where it is known, else in search of it.
+"""The A* planner: drives to a known objective, otherwise searches for it.
 
-A search goes from one look to the next, see `searching`. A place where the robot has been for a
-look is not chosen again, nor is a turn that has shown nothing; when nothing is left the search
-begins again.
+A search proceeds from one viewpoint to the next (see `searching`). Viewpoints already visited and
+turns that revealed nothing are not chosen again; when no candidate is left, the search starts over.
 
-A plan is kept until it ends or is contradicted by something that has turned up, for most frames
-need no new one. Where no way is found, the robot looks for one on which it only just fits, see
-`narrows`. Where there is none either, mostly because another robot stands in it, the robot waits
-for a random while, so that of two robots one moves first; if that does not help it steps aside.
+A plan is kept until it ends or a new observation contradicts it, so most frames need no planning.
+If no path exists, the planner tries paths with minimal clearance (see `narrows`). If that fails
+too, usually because another robot is in the way, the robot waits for a random time, which breaks
+the symmetry between two robots, and then steps aside.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ from minerva_agents.robot.knowledge import UNKNOWN, Cell, Mask, doubt, reopen
 from minerva_agents.robot.looking import forget_looks
 from minerva_agents.robot.motion import STAY, Move, turn_to, wrapped
 from minerva_agents.robot.narrows import Narrows
-from minerva_agents.robot.planning import Path, nearest, shortest_path
-from minerva_agents.robot.searching import Goal, Known, news_ahead, news_at, next_goal
+from minerva_agents.robot.planning import GridPath, nearest, shortest_path
+from minerva_agents.robot.searching import Goal, SearchState, news_ahead, news_at, next_goal
 from minerva_bus import Context, portable
 
 if TYPE_CHECKING:
@@ -43,22 +42,22 @@ LOOK: Final = "look"
 ASIDE: Final = "aside"
 
 _REVIEW: Final = 5
-"""Frames after which the robot asks again whether its way is worth going on."""
+"""Frames between checks that the current viewpoint is still worth reaching."""
 
 _FACING: Final = 0.01
-"""Degrees within which a robot faces where it wants to look."""
+"""Heading tolerance for a look, in degrees."""
 
 
 def decide(
-    robot: ARobot, moment: Context, choose: Callable[[Known], Goal | None] = next_goal
+    robot: ARobot, moment: Context, choose: Callable[[SearchState], Goal | None] = next_goal
 ) -> Move:
-    """The next move on the way to the objective, or in search of it; `choose` is how to search."""
+    """Next move towards the objective or in search of it; `choose` selects the next viewpoint."""
     if robot.pause > 0:
         robot.pause -= 1
         return STAY
     place = robot.objective_cell()
     if place is None:
-        _take_note(robot)
+        _record_look(robot)
     if not _holds_good(robot, place, moment):
         robot.forget_plan()
         _make_plan(robot, place, moment, choose)
@@ -67,8 +66,8 @@ def decide(
     return step(robot, moment.dt)
 
 
-def _take_note(robot: ARobot) -> None:
-    """Remember what has come of a look, or of the way to one, when it is over."""
+def _record_look(robot: ARobot) -> None:
+    """Record the outcome of a finished look, or of the path to one."""
     if robot.plan_rows or robot.purpose not in (SEARCH, LOOK):
         return
     cell = cell_of(robot.position)
@@ -77,13 +76,13 @@ def _take_note(robot: ARobot) -> None:
         robot.been = (*robot.been, number)
     elif abs(wrapped(robot.heading - robot.angle)) > _FACING:
         return
-    elif news_ahead(_known(robot), cell, robot.heading) > robot.news / 2:
+    elif news_ahead(_search_state(robot), cell, robot.heading) > robot.news / 2:
         robot.dull = (*robot.dull, number)
     robot.forget_plan()
 
 
 def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
-    """Whether the plan still leads where the robot wants to go, and nothing stands in the way."""
+    """True if the plan still leads to the goal and its path is clear."""
     if robot.purpose == LOOK:
         return place is None
     if not is_open(robot):
@@ -96,28 +95,28 @@ def _holds_good(robot: ARobot, place: Cell | None, moment: Context) -> bool:
     if robot.purpose != SEARCH or place is not None:
         return False
     is_due = moment.number % _REVIEW == 0
-    return not is_due or news_at(_known(robot), cell_of(end)) >= robot.news / 2
+    return not is_due or news_at(_search_state(robot), cell_of(end)) >= robot.news / 2
 
 
 def _make_plan(
-    robot: ARobot, place: Cell | None, moment: Context, choose: Callable[[Known], Goal | None]
+    robot: ARobot, place: Cell | None, moment: Context, choose: Callable[[SearchState], Goal | None]
 ) -> None:
     closed = blocked(robot.grid, robot.position, robot.room)
     here = cell_of(robot.position)
     if place is None:
-        is_made = _plan_look(robot, choose(replace(_known(robot), closed=closed)))
+        is_made = _plan_look(robot, choose(replace(_search_state(robot), closed=closed)))
     else:
         is_made = _plan_approach(robot, closed, here, place)
     if is_made or _plan_narrow(robot, place, choose):
         robot.failures = 0
     elif place is not None and is_near(robot, place):
-        robot.set_way([], APPROACH)  # the way ends here
+        robot.set_way([], APPROACH)  # the path ends here
     else:
-        _do_without(robot, closed, here, moment)
+        _recover(robot, closed, here, moment)
 
 
 def _plan_look(robot: ARobot, goal: Goal | None) -> bool:
-    """Plan to go or turn to the next look; False if there is none to be had."""
+    """Plan to drive or turn to the next viewpoint; False if there is none."""
     if goal is None:
         return False
     robot.news = goal.news
@@ -133,14 +132,16 @@ def _plan_approach(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> bool
     return path is not None and _set_out(robot, path.cells, APPROACH)
 
 
-def _plan_narrow(robot: ARobot, place: Cell | None, choose: Callable[[Known], Goal | None]) -> bool:
-    """Plan a way on which the robot only just fits, to the objective or to the next look."""
+def _plan_narrow(
+    robot: ARobot, place: Cell | None, choose: Callable[[SearchState], Goal | None]
+) -> bool:
+    """Plan a path with minimal clearance to the objective or the next viewpoint."""
     narrows = Narrows.around(robot.grid, robot.position, robot.radius, robot.cell)
     if place is not None:
         ways = (narrows.way_to(targets) for targets in good_places(robot, place))
         way = next((way for way in ways if way is not None), None)
         return way is not None and _go_along(robot, way, APPROACH, is_narrow=True)
-    goal = choose(replace(_known(robot), closed=narrows.closed_cells))
+    goal = choose(replace(_search_state(robot), closed=narrows.closed_cells))
     if goal is None:
         return False
     if not goal.cells:
@@ -151,22 +152,22 @@ def _plan_narrow(robot: ARobot, place: Cell | None, choose: Callable[[Known], Go
 
 
 def _set_out(robot: ARobot, cells: Sequence[Cell], purpose: str) -> bool:
-    """Have a way along cells; False if it leads nowhere, or something stands in it."""
+    """Follow a path of cells; False if it is empty or blocked."""
     way = straightened(robot.grid, robot.position, cells, robot.room)
     return _go_along(robot, way, purpose)
 
 
 def _go_along(robot: ARobot, way: list[Position], purpose: str, is_narrow: bool = False) -> bool:
-    """Have a way; False if it leads nowhere, or something stands in it."""
+    """Follow a path of positions; False if it is empty or blocked."""
     robot.set_way(way, purpose, is_narrow)
     pass_corners(robot)
     return is_open(robot)
 
 
-def _known(robot: ARobot) -> Known:
-    """What the search goes by, before anything is closed."""
+def _search_state(robot: ARobot) -> SearchState:
+    """The search's input; `closed` holds obstacles only until the caller replaces it."""
     wide = robot.grid.shape[1]
-    return Known(
+    return SearchState(
         robot.grid,
         robot.grid < UNKNOWN,
         robot.pose,
@@ -178,7 +179,7 @@ def _known(robot: ARobot) -> Known:
     )
 
 
-def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> Path | None:
+def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> GridPath | None:
     if not closed[place]:
         path = shortest_path(closed, here, place)
         if path is not None:
@@ -187,8 +188,8 @@ def _path_to(robot: ARobot, closed: Mask, here: Cell, place: Cell) -> Path | Non
     return next((path for path in paths if path is not None), None)
 
 
-def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
-    """There is no way: wait for a while, step aside, or begin the search again."""
+def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
+    """Handle a failed plan: wait, step aside, or restart the search."""
     robot.forget_plan()
     robot.failures += 1
     doubt(robot.writable("grid"))
@@ -206,8 +207,8 @@ def _do_without(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> Non
         _set_out(robot, path.cells, ASIDE)
 
 
-def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> Path | None:
-    """A path to a random place about a metre or two away."""
+def _path_aside(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> GridPath | None:
+    """A path to a random cell one to two metres away."""
     rows, columns = np.ogrid[: closed.shape[0], : closed.shape[1]]
     squares = (rows - here[0]) ** 2 + (columns - here[1]) ** 2
     least, most = 1.0 / robot.cell, 2.0 / robot.cell

@@ -1,4 +1,4 @@
-"""The grid that a map is drawn into, as large as what was seen."""
+"""The grid that a map is drawn into; it grows with the observed area."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
+    clearing_part,
     mark_obstacle,
-    part_that_counts,
 )
 from minerva_agents.robot.posing import Posed, Unposed
 from minerva_bus import Cells
@@ -27,14 +27,14 @@ _MARGIN: Final = 2
 
 
 def hits(scan: Scan) -> Iterator[tuple[float, float]]:
-    """Each beam that hit something: metres from the robot's centre, degrees from its heading."""
+    """Distance (m, from the robot's centre) and bearing (degrees, from its heading) of each hit."""
     dist, angle = beams.hits(scan)
     return zip(dist.tolist(), angle.tolist(), strict=True)
 
 
 @dataclass(slots=True)
-class Extent:
-    """How far the robot came and saw, in metres."""
+class MapExtent:
+    """Bounding box of the robot's path and of all hits, in metres."""
 
     low_x: float = math.inf
     low_y: float = math.inf
@@ -50,46 +50,49 @@ class Extent:
         for dist, angle in hits(posed.scan):
             self._reach(*at_distance(posed.x, posed.y, posed.angle + angle, dist))
 
-    def wider(self, metres: float) -> Extent:
-        """As much more to each side."""
+    def wider(self, metres: float) -> MapExtent:
+        """A copy, enlarged by `metres` on each side."""
         low = self.low_x - metres, self.low_y - metres
-        return Extent(*low, self.high_x + metres, self.high_y + metres)
+        return MapExtent(*low, self.high_x + metres, self.high_y + metres)
 
     def _reach(self, x: float, y: float) -> None:
         self.low_x, self.high_x = min(self.low_x, x), max(self.high_x, x)
         self.low_y, self.high_y = min(self.low_y, y), max(self.high_y, y)
 
 
-def canvas_of(extent: Extent, cell: float) -> Canvas:
-    """An empty grid that holds an extent, its cells on a raster through (0, 0)."""
+def canvas_of(extent: MapExtent, cell: float) -> Canvas:
+    """An empty grid that covers the extent, with cell borders at multiples of `cell`."""
     if extent.low_x > extent.high_x and extent.unposed:
         raise RecordingError(
-            f"where the robot was is not known of any of its {extent.unposed} scans; a map needs"
-            " odometry beside them, or poses in their lines"
+            f"the recording gives no pose for any of its {extent.unposed} scans; a map needs"
+            " odometry or a pose in each scan"
         )
     if extent.low_x > extent.high_x:
-        raise RecordingError("there are no scans in it from which to draw a map")
+        raise RecordingError("the recording has no scans to draw a map from")
     first = [math.floor(low / cell) - _MARGIN for low in (extent.low_x, extent.low_y)]
     last = [math.floor(high / cell) + _MARGIN for high in (extent.high_x, extent.high_y)]
     rows, columns = (end - begin + 1 for begin, end in zip(first, last, strict=True))
     if rows * columns > _MOST_CELLS:
         raise MisuseError(
-            f"the map would have {rows} x {columns} cells, over {_MOST_CELLS}; take larger cells"
-            " (--cell) or a shorter range (--range)"
+            f"the map would have {rows} x {columns} cells; the limit is {_MOST_CELLS}. Use larger"
+            " cells (--cell) or a shorter range (--range)"
         )
     return Canvas(np.zeros((rows, columns), np.int16), cell, first[0] * cell, first[1] * cell)
 
 
 class Canvas:
-    """The grid, as it is drawn."""
+    """An occupancy grid under construction, with its origin in metres and the robot's path."""
 
     def __init__(self, grid: Cells, cell: float, x: float, y: float) -> None:
         self.grid, self.cell, self.x, self.y = grid, cell, x, y
         self.way: list[tuple[float, float]] = []
         self.first_angle = 0.0
 
-    def make_room(self, extent: Extent) -> None:
-        """Grow where an extent does not fit, by a half more than it needs. Raises MisuseError."""
+    def make_room(self, extent: MapExtent) -> None:
+        """Grow to cover `extent`, with 50 % spare space.
+
+        Raises MisuseError if it gets too large.
+        """
         high, wide = self.grid.shape
         low = extent.low_x >= self.x and extent.low_y >= self.y
         far = self.x + high * self.cell, self.y + wide * self.cell
@@ -102,9 +105,9 @@ class Canvas:
         self.grid, self.x, self.y = other.grid, other.x, other.y
 
     def draw(self, posed: Posed) -> None:
-        """Take a scan into the grid, as the robot does in a frame."""
+        """Add a scan to the grid, exactly as `ARobot.sense_obstacle` does."""
         grid, cell = self.grid, self.cell
-        part = part_that_counts(len(self.way))
+        part = clearing_part(len(self.way))
         if not self.way:
             self.first_angle = posed.angle
         self.way.append((posed.x, posed.y))

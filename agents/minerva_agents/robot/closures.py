@@ -1,9 +1,9 @@
-"""Closures: keyframes far apart on the way whose surroundings are the same place.
+"""Loop closures: pairs of distant keyframes that observe the same place.
 
-A closure is searched by correlation over all shifts and turns in a window (Olson, "Real-Time
-Correlative Scan Matching", ICRA 2009). What fits equally well at several places, as in a corridor,
-has a large covariance there, and pulls accordingly little. A closure counts only where each of both
-scans has walls where the other has them, and does not see through the other's walls.
+A closure is searched by correlation over all shifts and rotations in a window (Olson, "Real-Time
+Correlative Scan Matching", ICRA 2009). Ambiguous fits, as in a corridor, get a large covariance and
+therefore little weight. A closure is accepted only if each scan has walls where the other has them
+and neither sees through the other's walls.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _spatial: Any = scipy.spatial
 _CELL: Final = 0.2
 _POINTS: Final = 400
 _AROUND: Final = 4
-"""Keyframes before and after one that belong to its surroundings."""
+"""Neighbouring keyframes on each side that belong to a keyframe's local map."""
 
 _DRIFT, _MAX_WINDOW = 0.05, 12.0
 _DEGREES: Final = 18.0
@@ -42,13 +42,13 @@ _NEAR: Final = 0.15
 _MIN_FIT: Final = 0.6
 _MAX_SEEN_THROUGH: Final = 0.15
 _EVERY: Final = 2.0
-"""Metres of way from one search to the next."""
+"""Metres travelled between two searches."""
 
 _TEMPERATURE: Final = 0.02
 
 
 class Surroundings:
-    """The walls about a keyframe, in its own frame, and how well other points fit them."""
+    """Local map around a keyframe, in its own frame, for scoring other points."""
 
     def __init__(self, keys: Sequence[Keyframe], poses: Reals, number: int) -> None:
         around = range(max(0, number - _AROUND), min(len(keys), number + _AROUND + 1))
@@ -67,7 +67,7 @@ class Surroundings:
         self.tree: Any = _spatial.cKDTree(self.points)
 
     def fit(self, points: Reals) -> float:
-        """The part of points that have a wall within _NEAR metres."""
+        """Fraction of points with a wall within `_NEAR` metres."""
         dist, _ = self.tree.query(points, distance_upper_bound=_NEAR)
         return float(np.mean(np.isfinite(dist)))
 
@@ -80,10 +80,10 @@ _NEIGHBOURS: Final = [
 def correlated(
     walls: Surroundings, points: Reals, guess: Reals, window: float
 ) -> tuple[Reals, float, Reals]:
-    """The pose at which points fit walls best, its part of fitting points, and its covariance.
+    """Best pose of points in a local map, its fraction of matching points, and its covariance.
 
-    All shifts up to `window` metres about the guess are tried, by correlation (FFT), and turns of
-    up to _DEGREES.
+    Tries all shifts up to `window` metres around the guess by correlation (FFT), and rotations up
+    to `_DEGREES`.
     """
     size = 2 * walls.half
     reach = min(size - 1, math.ceil(window / _CELL))
@@ -109,7 +109,7 @@ def correlated(
 
 
 def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Reals:
-    """How much a pose may move without fitting worse (Olson 2009, 3)."""
+    """Covariance of a pose from the scores around the optimum (Olson 2009, section 3)."""
     steps = np.arange(-reach, reach + 1) * _CELL
     x, y = np.meshgrid(steps, steps, indexing="ij")
     total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -126,7 +126,7 @@ def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Re
 
 
 def polished(walls: Surroundings, points: Reals, pose: Reals) -> Reals:
-    """A pose made exact: points to the nearest walls, iterated (ICP, trimmed)."""
+    """A pose refined by trimmed ICP: points against the nearest walls."""
     for limit in (0.4, 0.25, 0.2, 0.15, 0.15):
         here = moved(points, pose)
         dist, index = walls.tree.query(here, distance_upper_bound=limit)
@@ -144,7 +144,7 @@ def polished(walls: Surroundings, points: Reals, pose: Reals) -> Reals:
 
 
 def candidates(keys: Sequence[Keyframe], poses: Reals) -> list[tuple[int, int, float]]:
-    """Pairs of keyframes that may be at one place, and metres by which they may be off."""
+    """Keyframe pairs that may observe the same place, each with its search window in metres."""
     way = np.array([key.way for key in keys])
     pairs, next_way = [], 0.0
     for later in range(len(keys)):
@@ -166,7 +166,7 @@ def candidates(keys: Sequence[Keyframe], poses: Reals) -> list[tuple[int, int, f
 def closure(
     keys: Sequence[Keyframe], poses: Reals, first: int, second: int, window: float
 ) -> Edge | None:
-    """The edge between two keyframes, if they are at one place."""
+    """The graph edge between two keyframes, or None if they observe different places."""
     walls = Surroundings(keys, poses, first)
     others = Surroundings(keys, poses, second)
     points = others.points[:: max(1, len(others.points) // _POINTS)]

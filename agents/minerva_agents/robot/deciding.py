@@ -1,8 +1,9 @@
-"""How a robot decides what to do next: section 4.2.5.
+"""Decisions of a robot (section 4.2.5) and the registry of planners.
 
-The paper leaves the algorithm to the user and shows two: `random` (module `wandering`) and `astar`.
-A third one is a function in `PLANNERS`. It finds the robot, with all that it knows, at the place
-where the next move begins, and returns that move; it may leave a plan in the robot's state.
+The paper leaves the algorithm open and gives two examples: `random` (module `wandering`) and
+`astar`. To add another, register a function in `PLANNERS`. It is called with the robot at the
+position where its next move begins, and returns that move; it may store a plan in the robot's
+state.
 """
 
 from __future__ import annotations
@@ -31,18 +32,19 @@ PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {
 
 
 def notice(robot: ARobot) -> None:
-    """Remember what the camera has had in view in this frame, while looking for the objective."""
+    """Record what the camera sees in this frame while the robot searches for its objective."""
     if robot.objective and robot.objective_cell() is None:
         look(robot.writable("grid"), robot.pose, robot.fov, robot.sight / robot.cell)
 
 
 def decide(robot: ARobot, moment: Context) -> Move:
-    """The robot's next move; at its objective it says so, once, and has none any more.
+    """The robot's next move.
 
-    On an errand it does there what the errand asks for. A robot that gives its objective up stays.
+    At the objective it emits eReached once and clears the objective; on an errand it performs the
+    errand's step instead. A robot that gives up its objective stops.
     """
     if not holds(robot.grid, cell_of(robot.position)):
-        robot.forget_plan()  # it has lost its way, and its map with it
+        robot.forget_plan()  # off its own map: no plan can be valid
         return STAY
     pass_corners(robot)
     if not robot.objective:

@@ -1,8 +1,8 @@
-"""Distances to obstacles on a grid: exact, Euclidean, in cells.
+"""Exact Euclidean distances to obstacles on a grid, in cells.
 
-Clearance begins with the distance down each column to an obstacle of that column. Then each row is
-the lower envelope of parabolas, one for each of its cells: the square of the distance to the
-obstacle is the least of (steps across)² + (distance down)².
+`clearance` first computes the distance to the nearest obstacle in each column. Each row is then the
+lower envelope of parabolas, one per cell: the squared distance to an obstacle is the minimum of
+(columns across)² + (distance in that column)².
 """
 
 import math
@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grids import Grid, MapError, check_grid
 
 _LINES_AT_ONCE = 2048
-"""Rows of the grid that are transformed together: enough for numpy, few enough for the memory."""
+"""Grid rows transformed together: enough to use numpy well, few enough to bound memory."""
 
 
 def inflate(obstacles: Grid, radius_cells: float) -> Grid:
-    """The obstacles grown by a disc: every cell whose centre is within the radius of one's centre.
+    """Obstacles dilated by a disc: all cells with an obstacle's centre within the radius.
 
-    `obstacles` is a bool grid, the radius is in cells and need not be whole. The time grows with
-    the radius and the area that obstacles lie in. Raises MapError for another grid and for a radius
-    that is negative or not finite.
+    `obstacles` is a bool grid; the radius is in cells and may be fractional. Run time grows with
+    the radius and the bounding box of the obstacles. Raises MapError for an invalid grid or a
+    radius that is negative or not finite.
     """
     check_grid(obstacles, "inflate", "obstacles")
     if not (math.isfinite(radius_cells) and radius_cells >= 0):
-        raise MapError(f"inflate: radius_cells is {radius_cells}, expected a number from 0 up")
+        raise MapError(f"inflate: radius_cells is {radius_cells}, expected a finite number >= 0")
     grown = np.zeros(obstacles.shape, np.bool_)
     window = _around_all(obstacles, math.floor(radius_cells))
     if window is not None:
@@ -34,13 +34,13 @@ def inflate(obstacles: Grid, radius_cells: float) -> Grid:
 
 
 def clearance(obstacles: Grid) -> NDArray[np.float64]:
-    """The Euclidean distance, in cells, from each cell's centre to that of the nearest obstacle.
+    """Euclidean distance in cells from each cell's centre to the nearest obstacle's centre.
 
-    Exact; 0 on obstacles, infinite where the grid has none. What lies outside the grid is not an
-    obstacle. The time grows with the area alone: the lower envelopes of all rows are built side by
-    side, column by column [Felzenszwalb, Huttenlocher 2012, "Distance Transforms of Sampled
-    Functions"; Meijster, Roerdink, Hesselink 2000, in whole numbers]. Raises MapError for what is
-    not a 2-D bool grid.
+    Exact; 0 on obstacles, infinite if the grid has none. Cells outside the grid are not obstacles.
+    Run time depends on the area only: the lower envelopes of all rows are built in parallel, column
+    by column [Felzenszwalb, Huttenlocher 2012, "Distance Transforms of Sampled Functions";
+    Meijster, Roerdink, Hesselink 2000, with integers]. Raises MapError unless `obstacles` is a 2-D
+    bool grid.
     """
     check_grid(obstacles, "clearance", "obstacles")
     if not obstacles.any():
@@ -54,9 +54,9 @@ def clearance(obstacles: Grid) -> NDArray[np.float64]:
 
 
 def _around_all(obstacles: Grid, margin: int) -> tuple[slice, slice] | None:
-    """The rows and columns between the outermost obstacles and a margin, None without obstacles.
+    """Rows and columns of the obstacles' bounding box plus a margin; None without obstacles.
 
-    A robot knows a small part of a large grid, and nothing is inflated elsewhere.
+    A robot knows a small part of a large grid, so cropping saves most of the work.
     """
     spans: list[slice] = []
     for axis in (0, 1):
@@ -68,7 +68,7 @@ def _around_all(obstacles: Grid, margin: int) -> tuple[slice, slice] | None:
 
 
 def _inflate(obstacles: Grid, radius: float) -> Grid:
-    """From the rim of the disc to its middle: the farther in a column is, the higher it is."""
+    """Dilate from the rim of the disc inwards: columns get taller towards its centre."""
     grown, high = np.zeros(obstacles.shape, np.bool_), obstacles.copy()
     rows, columns = obstacles.shape
     height = 0
@@ -81,7 +81,7 @@ def _inflate(obstacles: Grid, radius: float) -> Grid:
 
 
 def _spread(target: Grid, source: Grid, shift: int) -> None:
-    """Add to a grid what another one holds so many rows above or below."""
+    """OR `source`, shifted by `shift` rows both ways, into `target`."""
     if not shift:
         target |= source
     elif shift < len(source):
@@ -90,7 +90,7 @@ def _spread(target: Grid, source: Grid, shift: int) -> None:
 
 
 def _distances_down(obstacles: Grid) -> NDArray[np.float64]:
-    """For each cell the distance to the nearest obstacle of its own column, or infinity."""
+    """Distance from each cell to the nearest obstacle in its column, or infinity."""
     rows = np.arange(obstacles.shape[0], dtype=np.float64)[:, np.newaxis]
     above = np.maximum.accumulate(np.where(obstacles, rows, -np.inf), axis=0)
     below = np.minimum.accumulate(np.where(obstacles, rows, np.inf)[::-1], axis=0)[::-1]
@@ -98,14 +98,14 @@ def _distances_down(obstacles: Grid) -> NDArray[np.float64]:
 
 
 def _whole_distances_down(obstacles: Grid) -> NDArray[np.int64]:
-    """The same in whole numbers; more than any distance on the grid stands for infinity."""
+    """`_distances_down` as integers; the sum of both sides stands for infinity."""
     return np.minimum(_distances_down(obstacles), sum(obstacles.shape)).astype(np.int64)
 
 
 def _lower_envelope(heights: NDArray[np.int64]) -> NDArray[np.int64]:
-    """For each place of each line the least of (place - other)² + height(other)², over all others.
+    """For each place of each line the minimum over others of (place - other)² + height(other)².
 
-    `heights` is (places, lines); all lines take their next place together.
+    `heights` is (places, lines); all lines advance together.
     """
     envelope = _Envelope(heights)
     for place in range(heights.shape[0]):
@@ -117,10 +117,10 @@ def _lower_envelope(heights: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 class _Envelope:
-    """For each line a stack of the parabolas that are the lowest somewhere.
+    """Per line, a stack of the parabolas that form the lower envelope.
 
-    `peaks` are the places of the parabolas, `begins` the first place where each is the lowest, both
-    (depth, lines); `tops` is the depth of each line's last one, -1 for an empty stack.
+    `peaks` are the parabolas' places and `begins` the first place where each is lowest, both
+    (depth, lines); `tops` is the depth of each line's last parabola, -1 for an empty stack.
     """
 
     def __init__(self, heights: NDArray[np.int64]) -> None:
@@ -131,7 +131,7 @@ class _Envelope:
         self._tops = np.full(heights.shape[1], -1)
 
     def pop_hidden_by(self, place: int) -> None:
-        """Take away the parabolas that this place's is below, from where each begins on."""
+        """Pop parabolas that are above this place's over their whole range."""
         lines = self._lines[self._tops >= 0]
         while lines.size:
             tops = self._tops[lines]
@@ -143,7 +143,7 @@ class _Envelope:
             lines = lines[self._tops[lines] >= 0]
 
     def push(self, place: int) -> None:
-        """Add this place's parabola where it is the lowest before the line ends."""
+        """Push this place's parabola if it is lowest anywhere before the line ends."""
         peaks = self._peaks[self._tops, self._lines]
         rise = self.squares[place] - self.squares[peaks, self._lines]
         apart = np.where(self._tops < 0, 1, place - peaks)
@@ -155,7 +155,7 @@ class _Envelope:
         self._begins[self._tops[lines], lines] = begins[lines]
 
     def lowest(self) -> NDArray[np.int64]:
-        """For each place of each line the place whose parabola is the lowest there."""
+        """For each place of each line, the place of the lowest parabola."""
         lowest = np.zeros(self._peaks.shape, np.int64)
         depths, lines = np.nonzero(np.arange(len(self._peaks))[:, np.newaxis] <= self._tops)
         lowest[self._begins[depths, lines], lines] = self._peaks[depths, lines]

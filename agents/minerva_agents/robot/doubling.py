@@ -1,7 +1,7 @@
-"""Walls that are drawn twice: a measure of a map's sanity.
+"""Walls drawn twice: a consistency check for maps.
 
-Where a robot comes to a place again, each of two scans should see walls where the other does. One
-that looks through the other's walls was put in the wrong place.
+When a robot revisits a place, both scans should see the same walls. A scan that looks through the
+other's walls was placed at a wrong pose.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 
 _AGAIN: Final = 1.5
-"""Metres between two keyframes at one place."""
+"""Maximum distance between two keyframes of one place, in metres."""
 
 _THROUGH: Final = 0.3
-"""The part of a scan's hits that may lie where another scan has looked through."""
+"""Tolerated fraction of a scan's hits in space that the other scan saw as free."""
 
-_FEW: Final = 0.02
-"""The part of places that may differ because of people and doors."""
+_TOLERATED: Final = 0.02
+"""Fraction of places that may differ because of people and doors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Doubled:
-    """A place to which the robot came twice, and whose walls do not agree: metres, seconds."""
+    """A revisited place (m) whose walls disagree, with the times of both visits (s)."""
 
     x: float
     y: float
@@ -44,7 +44,7 @@ class Doubled:
 
 
 def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[Doubled], int]:
-    """Places whose walls a later visit saw elsewhere, and the number of places visited again."""
+    """Places whose walls a later visit contradicts, and the number of revisited places."""
     keys = keyframes_of(scans, places)
     poses = poses_of([places[key.number] for key in keys])
     doubled, visits = [], 0
@@ -70,19 +70,19 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
     return doubled, visits
 
 
-def doubling_told(scans: Sequence[Scan], places: Sequence[Pose], poses: str) -> list[str]:
-    """A line on walls that are drawn twice, if there are any, that says what to do."""
+def doubling_notes(scans: Sequence[Scan], places: Sequence[Pose], poses: str) -> list[str]:
+    """A warning with advice if walls are drawn twice, as a list of lines; else empty."""
     doubled, visits = doubled_walls(scans, places)
-    if len(doubled) < 2 or len(doubled) <= _FEW * visits:
+    if len(doubled) < 2 or len(doubled) <= _TOLERATED * visits:
         return []
     worst = doubled[0]
     advice = (
-        "record more slowly, or leave a part out (--from, --to)"
+        "record at lower speed, or exclude a part (--from, --to)"
         if poses == "matched"
-        else "--poses matched finds where the robot was, and closes loops"
+        else "use --poses matched to estimate the poses and close loops"
     )
     return [
-        f"walls are drawn twice at {len(doubled)} of {visits} places to which the robot came again,"
+        f"walls are drawn twice at {len(doubled)} of {visits} revisited places,"
         f" first near ({worst.x:.1f}, {worst.y:.1f}) m, seen at {worst.first:.0f} s and"
         f" {worst.second:.0f} s: {advice}"
     ]

@@ -1,10 +1,10 @@
-"""How far off the places are at which a robot takes itself to be.
+"""Trajectory errors: how far the estimated poses are from the published ones.
 
-The error at a scan is the distance from the place that was published, and the angle between both
-headings; both ways begin at the same place. A small error of the first headings turns a whole way
-about its beginning; so there is also what is left of the distances once both ways lie as well over
-one another as a turn and a shift can make them: the absolute trajectory error of Sturm and others,
-"A Benchmark for the Evaluation of RGB-D SLAM Systems" (IROS 2012), as a mean of distances.
+The error at a scan is the distance to the published position and the difference of headings; both
+trajectories start at the same pose. Because a small initial heading error rotates a whole
+trajectory, the error after optimal alignment by rotation and translation is reported too: the
+absolute trajectory error of Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems"
+(IROS 2012), as a mean distance.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Reals: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Gone:
-    """A scan: seconds, where the robot was, took itself to be, and was by its odometry alone."""
+class TrajectoryPoint:
+    """Poses of a scan at `time` seconds: published, estimated, and by odometry alone."""
 
     time: float
     published: Pose
@@ -38,7 +38,7 @@ class Gone:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """Of one way, (n,) each: metres, degrees, and metres with both ways laid over one another."""
+    """Errors along a trajectory, (n,) each: metres, degrees, and metres after alignment."""
 
     metres: Reals
     degrees: Reals
@@ -46,37 +46,39 @@ class Errors:
 
     def __str__(self) -> str:
         return (
-            f"{self.metres.mean():.2f} m in the mean, {self.metres.max():.2f} m at most;"
-            f" {self.degrees.mean():.1f} degrees, {self.degrees.max():.1f} at most;"
-            f" laid over it {self.aligned.mean():.2f} m, {self.aligned.max():.2f} m at most"
+            f"mean {self.metres.mean():.2f} m, maximum {self.metres.max():.2f} m;"
+            f" heading {self.degrees.mean():.1f} degrees, maximum {self.degrees.max():.1f};"
+            f" aligned {self.aligned.mean():.2f} m, maximum {self.aligned.max():.2f} m"
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """Errors over time in seconds, (n,), and those of the odometry alone if all of it is known."""
+    """Errors over time in seconds, (n,), and those of pure odometry where it is complete."""
 
     seconds: Reals
     taken: Errors
     chained: Errors | None
 
     @staticmethod
-    def of(gone: Sequence[Gone]) -> Drift:
-        """The errors of some scans, one at least."""
-        published = [one.published for one in gone]
-        chained = [one.chained for one in gone if one.chained is not None]
+    def of(points: Sequence[TrajectoryPoint]) -> Drift:
+        """Errors of a trajectory of at least one point."""
+        published = [point.published for point in points]
+        chained = [point.chained for point in points if point.chained is not None]
         return Drift(
-            np.array([one.time - gone[0].time for one in gone]),
-            errors_of([one.taken for one in gone], published),
-            errors_of(chained, published) if len(chained) == len(gone) else None,
+            np.array([point.time - points[0].time for point in points]),
+            errors_of([point.taken for point in points], published),
+            errors_of(chained, published) if len(chained) == len(points) else None,
         )
 
 
 def errors_of(taken: Sequence[Pose], published: Sequence[Pose]) -> Errors:
-    """The errors of as many places as were published."""
-    turns = [one.angle - other.angle for one, other in zip(taken, published, strict=True)]
+    """Errors of estimated poses against as many published ones."""
+    turns = [estimate.angle - pose.angle for estimate, pose in zip(taken, published, strict=True)]
     degrees = np.abs([math.remainder(turn, 360.0) for turn in turns])
-    ours, theirs = (np.array([complex(one.x, one.y) for one in way]) for way in (taken, published))
+    ours, theirs = (
+        np.array([complex(pose.x, pose.y) for pose in way]) for way in (taken, published)
+    )
     here, there = ours - ours.mean(), theirs - theirs.mean()
     turned = here * cmath.rect(1.0, cmath.phase(complex((here.conj() * there).sum())))
     return Errors(np.abs(ours - theirs), degrees, np.abs(turned - there))
@@ -86,9 +88,9 @@ _COLOURS: Final = {"odometry": "#c0392b", "matched": "#1f6f8b"}
 
 
 def save_plot(drift: Drift, path: Path) -> None:
-    """Draw the errors over time into a PNG. Raises MisuseError."""
+    """Plot the errors over time as PNG. Raises MisuseError."""
     try:
-        from matplotlib.figure import Figure  # late: of the extra plot
+        from matplotlib.figure import Figure  # late: optional dependency (extra "plot")
     except ImportError:
         raise MisuseError(
             f"{path}: plots need matplotlib; install it with: pip install 'minerva-bus[plot]'"
@@ -101,7 +103,7 @@ def save_plot(drift: Drift, path: Path) -> None:
         if errors is not None:
             upper.plot(drift.seconds, errors.metres, color=_COLOURS[name], label=name, lw=1.3)
             lower.plot(drift.seconds, errors.degrees, color=_COLOURS[name], lw=1.3)
-    upper.set_title("error against the published places", loc="left")
+    upper.set_title("error relative to the published poses", loc="left")
     upper.set_ylabel("distance, m")
     lower.set_ylabel("heading, degrees")
     lower.set_xlabel("time, s")

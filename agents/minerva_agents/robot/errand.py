@@ -1,21 +1,21 @@
-"""Errands: a robot fetches what stands at one marker and brings it to another, section 4.1.
+"""Errands: a robot fetches what stands at one marker and brings it to another (section 4.1).
 
-| frame | the robot                             | the parcels                                |
-|-------|---------------------------------------|--------------------------------------------|
-| t     | is at the source and emits eTake      |                                            |
-| t + 1 | waits                                 | those that stand there are its now: eTaken |
-| t + 2 | has what has answered, and sets out   |                                            |
-| ...   | emits eCarry wherever it moves        | those that it carries follow               |
-| u     | is at the target and emits ePut       |                                            |
-| u + 1 | has carried it out: emits eDelivered  | those that it carried stand there          |
+| frame | robot                                 | parcels                                    |
+  |-------|---------------------------------------|--------------------------------------------|
+  | t     | is at the source and emits eTake      |                                            |
+  | t + 1 | waits                                 | those at the marker answer with eTaken     |
+  | t + 2 | has the answers and departs           |                                            |
+  | ...   | emits eCarry whenever it moves        | carried parcels follow                     |
+  | u     | is at the target and emits ePut       |                                            |
+  | u + 1 | is done and emits eDelivered          | the carried parcels stand at the target    |
 
-Of several robots that ask, the first in the order of events gets all that stands there. One that
-gets nothing emits eGivenUp, and so does one that hears on its way that another has come first.
+If several robots ask, the first in the order of events gets all parcels. A robot that gets none, or
+learns on its way that another robot has come first, emits eGivenUp.
 
-An errand interrupts the objective: afterwards, done or given up, the robot goes on to it. So
-eReached is what it always is, and no errand ends a world that ends with it. Of orders the last
-one counts: a new errand takes an errand's place, and an objective too. What the robot carries it
-takes along then, and puts it down where the new order ends.
+An errand interrupts the objective; the robot resumes it afterwards, whether the errand succeeded or
+not. eReached therefore keeps its meaning, and an errand cannot end a world that stops on eReached.
+The latest order wins: a new errand replaces the current errand or objective. The robot keeps its
+load and puts it down where the new order ends.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
 _ANSWERED: Final = 2
-"""Frames from a question to its answers: events that agents emit belong to the next frame."""
+"""Frames from a request to its answers: events emitted by agents belong to the next frame."""
 
 
 def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
-    """Set out to the source; an errand that makes no sense changes nothing."""
+    """Start an errand; an invalid one is refused with eGivenUp."""
     unknown = [marker for marker in (source, target) if marker not in robot.markers]
     if unknown:
         why = f"there is no marker {unknown[0]!r}"
@@ -49,12 +49,12 @@ def begin(robot: ARobot, source: str, target: str, moment: Context) -> None:
 
 
 def is_fetching(robot: ARobot) -> bool:
-    """Whether the robot is on its way to the source, or asks there."""
+    """True if the robot is driving to the source or asking there."""
     return bool(robot.target) and robot.objective != robot.target
 
 
 def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
-    """Do what there is to do at the objective's marker; False where it is a mere objective."""
+    """Perform the errand's step at the objective's marker; False if there is no errand."""
     if is_fetching(robot):
         _fetch(robot, moment)
     elif robot.load:
@@ -69,26 +69,26 @@ def attend(robot: ARobot, place: Cell, moment: Context) -> bool:
     return True
 
 
-def hear_of_another(robot: ARobot, marker: str, moment: Context) -> None:
-    """Another robot takes what stands at a marker: this one need not go there for it."""
+def notice_rival(robot: ARobot, marker: str, moment: Context) -> None:
+    """Abort the approach to a source that another robot has just emptied."""
     if is_fetching(robot) and robot.objective == marker and not robot.waits:
         _go_on(robot, "another robot has come first", moment)
 
 
 def give_up(robot: ARobot, why: str, moment: Context) -> None:
-    """End an errand that cannot be done, and say why; what the robot carries it takes along."""
+    """Abort an errand and report why; the robot keeps its load."""
     moment.emit(eGivenUp(robot.objective, robot.target, why))
     _end(robot)
 
 
 def carry(robot: ARobot, position: Position, moment: Context) -> None:
-    """Tell what the robot carries where it will be."""
+    """Send the parcels on board their next position."""
     if robot.load:
         moment.emit(eCarry(*robot.metres(position), receivers=robot.load))
 
 
 def _fetch(robot: ARobot, moment: Context) -> None:
-    """Ask what stands here to come along; once all answers are there, see what they are."""
+    """Ask the parcels at this marker to come along; continue once all have answered."""
     if not robot.waits:
         moment.emit(eTake(robot.objective))
         robot.waits = _ANSWERED
@@ -99,7 +99,7 @@ def _fetch(robot: ARobot, moment: Context) -> None:
 
 
 def _go_on(robot: ARobot, why: str, moment: Context) -> None:
-    """Bring the load to the target; without any give up, and say why."""
+    """Bring the load to the target; give up if there is none."""
     if robot.load:
         robot.seek(robot.target, robot.target)
     else:

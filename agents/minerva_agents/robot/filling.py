@@ -1,4 +1,4 @@
-"""A scan of few beams as one of many: there is a wall between neighbouring hits."""
+"""Densify sparse scans: interpolate points between neighbouring hits on one wall."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from minerva_bus import portable
 Reals: TypeAlias = NDArray[np.float64]
 
 
-def filled(dist: Reals, angle: Reals, most: float) -> tuple[Reals, Reals]:
-    """The hits, and points a cell apart between neighbours that are at most so many cells apart.
+def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:
+    """The hits, plus points one cell apart between neighbours at most `max_gap` cells apart.
 
-    Distances are cells, angles degrees, (n,) each. Few beams meet a wall in points far from one
-    another. Without others between them, a scan would seem to fit best where its points fall on
-    those of the scan before. A laser with many beams needs none: they round corners off.
+    Distances are cells, angles degrees, (n,) each. A laser with few beams samples a wall sparsely,
+    and without interpolation a scan would fit best where its points coincide with those of the
+    previous scan. A laser with many beams needs none: interpolation would round off corners.
     """
     down, right = dist * portable.cos(np.radians(angle)), dist * portable.sin(np.radians(angle))
     far_down, far_right = np.roll(down, -1) - down, np.roll(right, -1) - right
     gaps = portable.hypot(far_down, far_right)
-    counts = np.where(gaps <= most, np.maximum(np.ceil(gaps), 1), 1).astype(np.intp)
+    counts = np.where(gaps <= max_gap, np.maximum(np.ceil(gaps), 1), 1).astype(np.intp)
     which = np.repeat(np.arange(len(dist)), counts)
     firsts = np.cumsum(counts) - counts
     parts = (np.arange(len(which)) - firsts[which]) / counts[which]

@@ -1,4 +1,4 @@
-"""How a robot follows its way: corner by corner, as long as nothing has turned up on it."""
+"""Path following: corner by corner, while the path stays clear."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _THERE: Final = 1e-4
 
 
 def pass_corners(robot: ARobot) -> None:
-    """Drop the corners at which the robot has arrived."""
+    """Drop the corners that the robot has reached."""
     way = robot.way
     while way and portable.dist(way[0], robot.position) < _THERE:
         way.pop(0)
@@ -25,7 +25,7 @@ def pass_corners(robot: ARobot) -> None:
 
 
 def is_open(robot: ARobot) -> bool:
-    """Whether there is a way on, and no obstacle has turned up on it."""
+    """True if the robot has a path and no new obstacle blocks it."""
     way = (robot.position, *robot.way)
     if len(way) == 1:
         return False
@@ -35,7 +35,7 @@ def is_open(robot: ARobot) -> bool:
 
 
 def step(robot: ARobot, dt: float) -> Move:
-    """The next move along the way."""
+    """Next move along the path."""
     if not robot.plan_rows:
         return STAY
     corner = robot.plan_rows[0], robot.plan_columns[0]

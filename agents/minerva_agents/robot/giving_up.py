@@ -1,7 +1,7 @@
-"""When a robot gives its objective up: it has looked everywhere, or sees nothing new.
+"""When a robot gives up its objective: everything searched, or nothing new observed.
 
-The paper's robot searches for ever. One whose marker hangs outside the walls, stands in a pillar or
-does not exist would drive until its battery is empty, and nobody would know why.
+The paper's robot searches forever. If its marker lies outside the walls, inside a pillar or does
+not exist, it would drive until its battery is empty without reporting a reason.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
 SEARCHES: Final = 2
-"""So often it begins a search again that has come to its end."""
+"""Number of restarts of an exhausted search."""
 
 FAILURES: Final = 12
-"""So many attempts in a row to find a way to a marker that it has seen."""
+"""Consecutive failed attempts to plan a path to a known marker."""
 
 _COUNTED_EVERY: Final = 20
-"""Frames from one count of what it knows to the next."""
+"""Frames between two counts of known cells."""
 
 _LEAST_SECONDS: Final = 300.0
 _CROSSINGS: Final = 10.0
-"""It searches without news for five minutes, and for as long as it drives ten times across."""
+"""Time without news before giving up: five minutes, plus ten crossings of the grid."""
 
 
 def gives_up(robot: ARobot, moment: Context) -> bool:
-    """Give the objective up, and say why, if there is no hope left; the robot has none then."""
+    """Give up the objective, report why and clear it, if there is no prospect left."""
     why = _why(robot, moment)
     if not why:
         return False
@@ -58,7 +58,7 @@ def _why(robot: ARobot, moment: Context) -> str:
 
 
 def _count_news(robot: ARobot, moment: Context) -> None:
-    """Note for how long it has neither learnt of a cell nor looked at one, in more than ever."""
+    """Update the time since the number of known or inspected cells last grew."""
     robot.stale += moment.dt
     if moment.number % _COUNTED_EVERY:
         return

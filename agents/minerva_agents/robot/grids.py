@@ -1,4 +1,4 @@
-"""Grids of free and blocked cells, and what is wrong with those that cannot be used."""
+"""Grids of free and blocked cells, and validation of map input."""
 
 from typing import TypeAlias
 
@@ -12,11 +12,11 @@ Grid: TypeAlias = NDArray[np.bool_]
 
 
 class MapError(MinervaError, ValueError):
-    """A map cannot be used as it is written, or is asked for what it does not have."""
+    """A map is invalid, or a request cannot be satisfied on it."""
 
 
 def check_grid(grid: Grid, who: str, name: str) -> None:
-    """Raise MapError, which says who asked, for what is not a 2-D array of bool."""
+    """Raise MapError, naming the caller `who`, unless `grid` is a 2-D array of bool."""
     if grid.ndim != 2 or grid.dtype != np.bool_:
         kind = f"{grid.ndim}-D of {grid.dtype}"
         raise MapError(f"{who}: {name} is {kind}, expected a 2-D array of bool [row, column]")

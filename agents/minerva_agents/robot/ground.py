@@ -1,12 +1,12 @@
-"""Where a robot can stand and go, by what it knows: obstacles, the room around them, ways.
+"""Where a robot can stand and drive: obstacles, clearance, straightened paths.
 
-Positions are (row, column) in cells; the centre of cell (2, 3) is (2.5, 3.5). What is unknown
-counts as free: a robot that never went there would never know.
+Positions are (row, column) in cells; the centre of cell (2, 3) is (2.5, 3.5). Unknown cells count
+as free, otherwise a robot would never explore them.
 
-A robot keeps so far from the centres of obstacles' cells that it touches nothing wherever in such
-a cell the obstacle stands; where that leaves no way it keeps from the cells themselves, see
-`narrows`. One that has come nearer, by an error or because something came to it,
-may go anywhere but nearer still.
+A robot keeps a distance from the centre of each obstacle cell such that it touches nothing wherever
+in the cell the obstacle stands. If that leaves no path, it keeps clear of the cell squares instead
+(see `narrows`). A robot that is already closer, through an error or because something approached
+it, may move anywhere but closer still.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ _SLACK: Final = 1e-6
 
 
 def room_of(radius: float, cell: float) -> float:
-    """How far, in cells, a robot stays from the centre of an obstacle's cell."""
+    """Clearance to an obstacle cell's centre, in cells."""
     return radius / cell + _HALF_DIAGONAL
 
 
 def cell_of(position: Position) -> Cell:
-    """The cell in which a position lies."""
+    """The cell that contains a position."""
     return math.floor(position[0]), math.floor(position[1])
 
 
 def centre_of(cell: Cell) -> Position:
-    """The middle of a cell."""
+    """The centre of a cell."""
     return cell[0] + 0.5, cell[1] + 0.5
 
 
 def blocked(grid: Cells, at: Position, room: float) -> Mask:
-    """Where a robot that is at a position must not go."""
+    """Cells that a robot at position `at` must not enter."""
     walls = obstacles(grid)
     closed = inflate(walls, room)
     here = cell_of(at)
@@ -56,7 +56,7 @@ def blocked(grid: Cells, at: Position, room: float) -> Mask:
 
 
 def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
-    """Open the cells around that are no nearer to any of the near obstacles than the robot is."""
+    """Open nearby cells that are no closer to any near obstacle than the robot is now."""
     reach = 2 * math.ceil(room)
     row, column = cell_of(at)
     corner = max(0, row - 2 * reach), max(0, column - 2 * reach)
@@ -78,9 +78,9 @@ def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
 
 
 def is_clear(grid: Cells, way: Way, room: float) -> bool:
-    """Whether a way along straight lines stays clear of obstacles by that much room.
+    """True if straight lines along the path keep `room` cells of clearance.
 
-    To an obstacle that is nearer than that where it begins it must not come nearer still.
+    An obstacle that is already closer at the start must not come closer still.
     """
     return all(_is_clear(grid, *line, way[0], room) for line in pairwise(way))
 
@@ -106,7 +106,7 @@ def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room
 
 
 def corners(cells: Sequence[Cell]) -> list[Cell]:
-    """The first cell of a path, those where it turns, and the last."""
+    """First cell, turning cells and last cell of a path."""
     turns = [
         here
         for before, here, after in zip(cells, cells[1:], cells[2:], strict=False)
@@ -116,7 +116,7 @@ def corners(cells: Sequence[Cell]) -> list[Cell]:
 
 
 def straightened(grid: Cells, at: Position, cells: Sequence[Cell], room: float) -> list[Position]:
-    """The way from a position along a path of cells, with its corners cut where there is room."""
+    """A path of cells as positions, with corners cut where clearance allows."""
     turns = [centre_of(cell) for cell in corners(cells)]
     way = [] if _leaves_at_once(grid, at, turns, room) else [turns[0]]
     here, ahead = at if not way else turns[0], turns[1:]
@@ -129,14 +129,14 @@ def straightened(grid: Cells, at: Position, cells: Sequence[Cell], room: float) 
 
 
 def _leaves_at_once(grid: Cells, at: Position, turns: Way, room: float) -> bool:
-    """Whether the first corner can be had without going to the middle of the own cell before."""
+    """True if the first corner is reachable without driving to the centre of the current cell."""
     if len(turns) < 2:
         return False
     return is_clear(grid, (at, turns[1]), room) or not is_clear(grid, (at, turns[0]), room)
 
 
 def sees(walls: Mask, here: Position, there: Position) -> bool:
-    """Whether no obstacle lies between two positions; the cells of both ends do not count."""
+    """True if no obstacle lies between two positions; the end cells do not count."""
     down, across = there[0] - here[0], there[1] - here[1]
     count = 2 * math.ceil(max(abs(down), abs(across))) + 1
     ends = (cell_of(here), cell_of(there))

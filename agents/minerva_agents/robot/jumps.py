@@ -1,9 +1,9 @@
-"""Tables of a grid's jumps: for each cell and each of the eight directions, how far a search goes.
+"""Jump tables of a grid: distance to the next jump point per cell and direction.
 
-Of all the equally short paths only one that goes diagonally as early as it can is followed, so a
+Among equally short paths, only the one that goes diagonally as early as possible is followed, so a
 search stops only where such a path may turn [Harabor, Grastien 2011, "Online Graph Pruning for
-Pathfinding on Grid Maps"]. numpy finds the next such cell for all cells of a grid at once
-[Harabor, Grastien 2014, "Improving Jump Point Search"].
+Pathfinding on Grid Maps"]. numpy computes the next jump point for all cells at once [Harabor,
+Grastien 2014, "Improving Jump Point Search"].
 """
 
 import math
@@ -16,26 +16,26 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import Grid
 
-# A direction is an index into this ring, counter-clockwise; the odd ones are diagonals.
+# A direction is an index into this ring, counter-clockwise; odd indices are diagonals.
 _RING: Final = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 _LINES_AT_ONCE: Final = 512
 
-# Costs are whole numbers so that equal lengths compare equal however they were summed. Two
-# different lengths of n moves are at least about 1 / (3 n) apart, 60 bits are far finer than that.
+# Costs are integers so that equal lengths compare equal regardless of summation order. Two
+# different lengths of n moves differ by at least about 1 / (3 n); 60 bits are far finer than that.
 STRAIGHT: Final = 1 << 60
 DIAGONAL: Final = math.isqrt(2 << 120)
 
 LEAP: Final = 255
-"""An entry for a jump that no byte holds: go `LEAP - 1` cells and look again."""
+"""Marks a jump that does not fit in a byte: go `LEAP - 1` cells and look up again."""
 
 Bytes: TypeAlias = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """One of the eight: its number, what a move adds to a flat cell, its cost, and all jumps.
+    """One of eight directions: index, flat cell offset, cost per move, and jump table.
 
-    `jumps[cell]` is the number of cells to the next one where a path may turn or end, 0 if a wall
+    `jumps[cell]` is the number of cells to the next cell where a path may turn or end, 0 if a wall
     comes first, or LEAP.
     """
 
@@ -45,7 +45,7 @@ class Direction:
     jumps: bytes
 
     def jump(self, cell: int) -> int:
-        """The number of cells to the next turn, however far; 0 if a wall comes first."""
+        """Number of cells to the next jump point, at any distance; 0 if a wall comes first."""
         moves = 0
         while self.jumps[cell] == LEAP:
             cell += (LEAP - 1) * self.step
@@ -55,11 +55,10 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Jumps:
-    """A grid with a blocked rim, flattened, and the jumps in each direction.
+    """A flattened grid with a blocked border, and the jump tables of all directions.
 
-    `corners` has for each cell the walls behind it that a straight path has just passed, see
-    `_corners`; `ways[direction][corners[cell]]` are the directions on which a path may go from a
-    cell in which it has arrived in a direction.
+    `corners` holds, per cell, the walls that a straight path has just passed (see `_corners`).
+    `ways[direction][corners[cell]]` are the directions in which a path may continue.
     """
 
     width: int
@@ -69,19 +68,19 @@ class Jumps:
     ways: tuple[tuple[tuple[Direction, ...], ...], ...]
 
     def flat(self, cell: tuple[int, int]) -> int:
-        """The index of a cell."""
+        """Flat index of a cell."""
         return (cell[0] + 1) * self.width + cell[1] + 1
 
     def cell(self, flat: int) -> tuple[int, int]:
-        """The cell of an index."""
+        """Cell of a flat index."""
         row, column = divmod(flat, self.width)
         return row - 1, column - 1
 
 
 def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
-    """The tables of a grid, where paths may end in targets; both bool, of one shape.
+    """Jump tables of a grid for paths that end in `targets`; both bool, of one shape.
 
-    The memory is about 12 bytes a cell and, while it is computed, 20.
+    Needs about 12 bytes per cell, and 20 during construction.
     """
     width = blocked.shape[1] + 2
     steps = [row * width + column for row, column in _RING]
@@ -105,15 +104,15 @@ def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
 
 
 def _ahead(flat: Grid, step: int) -> Grid:
-    """For each cell the value of the cell one step ahead.
+    """Value of the cell one step ahead, for each cell.
 
-    What is rolled in from the other end lands on cells of the rim, which are blocked anyway.
+    Values that wrap around land on border cells, which are blocked anyway.
     """
     return np.roll(flat, -step)
 
 
 def _open(free: Grid, steps: Sequence[int], number: int) -> Grid:
-    """Cells from which a move in a direction is allowed; a diagonal needs both cells beside it."""
+    """Cells that permit a move in a direction; a diagonal needs both adjacent cells free."""
     is_open = free & _ahead(free, steps[number])
     if number & 1:
         is_open &= _ahead(free, steps[number - 1]) & _ahead(free, steps[(number + 1) % 8])
@@ -121,10 +120,10 @@ def _open(free: Grid, steps: Sequence[int], number: int) -> Grid:
 
 
 def _corners(free: Grid, steps: Sequence[int]) -> Bytes:
-    """Where a straight move has just passed a corner: free beside, blocked beside-behind.
+    """Corners that a straight move has just passed: free beside, blocked beside and behind.
 
-    A bit for each: bit d for direction d (0, 2, 4, 6) with the corner on its left, bit d + 1 on
-    its right.
+    Bit d stands for direction d (0, 2, 4, 6) with the corner on its left, bit d + 1 for the corner
+    on its right.
     """
     corners = np.zeros(free.shape, np.uint8)
     for number in (0, 2, 4, 6):
@@ -137,7 +136,7 @@ def _corners(free: Grid, steps: Sequence[int]) -> Bytes:
 
 
 def _ways(directions: Sequence[Direction]) -> tuple[tuple[tuple[Direction, ...], ...], ...]:
-    """The directions that an early-diagonal shortest path may take on, by arrival and corners."""
+    """Directions in which an early-diagonal shortest path may continue, by arrival and corners."""
     return tuple(
         [
             tuple(
@@ -149,10 +148,9 @@ def _ways(directions: Sequence[Direction]) -> tuple[tuple[tuple[Direction, ...],
 
 
 def _ways_on(number: int, corners: int) -> list[int]:
-    """From a diagonal: on, or straight to either side of it.
+    """Continuations of a move: a diagonal continues straight on or to either side.
 
-    From a straight move: on, and round the corner on each side where there is one, for only then
-    is there no shorter way.
+    A straight move continues, and turns around passed corners, where no shorter path exists.
     """
     left, right = (number + 1) % 8, (number - 1) % 8
     if number & 1:
@@ -166,7 +164,7 @@ def _ways_on(number: int, corners: int) -> list[int]:
 
 
 def _table(is_open: Grid, turns: Grid, step: int, width: int) -> Bytes:
-    """For each flat cell the number of cells to the next turn, if every move up to it is open."""
+    """Per flat cell, the number of cells to the next turn, 0 if a move before it is blocked."""
     opens, ends = _lines(is_open, step, width), _lines(turns, step, width)
     table = np.empty(opens.shape, np.uint8)
     for first in range(0, opens.shape[1], _LINES_AT_ONCE):
@@ -177,10 +175,10 @@ def _table(is_open: Grid, turns: Grid, step: int, width: int) -> Bytes:
 
 
 def _lines(flat: Grid, step: int, width: int) -> Grid:
-    """The flat grid as (places, lines), where cells that are a step apart stand below one another.
+    """The flat grid as (places, lines), with cells one step apart in consecutive places.
 
-    For a step of 1 these are the rows of the grid; else it is folded into rows as long as the step,
-    so diagonals become columns too.
+    For a step of 1 these are the grid's rows; otherwise the grid is folded into rows as long as the
+    step, so diagonals become columns too.
     """
     fold = abs(step)
     if fold == 1:
@@ -191,9 +189,9 @@ def _lines(flat: Grid, step: int, width: int) -> Grid:
 
 
 def _along(is_open: Grid, turns: Grid, forward: bool) -> Bytes:
-    """The table of some lines, (places, lines), down or up them.
+    """Jump distances along lines, (places, lines), in one direction.
 
-    A stop is twice its place, and one more where it is no turn.
+    A stop is encoded as twice its place, plus one if it is not a turn.
     """
     if not forward:
         return _along(is_open[::-1], turns[::-1], True)[::-1]

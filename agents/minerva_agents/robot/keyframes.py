@@ -1,7 +1,4 @@
-"""Keyframes of a way: the scans by which places are compared, and poses as arrays.
-
-A pose is (x, y, radians), in metres.
-"""
+"""Keyframes of a trajectory: the scans used to compare places, and poses as arrays."""
 
 from __future__ import annotations
 
@@ -20,18 +17,18 @@ from minerva_bus.world.readings import Scan
 Reals: TypeAlias = NDArray[np.float64]
 
 KEY_METRES, KEY_DEGREES = 0.8, 40.0
-"""From one keyframe to the next, at most, if scans are as near as that."""
+"""Maximum travel and rotation between keyframes, if scans are that dense."""
 
 MIN_LOOP: Final = 12.0
-"""Metres of way between two keyframes that may be one place again."""
+"""Minimum travel in metres between two keyframes of one place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
-    """A scan of the way: its number, its hits from the robot in metres, (n, 2), and its reach.
+    """A scan of the trajectory: index, hits relative to the robot in metres (n, 2), and reach.
 
-    `reach` are metres to the nearest hit in each degree, (360,); 0 where nothing was hit. `way` is
-    the length of the way to it.
+    `reach` is the distance in metres to the nearest hit per degree, (360,); 0 where nothing was
+    hit. `way` is the distance travelled so far.
     """
 
     number: int
@@ -41,7 +38,7 @@ class Keyframe:
 
 
 def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[Keyframe]:
-    """Some scans of a way, no farther from one another than the way needs."""
+    """Scans of a trajectory, thinned to the spacing of keyframes."""
     keys: list[Keyframe] = []
     way, last = 0.0, -1
     for number, (scan, place) in enumerate(zip(scans, places, strict=True)):
@@ -73,12 +70,12 @@ def _reach(dist: Reals, angle: Reals) -> Reals:
 
 
 def poses_of(places: Sequence[Pose]) -> Reals:
-    """Places as poses, (n, 3)."""
+    """Poses as an array, (n, 3)."""
     return np.array([(p.x, p.y, math.radians(p.angle)) for p in places])
 
 
 def between(first: Reals, second: Reals) -> Reals:
-    """A pose as seen from another."""
+    """The second pose relative to the first."""
     cos, sin = math.cos(first[2]), math.sin(first[2])
     x, y = second[0] - first[0], second[1] - first[1]
     turn = math.remainder(second[2] - first[2], math.tau)
@@ -86,13 +83,13 @@ def between(first: Reals, second: Reals) -> Reals:
 
 
 def moved(points: Reals, pose: Reals) -> Reals:
-    """Points of a pose's own frame in the outer one."""
+    """Points in a pose's own frame, transformed to the outer frame."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
 
 
 def seen_through(points: Reals, reach: Reals) -> float:
-    """The part of points, seen from a keyframe, that stand where it has looked through."""
+    """Fraction of points in space that a keyframe observed as free."""
     dist = np.hypot(points[:, 0], points[:, 1])
     degree = np.floor(np.degrees(np.arctan2(points[:, 1], points[:, 0]))).astype(np.intp) % 360
     limit = reach[degree]

@@ -1,16 +1,15 @@
-"""What a robot knows of the floor: the cells of its grid, and how laser and camera change them.
+"""A robot's evidence grid: cell codes, and how laser and camera update them.
 
-| code | a cell that                                                              |
-|------|--------------------------------------------------------------------------|
-| 0    | is empty of knowledge, as all are at first (the paper's empty cell)      |
-| 1    | is free                                                                  |
-| 2-9  | holds an obstacle; the number is the evidence for it                     |
-| 10   | is free, and the camera has looked at it                                 |
-| 11   | is closed: a norm has refused a step there, and no beam opens it         |
-| 16+k | holds marker k, of the names that the robot has in `markers`             |
+| code | meaning                                                                  |
+  |------|--------------------------------------------------------------------------|
+  | 0    | unknown, as all cells are initially (the paper's empty cell)             |
+  | 1    | free                                                                     |
+  | 2-9  | obstacle; the number is the evidence for it                              |
+  | 10   | free, and inspected by the camera                                        |
+  | 11   | closed: a norm rejected a step there, and no beam reopens it             |
+  | 16+k | holds marker k, an index into the robot's `markers`                      |
 
-A position is (row, column) in cells, with fractions: it lies in the cell of its floor. Positions
-and cells outside the grid are passed over.
+A position is (row, column) in fractional cells. Positions and cells outside the grid are ignored.
 """
 
 from __future__ import annotations
@@ -36,28 +35,28 @@ Mask: TypeAlias = NDArray[np.bool_]
 Codes: TypeAlias = NDArray[np.int16]
 
 _HIT: Final = 3
-"""Evidence that one hit adds; a beam that passes takes 1 away."""
+"""Evidence added by a hit; a passing beam removes 1."""
 
 
 def _after_passing() -> Cells:
-    """What becomes of each code when a beam passes through."""
+    """Code of each cell after a beam has passed through, indexed by the code before."""
     codes = np.arange(1 << 15, dtype=np.int16)
     lowered = np.maximum(codes - 1, FREE).astype(np.int16)
     return np.where(codes <= SURE, lowered, codes)
 
 
-def part_that_counts(frame: int) -> float:
-    """The part of its beams that counts against obstacles in a frame.
+def clearing_part(frame: int) -> float:
+    """Fraction of each beam that counts as evidence against obstacles in this frame.
 
-    A beam may graze the wall that it ends at, on its farther half: it passes many cells that hold
-    a bit of that wall before it hits one. So that half counts in one frame of eight only, which
-    is enough to forget what has gone away.
+    A beam that grazes the wall it ends at passes many cells that contain a bit of that wall, all in
+    its far half. So the far half counts in one of eight frames only, which suffices to forget
+    obstacles that moved away.
     """
     return 1.0 if frame % 8 == 0 else 0.5
 
 
 def doubt(grid: Cells) -> None:
-    """Less evidence for all obstacles; those that are in view are soon as sure as before."""
+    """Reduce the evidence for all obstacles; visible ones recover within a few frames."""
     grid[:] = np.where(grid <= SURE, np.where(grid > FREE, grid - 1, grid), grid)
 
 
@@ -67,18 +66,18 @@ _NONE: Final = np.empty(0, np.intp)
 
 
 def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
-    """(r + dist cos angle, c + dist sin angle), 4.2.3; the distance in cells, degrees."""
+    """(r + dist cos angle, c + dist sin angle), section 4.2.3; cells and degrees."""
     heading = math.radians(angle)
     return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
 
 
 def holds(grid: Cells, cell: Cell) -> bool:
-    """Whether a cell is one of the grid."""
+    """True if the cell lies on the grid."""
     return 0 <= cell[0] < grid.shape[0] and 0 <= cell[1] < grid.shape[1]
 
 
 def mark_obstacle(grid: Cells, row: float, column: float) -> None:
-    """More evidence for an obstacle at a position; a marker stays a marker."""
+    """Add evidence for an obstacle at a position; markers are not overwritten."""
     cell = math.floor(row), math.floor(column)
     if not holds(grid, cell):
         return
@@ -89,19 +88,19 @@ def mark_obstacle(grid: Cells, row: float, column: float) -> None:
 
 
 def close(grid: Cells, row: float, column: float) -> None:
-    """Nobody may go to a position, whatever the laser sees there; a marker stays a marker."""
+    """Close a position regardless of later scans; markers are not overwritten."""
     cell = math.floor(row), math.floor(column)
     if holds(grid, cell) and grid[cell] < MARKER:
         grid[cell] = CLOSED
 
 
 def reopen(grid: Cells) -> None:
-    """Try again what was closed: norms need not refuse for ever."""
+    """Reopen all closed cells: a norm need not reject a step forever."""
     grid[grid == CLOSED] = FREE
 
 
 def mark_marker(grid: Cells, row: float, column: float, marker: int) -> None:
-    """The one place of a marker; where it was thought to be before is free."""
+    """Set the cell of a marker; its previous cell becomes free."""
     cell = math.floor(row), math.floor(column)
     if holds(grid, cell):
         grid[grid == MARKER + marker] = FREE
@@ -111,27 +110,27 @@ def mark_marker(grid: Cells, row: float, column: float, marker: int) -> None:
 def clear_beam(
     grid: Cells, row: float, column: float, to_row: float, to_column: float, part: float = 1.0
 ) -> None:
-    """The cells that a beam passes before it ends are free.
+    """Mark the cells that a beam passes before its end as free.
 
-    All along the beam what was unknown is free now. What was thought an obstacle loses evidence on
-    the first `part` of it only.
+    Unknown cells become free along the whole beam; obstacles lose evidence on its first `part`
+    only.
     """
     cells, count = _passed(grid, row, column, to_row, to_column)
     flat: Codes = grid.reshape(-1)
     codes: Codes = flat.take(cells)
     np.maximum(codes, FREE, out=codes)
     near = codes[: math.ceil(part * count)]
-    _PASSED.take(near, out=near, mode="clip")  # which spares a copy; no code is out of bounds
+    _PASSED.take(near, out=near, mode="clip")  # "clip" avoids a copy; every code is in bounds
     flat[cells] = codes
 
 
 def clear_open_beam(
     grid: Cells, row: float, column: float, to_row: float, to_column: float, part: float = 1.0
 ) -> None:
-    """The cells that a beam passes which meets nothing are free, up to a known obstacle.
+    """Mark the cells along a beam without a hit as free, up to the first known obstacle.
 
-    A beam may fail to come back from a wall. So it loses evidence only of the first obstacle on
-    its way, if that lies on the first `part` of it, and says nothing of what lies behind.
+    A beam may fail to return from a wall. So only the first obstacle loses evidence, and only on
+    the first `part` of the beam; cells behind it stay unchanged.
     """
     cells, count = _passed(grid, row, column, to_row, to_column)
     flat: Codes = grid.reshape(-1)
@@ -149,10 +148,10 @@ def clear_open_beam(
 def _passed(
     grid: Cells, row: float, column: float, to_row: float, to_column: float
 ) -> tuple[NDArray[np.intp], int]:
-    """The flat indices of the cells that a beam passes, and their number with those outside.
+    """Flat indices of the cells that a beam passes, and their count including those off the grid.
 
-    From one cell looked up to the next it is one row and one column at most, so none is left out;
-    the cell in which the beam ends is none of them.
+    Consecutive samples are at most one row and one column apart, so no cell is skipped; the cell in
+    which the beam ends is excluded.
     """
     down, across = to_row - row, to_column - column
     count = math.ceil(max(abs(down), abs(across)))
@@ -176,18 +175,18 @@ def _passed(
 
 
 def place_of(grid: Cells, marker: int) -> Cell | None:
-    """The cell of a marker, or None while it has not been seen."""
-    found = int(np.argmax(grid == MARKER + marker))
-    row, column = divmod(found, grid.shape[1])
+    """The cell of a marker, or None if it has not been seen."""
+    index = int(np.argmax(grid == MARKER + marker))
+    row, column = divmod(index, grid.shape[1])
     return (row, column) if grid[row, column] == MARKER + marker else None
 
 
 def obstacles(grid: Cells) -> Mask:
-    """Where there is evidence for an obstacle, or it is closed."""
-    found = (grid - OBSTACLE).view(np.uint16) <= SURE - OBSTACLE  # one comparison for two
-    return found | (grid == CLOSED)
+    """Mask of obstacle and closed cells."""
+    matches = (grid - OBSTACLE).view(np.uint16) <= SURE - OBSTACLE  # one comparison for two
+    return matches | (grid == CLOSED)
 
 
 def free(grid: Cells) -> Mask:
-    """Where there is ground that has been seen to be free; a marker is no obstacle."""
+    """Mask of cells known to be free; markers are no obstacles."""
     return ((grid == FREE) | (grid >= SEEN)) & (grid != CLOSED)

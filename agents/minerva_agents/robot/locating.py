@@ -1,8 +1,8 @@
-"""Where a robot takes itself to be at each scan of a recording, without being told.
+"""Pose estimates for the scans of a recording, without using the published ones.
 
-By its odometry alone, each step beginning where the one before has ended; or by its odometry and
-its scans, each of which is matched to the map that the scans before have made. It begins where the
-recording says that it was first. Between two scans without odometry it may have gone anywhere near.
+Poses come from odometry alone, step by step, or from odometry corrected by matching each scan
+against the map built from the previous ones. The trajectory starts at the recording's first pose.
+Without odometry between two scans, the robot may have moved anywhere nearby.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 
 from minerva_agents.robot import motion
-from minerva_agents.robot.canvas import Canvas, Extent, canvas_of, hits
-from minerva_agents.robot.matching import Doubt, match
+from minerva_agents.robot.canvas import Canvas, MapExtent, canvas_of, hits
+from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import portable
 from minerva_bus.world.compensation import needs_path, path_of
@@ -25,26 +25,26 @@ from minerva_bus.world.poses import HasPose, Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
 
-_ANYWHERE: Final = Doubt(0.15, 5.0)
-"""Of a robot that has gone on since the scan before, nobody knows where to."""
+_ANYWHERE: Final = Uncertainty(0.15, 5.0)
+"""Uncertainty of a step without odometry: the robot may have moved in any direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where a robot was at times in seconds, which rise: its motion during scans, by matching."""
+    """Poses at ascending times in seconds, to correct scans for the robot's own motion."""
 
     times: tuple[float, ...] = ()
     places: tuple[Pose, ...] = ()
 
     @staticmethod
     def of(located: Iterable[Located]) -> Motion:
-        """The motion of a robot from scan to scan."""
-        known = {one.scan.time: one.taken for one in located if one.taken is not None}
+        """The trajectory through matched scans."""
+        known = {scan.scan.time: scan.taken for scan in located if scan.taken is not None}
         times = tuple(sorted(known))
         return Motion(times, tuple([known[time] for time in times]))
 
     def corrected(self, scan: Scan) -> Scan:
-        """A scan with its path, where no odometry says it and this motion covers it."""
+        """The scan with its path, if odometry has none and this trajectory covers it."""
         if not needs_path(scan):
             return scan
         return replace(scan, path=path_of(scan, self.times, self.places))
@@ -52,7 +52,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A scan with the place that counts, the one that is published and that of the odometry."""
+    """A scan with its estimated pose, the published one, and the one by odometry alone."""
 
     scan: Scan
     taken: Pose | None
@@ -61,7 +61,7 @@ class Located:
 
     @property
     def posed(self) -> Posed | Unposed:
-        """The scan at the place that counts."""
+        """The scan at its estimated pose."""
         at = self.taken
         return Unposed(self.scan) if at is None else Posed(self.scan, at.x, at.y, at.angle)
 
@@ -77,63 +77,63 @@ def located_scans(
     matched: bool,
     motion: Motion = NO_MOTION,
 ) -> Iterator[Located]:
-    """The scans in their order, each with its place; a grid for matching has cells of `cell` m.
+    """All scans in order, each with its pose; `cell` is the matching grid's cell side in m.
 
-    `motion` corrects scans that have beam times, but no path by odometry.
+    `motion` corrects scans that have beam times but no path by odometry.
     """
-    one, other = tee(recorded)
-    both = zip(posed_scans(one), posed_scans(other, odometry=True), strict=True)
+    first, second = tee(recorded)
+    both = zip(posed_scans(first), posed_scans(second, odometry=True), strict=True)
     chain, matcher = _Chain(), _Matcher(cell, motion)
-    for said, wheels in both:
-        scan = shortened(said.scan, farthest)
-        chained = chain.go(said, wheels)
+    for published, wheels in both:
+        scan = shortened(published.scan, farthest)
+        chained = chain.go(published, wheels)
         if not matched:
-            yield Located(scan, chained, _told(said), chained)
+            yield Located(scan, chained, _published(published), chained)
             continue
-        posed = matcher.take(scan, said, wheels)
-        yield Located(posed.scan, place_of(posed), _told(said), chained)
+        posed = matcher.take(scan, published, wheels)
+        yield Located(posed.scan, place_of(posed), _published(published), chained)
 
 
 def shortened(scan: Scan, farthest: float) -> Scan:
-    """A scan without what is farther than so many metres; 0: all of it."""
+    """The scan without readings beyond `farthest` metres; 0 keeps all."""
     return replace(scan, range_max=farthest) if 0 < farthest < scan.range_max else scan
 
 
 class _Chain:
-    """Step upon step of the odometry, from the first place that is known."""
+    """Dead reckoning from the first known pose."""
 
     def __init__(self) -> None:
         self._start: HasPose | None = None
         self._first: Posed | None = None
 
-    def go(self, said: Posed | Unposed, wheels: Posed | Unposed) -> Pose | None:
+    def go(self, published: Posed | Unposed, wheels: Posed | Unposed) -> Pose | None:
         if isinstance(wheels, Unposed):
             return None
         if self._first is None or self._start is None:
-            self._start, self._first = (_told(said) or wheels), wheels
+            self._start, self._first = (_published(published) or wheels), wheels
         return moved(self._start, self._first, wheels)
 
 
 class _Matcher:
-    """A map that grows by the scans, and where on it the robot is."""
+    """A map that grows scan by scan, and the robot's pose on it."""
 
     def __init__(self, cell: float, motion: Motion) -> None:
         self._cell = cell
         self._canvas: Canvas | None = None
-        self._extent = Extent()
+        self._extent = MapExtent()
         self._here = Pose(0.0, 0.0, 0.0)
         self._wheels: Posed | None = None
         self._motion = motion
 
-    def take(self, scan: Scan, said: Posed | Unposed, wheels: Posed | Unposed) -> Posed:
-        """Where the scan was measured; the map has it now."""
+    def take(self, scan: Scan, published: Posed | Unposed, wheels: Posed | Unposed) -> Posed:
+        """Match a scan and draw it; the result is its pose."""
         scan = self._motion.corrected(scan)
         if self._canvas is None:
-            known = [one for one in (said, wheels) if isinstance(one, Posed)]
+            known = [posed for posed in (published, wheels) if isinstance(posed, Posed)]
             here = place_of(known[0]) if known else self._here
         else:
-            guess, doubt = self._step(wheels)
-            here = self._matched(self._canvas, scan, guess, doubt)
+            guess, uncertainty = self._step(wheels)
+            here = self._matched(self._canvas, scan, guess, uncertainty)
         posed = Posed(scan, here.x, here.y, here.angle)
         self._extent.take(posed)
         if self._canvas is None:
@@ -143,30 +143,32 @@ class _Matcher:
         self._here, self._wheels = here, wheels if isinstance(wheels, Posed) else None
         return posed
 
-    def _step(self, wheels: Posed | Unposed) -> tuple[Pose, Doubt]:
+    def _step(self, wheels: Posed | Unposed) -> tuple[Pose, Uncertainty]:
         before, here = self._wheels, self._here
         if before is None or isinstance(wheels, Unposed):
             return here, _ANYWHERE
         turn = math.remainder(wheels.angle - before.angle, 360.0)
         dist = portable.dist((wheels.x, wheels.y), (before.x, before.y))
-        return moved(here, before, wheels), Doubt.after(turn, dist)
+        return moved(here, before, wheels), Uncertainty.after(turn, dist)
 
-    def _matched(self, canvas: Canvas, scan: Scan, guess: Pose, doubt: Doubt) -> Pose:
+    def _matched(self, canvas: Canvas, scan: Scan, guess: Pose, uncertainty: Uncertainty) -> Pose:
         cell = self._cell
         seen = np.array(list(hits(scan)), np.float64).reshape(-1, 2)
-        start = motion.Pose((guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle)
-        found = match(canvas.grid, start, (seen[:, 0] / cell, seen[:, 1]), cell, doubt)
-        if found is start:
+        start = motion.GridPose(
+            (guess.x - canvas.x) / cell, (guess.y - canvas.y) / cell, guess.angle
+        )
+        best = match(canvas.grid, start, (seen[:, 0] / cell, seen[:, 1]), cell, uncertainty)
+        if best is start:
             return guess
-        return Pose(canvas.x + found.row * cell, canvas.y + found.column * cell, found.angle)
+        return Pose(canvas.x + best.row * cell, canvas.y + best.column * cell, best.angle)
 
 
 def place_of(posed: Posed) -> Pose:
-    """Where a scan was measured."""
+    """The pose of a scan."""
     return Pose(posed.x, posed.y, posed.angle)
 
 
-def _told(said: Posed | Unposed) -> Pose | None:
-    if isinstance(said, Unposed) or not said.told:
+def _published(posed: Posed | Unposed) -> Pose | None:
+    if isinstance(posed, Unposed) or not posed.is_published:
         return None
-    return place_of(said)
+    return place_of(posed)

@@ -1,7 +1,7 @@
-"""What the camera has looked at, and where a search for a marker has still to look.
+"""What the camera has inspected, and what a search for a marker has still to inspect.
 
-A laser sees a whole room from its door; the camera sees only what lies ahead. So a robot that
-looks for a marker remembers which free cells its camera has had in view.
+A laser covers a whole room from its door; a camera sees only what lies ahead. So a robot that
+searches for a marker records which free cells its camera has seen.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import FREE, SEEN, UNKNOWN, Mask, free
-from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.motion import GridPose
 from minerva_bus import Cells, portable
 
 
-def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
-    """Mark the free cells ahead as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
+def look(grid: Cells, pose: GridPose, fov: float, reach: float) -> None:
+    """Mark visible free cells as seen: `fov` degrees wide, `reach` cells far, up to a wall."""
     rays = 2 + int(math.radians(fov) * reach)
     headings = [math.radians(pose.angle + fov * (i / (rays - 1) - 0.5)) for i in range(rays)]
     steps = np.arange(int(reach) + 1, dtype=np.float64)
@@ -33,12 +33,12 @@ def look(grid: Cells, pose: Pose, fov: float, reach: float) -> None:
 
 
 def forget_looks(grid: Cells) -> None:
-    """Free cells are free again and have not been looked at."""
+    """Reset inspected cells to free."""
     grid[grid == SEEN] = FREE
 
 
 def frontier(grid: Cells) -> Mask:
-    """Free cells beside the unknown.
+    """Free cells adjacent to unknown ones.
 
     Gaps between two beams do not count as unknown.
     """
@@ -46,17 +46,17 @@ def frontier(grid: Cells) -> Mask:
 
 
 def out_of_view(grid: Cells) -> Mask:
-    """Free cells that the camera has not had in view; specks do not count."""
+    """Free cells that the camera has not seen, without specks."""
     return expanses(grid == FREE)
 
 
 def expanses(mask: Mask) -> Mask:
-    """What is left of a mask without all that is less than three cells wide."""
+    """The mask without regions less than three cells wide."""
     return grown(_all_around(mask))
 
 
 def grown_to_sides(mask: Mask) -> Mask:
-    """Where a cell or one of those at its four sides is True."""
+    """The mask dilated by its four-neighbourhood."""
     made = mask.copy()
     made[1:] |= mask[:-1]
     made[:-1] |= mask[1:]
@@ -70,7 +70,7 @@ def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> ND
 
 
 def _all_around(mask: Mask) -> Mask:
-    """Where a cell and its eight neighbours are True; never at the rim."""
+    """Cells whose eight neighbours are all True; never at the border."""
     down = mask[:-2] & mask[1:-1] & mask[2:]
     made = np.zeros(mask.shape, np.bool_)
     made[1:-1, 1:-1] = down[:, :-2] & down[:, 1:-1] & down[:, 2:]
@@ -78,7 +78,7 @@ def _all_around(mask: Mask) -> Mask:
 
 
 def grown(mask: Mask) -> Mask:
-    """Where a cell or one of its eight neighbours is True."""
+    """The mask dilated by its eight-neighbourhood."""
     down = mask.copy()
     down[1:] |= mask[:-1]
     down[:-1] |= mask[1:]

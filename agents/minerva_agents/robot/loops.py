@@ -1,8 +1,8 @@
-"""Loop closure: a robot that comes back to a place finds by its scans that it is the same one.
+"""Loop closure: recognise revisited places in scans and correct the trajectory.
 
-Scan matching follows the robot from scan to scan, and small errors add up: after a large loop the
-walls of its beginning are drawn a second time beside the first. So keyframes of the way become a
-pose graph, whose edges are the steps of the way, and closures. Needs scipy.
+Scan matching accumulates small errors, so after a large loop the first walls are drawn a second
+time next to the old ones. Keyframes therefore become a pose graph with edges for consecutive steps
+and for closures. Needs scipy.
 """
 
 from __future__ import annotations
@@ -25,62 +25,62 @@ from minerva_bus.world.recordings import Progress
 Reals: TypeAlias = NDArray[np.float64]
 
 _HOLDS: Final = 0.25
-"""How much a closure must count for it to be kept."""
+"""Minimum weight for a closure to be kept."""
 
 _NARROW: Final = 2.0
-"""Metres to each side that the second round looks at."""
+"""Search window of the second round, in metres to each side."""
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
-    """The places of scans after loops were closed, and how many closures held and were rejected."""
+class ClosedLoops:
+    """Poses after closing loops, and how many closures were kept and rejected."""
 
     places: list[Pose]
     closures: int
     rejected: int
 
     def __str__(self) -> str:
-        return f"loops: {self.closures} closures hold, {self.rejected} contradicted and were left"
+        return f"loops: {self.closures} closures kept, {self.rejected} rejected as contradictory"
 
 
-def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progress) -> Closed:
-    """Correct the places of scans by loops.
+def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progress) -> ClosedLoops:
+    """Correct the poses of scans by closing loops.
 
-    The first round searches in windows as wide as the drift may be, the second one, from the poses
-    of the first, in narrow ones.
+    The first round searches windows as wide as the possible drift; the second starts from the
+    corrected poses and uses narrow ones.
     """
     keys = keyframes_of(scans, places)
     if not keys:
-        return Closed(list(places), 0, 0)
+        return ClosedLoops(list(places), 0, 0)
     poses = poses_of([places[key.number] for key in keys])
     steps, closures, rejected = _steps(keys, poses), list[Edge](), 0
     for number in range(2):
-        found = _searched(keys, poses, number, lambda part, n=number: progress((n + part) / 2))
-        if not found:
+        edges = _searched(keys, poses, number, lambda part, n=number: progress((n + part) / 2))
+        if not edges:
             break
-        _, counts = optimised(poses, [*steps, *found])
+        _, counts = optimised(poses, [*steps, *edges])
         held = (counts[len(steps) :] > _HOLDS).tolist()
-        closures = [edge for edge, holds in zip(found, held, strict=True) if holds]
-        rejected = len(found) - len(closures)
+        closures = [edge for edge, holds in zip(edges, held, strict=True) if holds]
+        rejected = len(edges) - len(closures)
         poses, _ = optimised(poses, [*steps, *closures])
     progress(1.0)
     if not closures:
-        return Closed(list(places), 0, rejected)
-    return Closed(_carried(places, keys, poses), len(closures), rejected)
+        return ClosedLoops(list(places), 0, rejected)
+    return ClosedLoops(_carried(places, keys, poses), len(closures), rejected)
 
 
 def _searched(
     keys: Sequence[Keyframe], poses: Reals, number: int, progress: Progress
 ) -> list[Edge]:
-    """The closures of a round."""
+    """Closures of one round."""
     pairs = candidates(keys, poses)
-    found: list[Edge] = []
+    edges: list[Edge] = []
     for done, (first, second, window) in enumerate(pairs):
         edge = closure(keys, poses, first, second, window if number == 0 else _NARROW)
         if edge is not None:
-            found.append(edge)
+            edges.append(edge)
         progress(done / len(pairs))
-    return found
+    return edges
 
 
 def _steps(keys: Sequence[Keyframe], poses: Reals) -> list[Edge]:
@@ -96,7 +96,7 @@ def _steps(keys: Sequence[Keyframe], poses: Reals) -> list[Edge]:
 
 
 def _carried(places: Sequence[Pose], keys: Sequence[Keyframe], poses: Reals) -> list[Pose]:
-    """All places, each as it lay from the keyframe before it."""
+    """All poses, each moved along with the keyframe before it."""
     carried, at = [], 0
     for number, place in enumerate(places):
         while at + 1 < len(keys) and keys[at + 1].number <= number:

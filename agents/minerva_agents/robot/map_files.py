@@ -1,4 +1,4 @@
-"""Maps into files: an image and a YAML file for the map_server, and a picture for people."""
+"""Map files: PGM and YAML for the map_server, and a PNG picture."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _START: Final = (32, 140, 90)
 
 
 def save_map(made: OccupancyMap, image: Path) -> Path:
-    """Write a map as PGM, and beside it the YAML file, whose path is returned.
+    """Write a map as PGM with a YAML file next to it; returns the path of the YAML file.
 
-    `load_map` reads the same cells from it, and so does a map_server. Raises MisuseError.
+    `load_map` and the map_server read the same cells from it. Raises MisuseError.
     """
     check_name(image)
     shades = _shades(made.cells)
@@ -44,17 +44,17 @@ def save_map(made: OccupancyMap, image: Path) -> Path:
 
 
 def save_picture(drawn: Drawn, path: Path) -> None:
-    """Draw a map with the robot's way into a PNG. Raises MisuseError."""
+    """Draw a map with the robot's path as PNG. Raises MisuseError."""
     try:
-        from PIL import Image, ImageDraw  # late: of the extra maps
+        from PIL import Image, ImageDraw  # late: optional dependency (extra "maps")
     except ImportError:
         raise MisuseError(
             f"{path}: pictures need Pillow; install it with: pip install 'minerva-bus[maps]'"
         ) from None
     image = Image.fromarray(_colours(drawn.map.cells))
-    many = min(max(1, round(_WIDTH / max(image.size))), max(1, _BIGGEST // max(image.size)))
-    image = image.resize((image.width * many, image.height * many), Image.Resampling.NEAREST)
-    pen, scale = ImageDraw.Draw(image), many / drawn.cell
+    zoom = min(max(1, round(_WIDTH / max(image.size))), max(1, _BIGGEST // max(image.size)))
+    image = image.resize((image.width * zoom, image.height * zoom), Image.Resampling.NEAREST)
+    pen, scale = ImageDraw.Draw(image), zoom / drawn.cell
     way = (drawn.way - (drawn.x, drawn.y)) * scale
     points = [(x, image.height - y) for x, y in way.tolist()]
     pen.line(points, fill=_WAY, width=max(1, image.width // 700))
@@ -68,11 +68,11 @@ def save_picture(drawn: Drawn, path: Path) -> None:
 
 
 def check_name(image: Path) -> None:
-    """Raises MisuseError for an image that cannot be written."""
+    """Raise MisuseError if the map cannot be written under this name."""
     if image.suffix.lower() != ".pgm":
-        raise MisuseError(f"{image}: a map is written as .pgm; choose such a name")
+        raise MisuseError(f"{image}: maps are written as PGM; choose a name that ends in .pgm")
     if not image.parent.is_dir():
-        raise MisuseError(f"{image}: there is no folder {image.parent}; make it first")
+        raise MisuseError(f"{image}: folder {image.parent} does not exist; create it first")
 
 
 def _shades(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
@@ -104,10 +104,10 @@ def _colours(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
 
 
 def _draw_scale(pen: Pen, size: tuple[int, int], scale: float) -> None:
-    """A bar of a round length in the lower left corner."""
+    """Draw a scale bar of round length in the lower left corner."""
     width, height = size
     wanted = width / scale / 6
-    length = max(one for one in _LENGTHS if one <= max(wanted, _LENGTHS[0]))
+    length = max(length for length in _LENGTHS if length <= max(wanted, _LENGTHS[0]))
     text = f"{length:g} m"
     left, bottom, right = width // 50, height - height // 50 - 1, width // 50 + length * scale
     pen.line([(left, bottom), (right, bottom)], fill=_SHADES["wall"], width=max(1, width // 400))
@@ -120,47 +120,47 @@ _LENGTHS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 def draw(
     open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
 ) -> list[str]:
-    """Draw the map of a recording into files, a `Mapper`. Raises MinervaError."""
+    """Draw the map of a recording into files (a `Mapper`). Raises MinervaError."""
     check_name(into)
     for suffix in (".pgm", ".yaml", ".png"):
         check_output(into.with_suffix(suffix), "map")
     picture = into.with_suffix(".png")
     drawn = draw_map(open, choice, progress)
     yaml = save_map(drawn.map, into)
-    told = [_figures(drawn, yaml)]
+    notes = [_summary(drawn, yaml)]
     if drawn.left_out:
-        told.append(f"{drawn.left_out} scans were left out: where the robot was is not known")
+        notes.append(f"{drawn.left_out} scans skipped: no pose known")
     if drawn.uncorrected:
-        told.append(
-            f"{drawn.uncorrected} scans are not corrected for the robot's motion: there is no"
-            " odometry of their times; if the lidar has a clock of its own, give --time-offset"
+        notes.append(
+            f"{drawn.uncorrected} scans not corrected for the robot's motion: no odometry covers"
+            " their times. If the lidar has its own clock, set --time-offset"
         )
-    told += drawn.notes
+    notes += drawn.notes
     try:
         save_picture(drawn, picture)
-        told.append(f"{picture}: the same as a picture")
+        notes.append(f"{picture}: the map as a picture")
     except MisuseError as error:
-        told.append(f"no picture: {error}")
-    return told + _errors(drawn, into, choice.poses)
+        notes.append(f"no picture: {error}")
+    return notes + _errors(drawn, into, choice.poses)
 
 
 def _errors(drawn: Drawn, into: Path, poses: str) -> list[str]:
-    """How far off the robot was, where that is known, and a plot of it."""
+    """Trajectory errors and their plot, where published poses are known."""
     drift = drawn.drift
     if drift is None:
         return []
-    told = [f"{poses}, against the published places: {drift.taken}"]
+    notes = [f"{poses}, relative to the published poses: {drift.taken}"]
     if poses != "odometry" and drift.chained is not None:
-        told.append(f"odometry alone: {drift.chained}")
+        notes.append(f"odometry alone: {drift.chained}")
     path = into.with_name(f"{into.stem}-errors.png")
     try:
         save_plot(drift, path)
     except MisuseError as error:
-        return [*told, f"no plot: {error}"]
-    return [*told, f"{path}: the errors over time"]
+        return [*notes, f"no plot: {error}"]
+    return [*notes, f"{path}: errors over time"]
 
 
-def _figures(drawn: Drawn, yaml: Path) -> str:
+def _summary(drawn: Drawn, yaml: Path) -> str:
     rows, columns = drawn.grid.shape
     high, wide = rows * drawn.cell, columns * drawn.cell
     return (

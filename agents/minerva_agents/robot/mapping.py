@@ -1,7 +1,7 @@
-"""A map drawn from a recording: the robot's own grid, at the places that the choice says.
+"""Draw a map from a recording, into the robot's own kind of grid.
 
 Each scan is a frame, each beam that hit something an `eLaser` of the robot: the cells change as in
-`ARobot.sense_obstacle`. A first pass finds out how large the grid must be, a second one draws.
+`ARobot.sense_obstacle`. The first pass determines the size of the grid, the second draws.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.canvas import Extent, canvas_of
-from minerva_agents.robot.doubling import doubling_told
-from minerva_agents.robot.drift import Drift, Gone
+from minerva_agents.robot.canvas import MapExtent, canvas_of
+from minerva_agents.robot.doubling import doubling_notes
+from minerva_agents.robot.drift import Drift, TrajectoryPoint
 from minerva_agents.robot.knowledge import free, obstacles
 from minerva_agents.robot.locating import (
     NO_MOTION,
@@ -37,12 +37,12 @@ from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recordin
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """A map that was drawn: what the robot knows, its way in metres (n, 2), what was left out.
+    """A finished map: grid, path in metres (n, 2), and what was skipped.
 
-    The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres. `drift` compares the way
-    with the one that was published, if it is another and there is one. `uncorrected` counts scans
-    that are drawn as if their beams had been measured at once, for want of odometry. `notes` are
-    lines on loops and on walls that are drawn twice.
+    The outer corner of cell (0, 0) of `grid` lies at (`x`, `y`) metres. `drift` compares the path
+    with the published one if both exist and differ. `uncorrected` counts scans drawn as if all
+    beams had been measured at once, for lack of odometry. `notes` are lines on loops and double
+    walls.
     """
 
     grid: Cells
@@ -58,7 +58,7 @@ class Drawn:
 
     @property
     def map(self) -> OccupancyMap:
-        """The map as a map_server knows it, with the place where the robot was first."""
+        """The map in the map_server's form, with the robot's first pose as `start`."""
         grid = self.grid
         known = np.where(obstacles(grid), OCCUPIED, np.where(free(grid), FREE, UNKNOWN))
         start = float(self.way[0, 0]), float(self.way[0, 1]), self.angle
@@ -67,7 +67,7 @@ class Drawn:
 
 def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progress) -> Drawn:
     """Draw the map of a recording, which is opened twice. Raises MinervaError."""
-    extent, located, uncorrected = Extent(), _Located(), 0
+    extent, located, uncorrected = MapExtent(), _Trajectory(), 0
     posed_all: list[Posed] = []
     with closing(open()) as recording:
         for posed in located.first(recording, choice, lambda part: progress(part / 2)):
@@ -83,8 +83,8 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     progress(1.0)
     way, angle = np.array(canvas.way), canvas.first_angle
     left_out, drift = extent.unposed, located.drift
-    scans, places = [one.scan for one in posed_all], [place_of(one) for one in posed_all]
-    notes = (*located.notes, *doubling_told(scans, places, choice.poses))
+    scans, places = [item.scan for item in posed_all], [place_of(item) for item in posed_all]
+    notes = (*located.notes, *doubling_notes(scans, places, choice.poses))
     return Drawn(
         canvas.grid,
         choice.cell,
@@ -99,18 +99,18 @@ def draw_map(open: Callable[[], Recording], choice: MapChoice, progress: Progres
     )
 
 
-class _Located:
-    """The scans with their places, which need not be found out a second time."""
+class _Trajectory:
+    """Scans with estimated poses; the second pass reuses the first one's."""
 
     def __init__(self) -> None:
         self._taken: list[tuple[Pose | None, tuple[Displacement, ...]]] = []
-        self._gone: list[Gone] = []
+        self._points: list[TrajectoryPoint] = []
         self.notes: list[str] = []
 
     @property
     def drift(self) -> Drift | None:
-        """How far off the places are that the robot has found itself."""
-        return Drift.of(self._gone) if self._gone else None
+        """Errors of the estimated poses."""
+        return Drift.of(self._points) if self._points else None
 
     def first(
         self, recording: Recording, choice: MapChoice, progress: Progress
@@ -120,51 +120,55 @@ class _Located:
             return
         located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
         if choice.poses == "matched":
-            if any(needs_path(one.scan) for one in located):
+            if any(needs_path(scan.scan) for scan in located):
                 located = list(_located(recording, choice, lambda part: None, Motion.of(located)))
             located = self._closed(located, lambda part: progress(0.6 + 0.4 * part))
-        for one in located:
-            self._remember(one)
-            yield one.posed
+        for scan in located:
+            self._remember(scan)
+            yield scan.posed
 
     def _closed(self, located: list[Located], progress: Progress) -> list[Located]:
-        """The scans at the places that they have once loops are closed."""
+        """The scans at their poses after loop closure."""
         try:
             from minerva_agents.robot.loops import closed_loops  # late: needs scipy
         except ImportError:
             self.notes.append(
-                "loops are not closed: that needs scipy; install it with: pip install"
+                "loops are not closed because scipy is missing; install it with: pip install"
                 " 'minerva-bus[maps]'"
             )
             return located
-        known = [one for one in located if one.taken is not None]
-        places = [one.taken for one in known if one.taken is not None]
-        closed = closed_loops([one.scan for one in known], places, progress)
+        known = [scan for scan in located if scan.taken is not None]
+        places = [scan.taken for scan in known if scan.taken is not None]
+        closed = closed_loops([item.scan for item in known], places, progress)
         if closed.closures or closed.rejected:
             self.notes.append(str(closed))
         at = iter(closed.places)
-        return [one if one.taken is None else replace(one, taken=next(at)) for one in located]
+        return [item if item.taken is None else replace(item, taken=next(at)) for item in located]
 
     def again(
         self, recording: Recording, choice: MapChoice, progress: Progress
     ) -> Iterator[Posed | Unposed]:
-        said = _published(recording, choice, progress)
+        published = _published(recording, choice, progress)
         if choice.poses == "published":
-            yield from said
+            yield from published
             return
-        for one, (at, path) in zip(said, self._taken, strict=True):
-            yield Located(replace(one.scan, path=path), at, None, None).posed
+        for posed, (at, path) in zip(published, self._taken, strict=True):
+            yield Located(replace(posed.scan, path=path), at, None, None).posed
 
-    def _remember(self, one: Located) -> None:
-        self._taken.append((one.taken, one.scan.path))
-        if one.taken is not None and one.published is not None:
-            self._gone.append(Gone(one.scan.time, one.published, one.taken, one.chained))
+    def _remember(self, located: Located) -> None:
+        self._taken.append((located.taken, located.scan.path))
+        if located.taken is not None and located.published is not None:
+            self._points.append(
+                TrajectoryPoint(
+                    located.scan.time, located.published, located.taken, located.chained
+                )
+            )
 
 
 def _located(
     recording: Recording, choice: MapChoice, progress: Progress, motion: Motion
 ) -> Iterator[Located]:
-    """The scans at the places that the robot has found itself."""
+    """The scans at estimated poses."""
     return located_scans(
         _between(recording, choice, progress),
         cell=choice.cell,
@@ -177,13 +181,13 @@ def _located(
 def _published(
     recording: Recording, choice: MapChoice, progress: Progress
 ) -> Iterator[Posed | Unposed]:
-    """The scans that are drawn, at the places that the recording has for them."""
+    """The scans to draw, at the recording's own poses."""
     for posed in posed_scans(_between(recording, choice, progress)):
         yield replace(posed, scan=shortened(posed.scan, choice.farthest))
 
 
 def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Iterator[Recorded]:
-    """The readings from the one second to the other."""
+    """The readings between the chosen start and end times."""
     readings = Compensator(choice.time_offset).all(recording.readings())
     first = next(readings, None)
     if first is None:
@@ -191,7 +195,7 @@ def _between(recording: Recording, choice: MapChoice, progress: Progress) -> Ite
     begin, end = first.stamp + choice.begin, first.stamp + choice.end
     if begin <= first.stamp:
         yield first
-    for one in takewhile(lambda one: one.stamp <= end, readings):
+    for recorded in takewhile(lambda recorded: recorded.stamp <= end, readings):
         progress(recording.part)
-        if one.stamp >= begin:
-            yield one
+        if recorded.stamp >= begin:
+            yield recorded

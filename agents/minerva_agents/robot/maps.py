@@ -1,12 +1,12 @@
-"""Maps of the ROS map_server: an image of a floor and a YAML file that says how to read it.
+"""Reader for maps of the ROS map_server: a floor image with a YAML file.
 
-    map.yaml   image, resolution, origin, negate, occupied_thresh, free_thresh, mode
-    map.pgm    a pixel for each cell, dark where something stands
+  map.yaml   image, resolution, origin, negate, occupied_thresh, free_thresh, mode
+  map.pgm    one pixel per cell, dark where occupied
 
-The keys mean what they mean to the map_server (https://wiki.ros.org/map_server). Two more are
-ours: `markers: {name: [x, y]}` and `start: [x, y, yaw_degrees]`, in metres of the world; a
-map_server passes over them, as we pass over keys that we do not know. PGM is read here; other
-images need Pillow, and YAML that is not JSON as well needs PyYAML.
+The keys are those of the map_server (https://wiki.ros.org/map_server), with two additions:
+`markers: {name: [x, y]}` and `start: [x, y, yaw_degrees]`, in metres of the world. A map_server
+ignores them, and unknown keys are ignored here. PGM is decoded in this module; other images need
+Pillow, and YAML that is not JSON needs PyYAML.
 """
 
 import json
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import MapError
-from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, Marker, OccupancyMap, Pose
+from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, MapPose, Marker, OccupancyMap
 from minerva_bus.outputs import note_read
 
 _MOST_CELLS = 100_000_000
@@ -34,16 +34,15 @@ _INSTALL = "install it with: pip install 'minerva-bus[maps]'"
 def load_map(path: str | Path) -> OccupancyMap:
     """Read a map: a map_server YAML file and its image, or an image alone.
 
-    A pixel of shade s, from 0 for black to 1 for white, is occupied with p = 1 - s, or p = s under
-    `negate`. In the modes `trinary` and `scale` a cell is occupied where p > occupied_thresh, free
-    where p < free_thresh and unknown between (`scale` has grades there, which are no ground for a
-    robot to drive on). In mode `raw` the pixel, of 0 to 255, is itself the percentage of
-    occupation: p = pixel / 100 under the same thresholds, unknown above 100, and `negate` has no
-    part in it, as in ROS 2. A pixel that is not opaque is unknown; the map_server mixes its alpha
-    into the shade instead in mode `trinary`.
+    A pixel of brightness s, from 0 (black) to 1 (white), is occupied with probability p = 1 - s, or
+    p = s under `negate`. In modes `trinary` and `scale` a cell is occupied if p > occupied_thresh,
+    free if p < free_thresh and unknown otherwise (the grades of `scale` are no ground to drive on).
+    In mode `raw` the pixel value is the occupancy in percent: p = pixel / 100 under the same
+    thresholds, unknown above 100, and `negate` does not apply, as in ROS 2. Pixels that are not
+    opaque are unknown, whereas the map_server blends alpha into the brightness in mode `trinary`.
 
-    An image alone has cells of 0.05 m, its lower left corner at (0, 0) and the map_server's usual
-    thresholds of 0.65 and 0.196. Raises MapError, which names the file, for whatever is wrong.
+    An image alone has cells of 0.05 m, its lower left corner at (0, 0) and the map_server's default
+    thresholds 0.65 and 0.196. Raises MapError, naming the file, for invalid input.
     """
     path = Path(path)
     if path.suffix.lower() not in _YAML_SUFFIXES:
@@ -63,25 +62,25 @@ def load_map(path: str | Path) -> OccupancyMap:
 
 @dataclass(frozen=True, slots=True)
 class _Keys:
-    """The keys of a map file, each with a check that says which one is wrong and how."""
+    """The keys of a map file, with checks whose errors name the key."""
 
     source: str
     values: Mapping[object, object]
 
-    def wrong(self, key: str, found: object, expected: str) -> MapError:
-        shown = repr(found) if len(repr(found)) <= 60 else repr(found)[:57] + "..."
+    def wrong(self, key: str, value: object, expected: str) -> MapError:
+        shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
         return MapError(f"{self.source}: {key} is {shown}; expected {expected}")
 
     def of(self, key: str) -> object:
         if key not in self.values:
-            raise MapError(f"{self.source}: there is no {key}; a map file needs this key, add it")
+            raise MapError(f"{self.source}: key {key} is missing; add it, map files require it")
         return self.values[key]
 
     def text(self, key: str) -> str:
-        found = self.of(key)
-        if not isinstance(found, str) or not found:
-            raise self.wrong(key, found, "a text")
-        return found
+        value = self.of(key)
+        if not isinstance(value, str) or not value:
+            raise self.wrong(key, value, "a string")
+        return value
 
     def number(self, key: str) -> float:
         number = _number(self.of(key))
@@ -92,23 +91,23 @@ class _Keys:
     def numbers(self, key: str, count: int) -> tuple[float, ...]:
         return self.numbers_in(key, self.of(key), count)
 
-    def numbers_in(self, key: str, found: object, count: int) -> tuple[float, ...]:
+    def numbers_in(self, key: str, value: object, count: int) -> tuple[float, ...]:
         expected = f"a list of {count} finite numbers"
-        if not isinstance(found, list):
-            raise self.wrong(key, found, expected)
-        items = cast("list[object]", found)
+        if not isinstance(value, list):
+            raise self.wrong(key, value, expected)
+        items = cast("list[object]", value)
         numbers = [number for item in items if (number := _number(item)) is not None]
         if not len(numbers) == len(items) == count:
             raise self.wrong(key, items, expected)
         return tuple(numbers)
 
 
-def _number(found: object) -> float | None:
-    """A finite number or None; also from a text, for PyYAML takes 5e-2 for one."""
-    if isinstance(found, bool) or not isinstance(found, int | float | str):
+def _number(value: object) -> float | None:
+    """A finite number or None; accepts text, because PyYAML reads 5e-2 as text."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        number = float(found)
+        number = float(value)
     except (ValueError, OverflowError):
         return None
     return number if math.isfinite(number) else None
@@ -120,61 +119,63 @@ def _read_yaml(path: Path) -> Mapping[object, object]:
     except UnicodeDecodeError as error:
         raise MapError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     try:
-        found: object = json.loads(text)
+        parsed: object = json.loads(text)
     except ValueError:
-        found = _parse_yaml(path, text)
+        parsed = _parse_yaml(path, text)
     except RecursionError:
-        raise MapError(f"{path}: nested too deep; expected the keys of a map") from None
-    if not isinstance(found, dict):
-        kind = type(found).__name__
-        raise MapError(f"{path}: holds one {kind}; expected keys such as image and resolution")
-    return cast("dict[object, object]", found)
+        raise MapError(f"{path}: nested too deeply; expected the keys of a map") from None
+    if not isinstance(parsed, dict):
+        kind = type(parsed).__name__
+        raise MapError(f"{path}: contains {kind}; expected keys such as image and resolution")
+    return cast("dict[object, object]", parsed)
 
 
 def _parse_yaml(path: Path, text: str) -> object:
     try:
-        import yaml  # late: a map in JSON needs no library
+        import yaml  # imported late: maps in JSON need no library
     except ImportError:
-        raise MapError(f"{path}: is YAML, which needs PyYAML; {_INSTALL}") from None
+        raise MapError(f"{path}: YAML needs PyYAML; {_INSTALL}") from None
     try:
         parsed = yaml.parse(text, Loader=yaml.SafeLoader)  # pyright: ignore
         events = cast("Iterable[object]", parsed)
         if any(getattr(event, "anchor", None) for event in events):
-            # Nested aliases let a few lines grow to fill all memory.
-            raise MapError(f"{path}: has YAML anchors or aliases; write their values out")
+            # Nested aliases can expand a few lines until memory is full.
+            raise MapError(
+                f"{path}: YAML anchors and aliases are not supported; write the values out"
+            )
         return cast(object, yaml.safe_load(text))
     except yaml.YAMLError as error:
         raise MapError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     except (LookupError, AttributeError, TypeError, RecursionError) as error:
-        # What PyYAML lets escape on tags that do not suit their values, as in `!!int ''`.
-        raise MapError(f"{path}: not YAML of plain values ({type(error).__name__})") from None
+        # PyYAML raises these for tags that do not match their values, as in `!!int ''`.
+        raise MapError(f"{path}: not YAML with plain values ({type(error).__name__})") from None
     except ValueError as error:
         raise error if isinstance(error, MapError) else MapError(f"{path}: {error}") from None
 
 
 def _markers(keys: _Keys, on: OccupancyMap) -> tuple[Marker, ...]:
-    found = keys.values.get("markers")
-    if found is None:
+    entries = keys.values.get("markers")
+    if entries is None:
         return ()
-    if not isinstance(found, dict):
-        raise keys.wrong("markers", found, "names with places, {kitchen: [x, y]}")
+    if not isinstance(entries, dict):
+        raise keys.wrong("markers", entries, "names with positions, {kitchen: [x, y]}")
     made: list[Marker] = []
-    for name, place in cast("dict[object, object]", found).items():
+    for name, place in cast("dict[object, object]", entries).items():
         if not isinstance(name, str) or not name:
-            raise keys.wrong("markers", name, "a text as the name; put it in quotes")
+            raise keys.wrong("markers", name, "a string as the name; put it in quotes")
         x, y = keys.numbers_in(f"markers.{name}", place, 2)
         if not on.holds(x, y):
-            raise keys.wrong(f"markers.{name}", [x, y], "a place on the map, in metres")
+            raise keys.wrong(f"markers.{name}", [x, y], "a position on the map, in metres")
         made.append(Marker(name, x, y))
     return tuple(made)
 
 
-def _start(keys: _Keys, on: OccupancyMap) -> Pose | None:
+def _start(keys: _Keys, on: OccupancyMap) -> MapPose | None:
     if keys.values.get("start") is None:
         return None
     x, y, angle = keys.numbers("start", 3)
     if not on.holds(x, y):
-        raise keys.wrong("start", [x, y, angle], "a place on the map, in metres, and degrees")
+        raise keys.wrong("start", [x, y, angle], "a position on the map in metres, and degrees")
     return x, y, angle
 
 
@@ -183,19 +184,19 @@ def _start(keys: _Keys, on: OccupancyMap) -> Pose | None:
 
 @dataclass(frozen=True, slots=True)
 class _Reading:
-    """How shades become cells; the values of an image that comes alone."""
+    """Conversion of brightness to cells; the defaults apply to an image alone."""
 
     occupied: float = 0.65
     free: float = 0.196
     negate: bool = False
     mode: str = "trinary"
 
-    def cells(self, most: int) -> NDArray[np.int16]:
-        """The cell's value for each level from 0 to the most, int16 of shape (most + 1,)."""
-        levels = np.arange(most + 1)
-        p = levels / most if self.negate else (most - levels) / most
+    def cells(self, maximum: int) -> NDArray[np.int16]:
+        """Cell value for each level from 0 to `maximum`, int16 of shape (maximum + 1,)."""
+        levels = np.arange(maximum + 1)
+        p = levels / maximum if self.negate else (maximum - levels) / maximum
         if self.mode == "raw":
-            p = np.rint(levels / most * 255) / 100
+            p = np.rint(levels / maximum * 255) / 100
         made = np.where(p > self.occupied, OCCUPIED, np.where(p < self.free, FREE, UNKNOWN))
         if self.mode == "raw":
             made[p > 1] = UNKNOWN
@@ -204,7 +205,7 @@ class _Reading:
 
 @dataclass(frozen=True, slots=True)
 class _Image:
-    """Levels of brightness from 0 to `most`, (height, width), top row first, and what is hidden."""
+    """Brightness levels from 0 to `most`, (height, width), top row first, and hidden pixels."""
 
     levels: NDArray[np.uint16]
     most: int
@@ -227,7 +228,7 @@ def _reading(keys: _Keys) -> _Reading:
 
 
 def _read_cells(path: Path, reading: _Reading) -> NDArray[np.int16]:
-    """Cells as [row, column] = [x, y]: the image's columns from the left, its rows from below."""
+    """Cells as [row, column] = [x, y]: image columns from the left, rows from below."""
     image = _read_image(path)
     seen = reading.cells(image.most)[image.levels]
     if image.hidden is not None:
@@ -246,21 +247,21 @@ def _read_image(path: Path) -> _Image:
 def _read(path: Path, most: int) -> bytes:
     try:
         if not path.is_file():
-            raise MapError(f"{path}: is not a file; expected a map or its image, check the name")
+            raise MapError(f"{path}: not a file; expected a map or its image. Check the name")
         size = path.stat().st_size
         if size > most:
             raise MapError(f"{path}: has {size} bytes; expected at most {most}")
         note_read(path)
         return path.read_bytes()
     except OSError as error:
-        raise MapError(f"{path}: cannot be read: {error.strerror}; check its permissions") from None
+        raise MapError(f"{path}: cannot read: {error.strerror}; check its permissions") from None
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
     if not 0 < width * height <= _MOST_CELLS:
         raise MapError(
-            f"{path}: the image is {width} x {height}; expected 1 to {_MOST_CELLS} pixels, "
-            "make it smaller or its resolution coarser"
+            f"{path}: the image is {width} x {height}; expected 1 to {_MOST_CELLS} pixels. "
+            "Scale it down or use a coarser resolution"
         )
 
 
@@ -274,7 +275,7 @@ _COMMENT = re.compile(rb"#[^\n\r]*")
 
 
 def _read_pgm(path: Path, data: bytes) -> _Image:
-    """One PGM image, plain (P2) or raw (P5), of 8 or 16 bits, as netpbm's pgm(5) describes it."""
+    """Decode a PGM image, plain (P2) or raw (P5), 8 or 16 bits, as specified in netpbm's pgm(5)."""
     if data[:2] not in (b"P2", b"P5"):
         raise MapError(f"{path}: starts with {data[:2]!r}; expected P2 or P5, a PGM image")
     width, at = _header_number(path, data, 2, "width")
@@ -284,7 +285,7 @@ def _read_pgm(path: Path, data: bytes) -> _Image:
     if not 1 <= most <= 65535:
         raise MapError(f"{path}: maxval is {most}; expected 1 to 65535")
     if at >= len(data) or data[at] not in _SPACE:
-        raise MapError(f"{path}: after maxval comes {data[at : at + 1]!r}; expected white space")
+        raise MapError(f"{path}: maxval is followed by {data[at : at + 1]!r}; expected white space")
     read_levels = _plain_levels if data[:2] == b"P2" else _raw_levels
     levels = read_levels(path, data[at + 1 :], width * height, most)
     if levels.max() > most:
@@ -293,12 +294,12 @@ def _read_pgm(path: Path, data: bytes) -> _Image:
 
 
 def _header_number(path: Path, data: bytes, at: int, name: str) -> tuple[int, int]:
-    """The number that stands behind a gap, and where it ends."""
+    """The number after a gap, and the offset where it ends."""
     gap = _GAP.match(data, at)
     number = gap and _NUMBER.match(data, gap.end())
     if not number:
         raise MapError(
-            f"{path}: {name} cannot be read from {data[at : at + 12]!r} at byte {at}; "
+            f"{path}: {name} is invalid: {data[at : at + 12]!r} at byte {at}; "
             "expected white space and a number of at most 9 digits"
         )
     return int(number.group()), number.end()
@@ -310,7 +311,7 @@ def _raw_levels(path: Path, body: bytes, count: int, most: int) -> NDArray[np.in
     if len(body) < size or body[size:].strip(_SPACE):
         raise MapError(
             f"{path}: {len(body)} bytes follow the header; expected {size}, "
-            f"{kind.itemsize} for each of {count} pixels; the file is damaged"
+            f"{kind.itemsize} for each of {count} pixels. The file is damaged"
         )
     return np.frombuffer(body, kind, count)
 
@@ -320,19 +321,19 @@ def _plain_levels(path: Path, body: bytes, count: int, _most: int) -> NDArray[np
     if len(words) != count:
         raise MapError(
             f"{path}: {len(words)} numbers follow the header; expected {count}, "
-            "one for each pixel; the file is damaged"
+            "one per pixel. The file is damaged"
         )
     strange = next((word for word in words if not _NUMBER.fullmatch(word)), None)
     if strange is not None:
-        raise MapError(f"{path}: a pixel reads {strange[:20]!r}; expected a number")
+        raise MapError(f"{path}: invalid pixel {strange[:20]!r}; expected a number")
     return np.array([int(word) for word in words], np.int64)
 
 
 def _read_with_pillow(path: Path) -> _Image:
     try:
-        from PIL import Image  # late: a map in PGM needs no library
+        from PIL import Image  # late: maps in PGM need no library
     except ImportError:
-        raise MapError(f"{path}: is no PGM image, which needs Pillow; {_INSTALL}") from None
+        raise MapError(f"{path}: images other than PGM need Pillow; {_INSTALL}") from None
     try:
         note_read(path)
         with Image.open(path) as image:
@@ -341,8 +342,8 @@ def _read_with_pillow(path: Path) -> _Image:
             pixels = np.asarray(image if deep else image.convert("RGBA"))
     except MapError:
         raise
-    except Exception as error:  # decoders of damaged files raise nearly anything
-        raise MapError(f"{path}: is no readable image: {error}; expected PGM or PNG") from None
+    except Exception as error:  # decoders raise many types for damaged files
+        raise MapError(f"{path}: not a readable image: {error}; expected PGM or PNG") from None
     if deep:
         return _Image(np.clip(pixels, 0, 65535).astype(np.uint16), 65535)
     shades = pixels[..., :3].sum(axis=2, dtype=np.uint16)

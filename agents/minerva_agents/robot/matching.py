@@ -1,15 +1,14 @@
-"""Where on its own grid a robot's scan fits best: correlative scan matching.
+"""Correlative scan matching: the pose at which a scan fits the robot's own grid best.
 
-After Olson, "Real-Time Correlative Scan Matching" (ICRA 2009): of all poses in a window about the
-one that the wheels believe in, that one is taken at which the scan hits most of what is known to be
-an obstacle. A first search goes over whole cells and half degrees, a second one about its best over
-quarters of a cell and eighths of a degree. All of the window is looked at, so nothing is missed
-that lies in it, and no start has to be good.
+After Olson, "Real-Time Correlative Scan Matching" (ICRA 2009): among all poses in a window around
+the odometry's pose, take the one at which the scan hits most known obstacles. The first search
+covers whole cells and half degrees; the second refines its optimum by quarter cells and eighths of
+a degree. The search is exhaustive, so it finds the optimum of the window from any start.
 
-What a hit is worth falls off with the distance from the nearest obstacle, as a normal
-distribution does (the likelihood field of Thrun, Burgard and Fox, Probabilistic Robotics, 6.4).
-Worths are whole numbers, so their sums are the same on every machine. The wheels count for a
-little: of two poses that fit alike, as in a corridor, the one nearer to theirs wins.
+The score of a hit decreases with the distance to the nearest obstacle like a normal distribution
+(the likelihood field of Thrun, Burgard and Fox, Probabilistic Robotics, 6.4). Scores are integers,
+so sums are identical on every machine. Odometry has a small weight: between two equally good poses,
+as in a corridor, the closer one wins.
 """
 
 from __future__ import annotations
@@ -23,54 +22,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.knowledge import obstacles
-from minerva_agents.robot.motion import Pose
+from minerva_agents.robot.motion import GridPose
 from minerva_bus import Cells, portable
 
 Reals: TypeAlias = NDArray[np.float64]
 Worths: TypeAlias = NDArray[np.int16]
 
 _SPREAD: Final = 0.1
-"""Metres, the standard deviation of a hit about its obstacle; beyond two of them it is nothing."""
+"""Standard deviation in metres of a hit around its obstacle; hits beyond two of them score 0."""
 
 _BEST: Final = 1000
-"""What a hit in an obstacle's own cell is worth."""
+"""Score of a hit in an obstacle's own cell."""
 
 _LEAST: Final = 0.15
-"""The part of what a scan can be worth that it must be for the pose to count."""
+"""Minimum fraction of the maximum score for a pose to be accepted."""
 
 _FEWEST: Final = 8
-"""Hits without which there is nothing to match."""
+"""Minimum number of hits for a match."""
 
 _FARTHEST: Final = 500.0
-"""Cells; farther hits are for the map alone."""
+"""Cells; hits farther away are used for the map only."""
 
 _DEGREES: Final = 0.5
 _COST: Final = 0.03
-"""The part of a scan's worth that a standard deviation from the wheels' pose costs, squared."""
+"""Cost of one standard deviation from the odometry's pose, squared, as a fraction of the score."""
 
 _WIDTH: Final = 3.0
-"""Standard deviations to each side of the wheels' pose that are looked at."""
+"""Half width of the search window in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
-    """Standard deviations of where the wheels believe to be since the last scan."""
+class Uncertainty:
+    """Standard deviations of the odometry's pose since the last scan."""
 
     metres: float
     degrees: float
 
     @staticmethod
-    def after(turn: float, dist: float) -> Doubt:
-        """After a turn in degrees and a distance in metres: the odometry's motion model.
+    def after(turn: float, dist: float) -> Uncertainty:
+        """Uncertainty after a rotation (degrees) and a distance (m): the odometry motion model.
 
-        Thrun, Burgard and Fox, Probabilistic Robotics, 5.4, with the errors of a robot on wheels
-        that is not a good one, and a bit for what no wheel knows of.
+        Thrun, Burgard and Fox, Probabilistic Robotics, 5.4, with the errors of a mediocre wheeled
+        robot and a floor for effects that odometry does not measure.
         """
         turned = math.radians(turn)
         rotation = portable.hypot(_TURN_BY_TURN * turned, _TURN_BY_DIST * dist)
         driven = portable.hypot(_DIST_BY_DIST * dist, _DIST_BY_TURN * turned)
         moved = portable.hypot(driven, _LEAST_METRES)
-        return Doubt(moved, portable.hypot(math.degrees(rotation), _LEAST_DEGREES))
+        return Uncertainty(moved, portable.hypot(math.degrees(rotation), _LEAST_DEGREES))
 
 
 _TURN_BY_TURN: Final = 0.15
@@ -81,74 +80,77 @@ _LEAST_METRES: Final = 0.02
 _LEAST_DEGREES: Final = 0.5
 
 
-def match(grid: Cells, guess: Pose, hits: tuple[Reals, Reals], cell: float, doubt: Doubt) -> Pose:
-    """The pose at which a scan fits the grid best, or the guess where it does not fit at all.
+def match(
+    grid: Cells, guess: GridPose, hits: tuple[Reals, Reals], cell: float, uncertainty: Uncertainty
+) -> GridPose:
+    """The pose at which a scan fits the grid best, or the guess if it does not fit at all.
 
     `hits` are distances in cells and angles in degrees from the heading, (n,) each; `cell` is the
-    side of a cell in metres.
+    cell side in metres.
     """
     dist, angle = hits
     near = dist < _FARTHEST
     if np.count_nonzero(near) < _FEWEST:
         return guess
-    search = _Search(grid, guess, (dist[near], angle[near]), cell, doubt)
-    first = search.over(guess, search.steps, 1.0, _halves(_WIDTH * doubt.degrees))
+    search = _Search(grid, guess, (dist[near], angle[near]), cell, uncertainty)
+    first = search.over(guess, search.steps, 1.0, _halves(_WIDTH * uncertainty.degrees))
     second = search.over(first.pose, 3, 0.25, _EIGHTHS)
     return second.pose if second.part >= _LEAST else guess
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """A pose, and the part of what it can be worth that the scan is worth there."""
+    """A pose and its score as a fraction of the maximum."""
 
-    pose: Pose
+    pose: GridPose
     part: float
 
 
 class _Search:
-    """A scan over a part of the grid that holds all of it, wherever in the window it is."""
+    """A scan and the part of the grid that covers it at every pose of the window."""
 
     def __init__(
         self,
         grid: Cells,
-        guess: Pose,
+        guess: GridPose,
         hits: tuple[Reals, Reals],
         cell: float,
-        doubt: Doubt,
+        uncertainty: Uncertainty,
     ) -> None:
         self._dist, angle = hits
         headings = np.radians(angle)
         self._ahead = self._dist * portable.cos(headings)
         self._aside = self._dist * portable.sin(headings)
         self._guess = guess
-        self._doubt = Doubt(doubt.metres / cell, doubt.degrees)
-        self.steps = math.ceil(_WIDTH * doubt.metres / cell)
+        self._uncertainty = Uncertainty(uncertainty.metres / cell, uncertainty.degrees)
+        self.steps = math.ceil(_WIDTH * uncertainty.metres / cell)
         around = math.ceil(float(self._dist.max())) + self.steps + 3
         self._row, self._column = math.floor(guess.row) - around, math.floor(guess.column) - around
         self._worths = _worths(grid, self._row, self._column, 2 * around + 1, cell)
 
-    def over(self, centre: Pose, steps: int, step: float, turns: Reals) -> _Fit:
-        """The best of the poses about a centre, `steps` steps to each side and all turns."""
+    def over(self, centre: GridPose, steps: int, step: float, turns: Reals) -> _Fit:
+        """The best pose within `steps` steps of a centre to each side, over all turns."""
         across = np.arange(-steps, steps + 1, dtype=np.float64) * step
         rows = (centre.row - self._guess.row + across) ** 2
         columns = (centre.column - self._guess.column + across) ** 2
-        costs = _COST * (rows[:, None] + columns) / (self._doubt.metres * self._doubt.metres)
+        spread = self._uncertainty
+        costs = _COST * (rows[:, None] + columns) / (spread.metres * spread.metres)
         best = _Fit(centre, -math.inf)
         for turn in turns.tolist():
             angle = centre.angle + turn
             parts = self._parts(centre, angle, across) - costs
-            away = (angle - self._guess.angle) / self._doubt.degrees
+            away = (angle - self._guess.angle) / spread.degrees
             parts -= _COST * (away * away)
             row, column = divmod(int(parts.argmax()), len(across))
             if parts[row, column] > best.part:
                 place = centre.row + float(across[row]), centre.column + float(across[column])
-                best = _Fit(Pose(*place, angle), float(parts[row, column]))
+                best = _Fit(GridPose(*place, angle), float(parts[row, column]))
         return best
 
-    def _parts(self, centre: Pose, angle: float, across: Reals) -> Reals:
-        """What the scan is worth with a heading at each of the places about a centre.
+    def _parts(self, centre: GridPose, angle: float, across: Reals) -> Reals:
+        """Scores for one heading at each position around a centre.
 
-        Of what it can be worth; (n, n) where n steps across are tried in each direction.
+        As a fraction of the maximum; (n, n) where n steps are tried along each axis.
         """
         turn = math.radians(angle)
         cos, sin = portable.cos(turn), portable.sin(turn)
@@ -161,7 +163,7 @@ class _Search:
 
 
 def _halves(swing: float) -> Reals:
-    """Turns to both sides in half degrees."""
+    """Turns to both sides in steps of half a degree."""
     most = math.ceil(swing / _DEGREES)
     return np.arange(-most, most + 1, dtype=np.float64) * _DEGREES
 
@@ -171,34 +173,35 @@ _EIGHTHS: Final[Reals] = np.arange(-3, 4, dtype=np.float64) * (_DEGREES / 4)
 
 @cache
 def _bell(cell: float) -> tuple[int, list[tuple[int, int, int]]]:
-    """What a hit is worth so many rows and columns from an obstacle, the least first.
+    """Score of a hit by its offset (rows, columns) from an obstacle, in ascending order.
 
-    Before it, how many rows and columns that reaches, for cells of so many metres.
+    Preceded by the kernel's radius in cells; `cell` is the cell side in metres.
     """
     spread = max(_SPREAD / cell, 0.7)
     near = math.ceil(2 * spread)
-    away = range(-near, near + 1)
-    made = [
+    offsets = range(-near, near + 1)
+    kernel = [
         (round(_BEST * portable.exp(-(i * i + j * j) / (2 * spread * spread))), i, j)
-        for i in away
-        for j in away
+        for i in offsets
+        for j in offsets
+        if portable.hypot(i, j) <= near
     ]
-    return near, sorted([one for one in made if portable.hypot(one[1], one[2]) <= near])
+    return near, sorted(kernel)
 
 
 def _within(first: int, count: int) -> slice:
-    """So many rows or columns from one on, without those before the grid."""
+    """Slice of `count` rows or columns from `first`, without negative indices."""
     return slice(max(first, 0), max(first + count, 0))
 
 
 def _worths(grid: Cells, row: int, column: int, side: int, cell: float) -> Worths:
-    """What a hit in each cell of a square of the grid is worth; outside of it nothing is known."""
+    """Score of a hit in each cell of a square of the grid; 0 outside it."""
     near, bell = _bell(cell)
     made = np.zeros((side + 2 * near, side + 2 * near), np.int16)
     rows, columns = _within(row, side), _within(column, side)
     walls = np.argwhere(obstacles(np.ascontiguousarray(grid[rows, columns])))
     walls += (rows.start - row + near, columns.start - column + near)
     cells, flat = walls[:, 0] * made.shape[1] + walls[:, 1], made.ravel()
-    for worth, down, right in bell:  # the nearer, the later: so each cell keeps the most
+    for worth, down, right in bell:  # ascending, so each cell keeps its highest score
         flat[cells + (down * made.shape[1] + right)] = worth
     return np.ascontiguousarray(made[near:-near, near:-near])

@@ -1,7 +1,7 @@
-"""How a robot moves: a turn on the spot and a distance forward, as the string that says so.
+"""Robot motion: a turn on the spot and a move forward, as a string.
 
-An action is `TRotate<angle>(TMove<dist>(PRobot))`: a robot carries it out in one frame, first the
-turn, then the move along the new heading. A robot that stays is `PRobot` alone.
+An action is `TRotate<angle>(TMove<dist>(PRobot))`: in one frame the robot first turns, then moves
+along its new heading. A robot that stays is `PRobot` alone.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from minerva_bus import Scene, portable
 from minerva_bus.grammar.scene import TransformationNode, walk
 
 TURNING: Final = 180.0
-"""Degrees in a second that a robot turns at most."""
+"""Maximum turn rate in degrees per second."""
 
 _NEAR: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A turn in degrees, counter-clockwise, and then a distance forward in metres."""
+    """A turn in degrees, counter-clockwise, followed by a distance forward in metres."""
 
     turn: float = 0.0
     dist: float = 0.0
@@ -33,8 +33,8 @@ STAY: Final = Move()
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """Where a robot is: a position in cells and a heading in degrees."""
+class GridPose:
+    """A robot's position in cells and heading in degrees."""
 
     row: float
     column: float
@@ -45,12 +45,12 @@ class Pose:
         """Row and column, in cells."""
         return self.row, self.column
 
-    def after(self, move: Move, cell: float) -> Pose:
-        """Where the move leads; `cell` is the side of a cell in metres."""
+    def after(self, move: Move, cell: float) -> GridPose:
+        """The pose after a move; `cell` is the cell side in metres."""
         angle = wrapped(self.angle + move.turn)
         if not move.dist:
-            return Pose(self.row, self.column, angle)
-        return Pose(*at_distance(self.row, self.column, angle, move.dist / cell), angle)
+            return GridPose(self.row, self.column, angle)
+        return GridPose(*at_distance(self.row, self.column, angle, move.dist / cell), angle)
 
 
 def action_of(move: Move, name: str, radius: float) -> Scene:
@@ -60,7 +60,7 @@ def action_of(move: Move, name: str, radius: float) -> Scene:
 
 
 def move_of(action: Scene) -> Move:
-    """The move that an action's string stands for."""
+    """The move that an action's string denotes."""
     turn = dist = 0.0
     for opens, node in walk(action):
         if opens and isinstance(node, TransformationNode):
@@ -71,10 +71,12 @@ def move_of(action: Scene) -> Move:
     return Move(turn, dist)
 
 
-def towards(pose: Pose, row: float, column: float, cell: float, farthest: float, dt: float) -> Move:
-    """The move of one frame towards a position, `farthest` metres at most.
+def towards(
+    pose: GridPose, row: float, column: float, cell: float, farthest: float, dt: float
+) -> Move:
+    """One frame's move towards a position, `farthest` metres at most.
 
-    A robot drives only once it faces the position, so it never leaves the straight way there.
+    The robot drives only once it faces the position, so it never leaves the straight line.
     """
     down, across = row - pose.row, column - pose.column
     dist = portable.hypot(down, across) * cell
@@ -87,8 +89,8 @@ def towards(pose: Pose, row: float, column: float, cell: float, farthest: float,
     return Move(turn, min(dist, farthest))
 
 
-def turn_to(pose: Pose, angle: float, dt: float) -> Move:
-    """The move of one frame towards a heading, the shorter way round."""
+def turn_to(pose: GridPose, angle: float, dt: float) -> Move:
+    """One frame's move towards a heading, the shorter way round."""
     turn, most = wrapped(angle - pose.angle), TURNING * dt
     return Move(math.copysign(min(abs(turn), most), turn)) if turn else STAY
 

@@ -1,15 +1,15 @@
-"""Ways through doors that are hardly wider than the robot: plans on a grid of half cells.
+"""Paths through openings hardly wider than the robot, planned on a grid of half cells.
 
-On the robot's own grid a way leads over the centres of cells, and keeps clear of a disc around each
-obstacle's cell. So a door needs up to a cell and a half more than the robot is wide, and whether
-the robot finds a way depends on where the grid's lines lie in the door. Where that fails, the robot
-plans on the corners, edges and centres of cells, and keeps its body and `MARGIN` clear of each
-obstacle's cell itself, a square: the laser has met the obstacle somewhere in it. Then it passes
-every door wider than `passable_width`. Such a plan is four times as large, so it comes second.
+On the robot's own grid a path leads over cell centres and keeps clear of a disc around each
+obstacle cell. A door therefore needs up to one and a half cells more than the robot's width, and
+whether a path exists depends on where grid lines fall in the door. As a fallback, the robot plans
+on the corners, edges and centres of cells, and keeps its body plus `MARGIN` clear of each obstacle
+cell's square, in which the laser saw the obstacle. It then passes every door wider than
+`passable_width`. Such a plan is four times as large, so it is the second choice.
 
 The point (r, c) of the robot's grid, in cells, is (2 r + 0.5, 2 c + 0.5) on the grid of half cells.
-The nearest point of a square to a corner, edge or centre of a cell is itself one of these nine
-points of the square. So nine obstacles on the fine grid stand for one obstacle's cell, exactly.
+The point of a square nearest to a corner, edge or centre of a cell is one of nine points of the
+square. So nine obstacles on the fine grid represent one obstacle cell exactly.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from minerva_agents.robot.planning import nearest
 from minerva_bus import Cells, portable
 
 MARGIN: Final = 0.01
-"""Metres between the robot's body and the cell of an obstacle."""
+"""Clearance between the robot's body and an obstacle cell, in metres."""
 
 _HALF_STEP: Final = math.sqrt(0.125)
-"""Half of a diagonal step between half cells, in cells: so far from its ends is its middle."""
+"""Half of a diagonal step between half cells, in cells: distance from its ends to its middle."""
 
 
 def passable_width(radius: float, cell: float) -> float:
-    """The width in metres from which a robot passes a door, wherever the grid's lines lie in it.
+    """Width in metres of doors that a robot passes wherever the grid lines fall.
 
-    It is the robot's width with a margin, rounded up to whole cells, and one cell more.
+    The robot's width with a margin, rounded up to whole cells, plus one cell.
     """
     return round((math.ceil(2.0 * _room_of_points(radius, cell)) + 1) * cell, 9)
 
 
 def is_passable(grid: Cells, way: Sequence[Position], radius: float, cell: float) -> bool:
-    """Whether the robot's body keeps clear of all obstacles' cells on straight lines."""
+    """True if the robot's body stays clear of all obstacle cells along straight lines."""
     reach = _room_of_body(radius, cell) + 1.0
     top, left = (max(0, math.floor(min(axis) - reach)) for axis in zip(*way, strict=True))
     bottom, right = (math.ceil(max(axis) + reach) for axis in zip(*way, strict=True))
@@ -54,7 +54,10 @@ def is_passable(grid: Cells, way: Sequence[Position], radius: float, cell: float
 
 @dataclass(frozen=True, slots=True)
 class Narrows:
-    """Where a robot at `at` can go at best; `closed` are the half cells where it must not go."""
+    """Reachable space of a robot at `at` with minimal clearance.
+
+    `closed` are blocked half cells.
+    """
 
     grid: Cells
     at: Position
@@ -63,18 +66,18 @@ class Narrows:
 
     @staticmethod
     def around(grid: Cells, at: Position, radius: float, cell: float) -> Narrows:
-        """The narrows of a robot's grid; positions in cells, `radius` and `cell` in metres."""
+        """Build from a robot's grid; positions in cells, `radius` and `cell` in metres."""
         fine, at, room = _fine(grid), _to_fine(at), 2.0 * _room_of_points(radius, cell)
         return Narrows(fine, at, blocked(fine, at, room), room)
 
     @property
     def closed_cells(self) -> Mask:
-        """The cells of the robot's grid of which no point is open."""
+        """Cells of the robot's grid without any open point."""
         near = grown(~self.closed)
         return ~near[1::2, 1::2]
 
     def way_to(self, targets: Mask) -> list[Position] | None:
-        """The way to the nearest of some cells of the robot's grid, or None without one."""
+        """Path to the nearest target cell of the robot's grid, or None."""
         fine = np.zeros(self.closed.shape, np.bool_)
         fine[1::2, 1::2] = targets
         path = nearest(self.closed, cell_of(self.at), grown(fine) & ~self.closed)
@@ -84,7 +87,7 @@ class Narrows:
         return [((row - 0.5) / 2.0, (column - 0.5) / 2.0) for row, column in way]
 
     def way_to_cell(self, cell: Cell) -> list[Position] | None:
-        """The way to a cell of the robot's grid, or None without one."""
+        """Path to a cell of the robot's grid, or None."""
         rows, columns = self.closed.shape
         targets = np.zeros((rows // 2, columns // 2), np.bool_)
         targets[cell] = True
@@ -92,7 +95,7 @@ class Narrows:
 
 
 def _fine(grid: Cells) -> Cells:
-    """The grid of half cells: obstacles at the nine points of each obstacle's cell, else free."""
+    """The grid of half cells: obstacles at the nine points of each obstacle cell, else free."""
     rows, columns = grid.shape
     walls = np.zeros((2 * rows + 1, 2 * columns + 1), np.bool_)
     walls[1::2, 1::2] = obstacles(grid)
@@ -104,10 +107,10 @@ def _to_fine(at: Position) -> Position:
 
 
 def _room_of_body(radius: float, cell: float) -> float:
-    """How far, in cells, the robot stays from an obstacle's cell."""
+    """Clearance of the robot's centre to an obstacle cell, in cells."""
     return (radius + MARGIN) / cell
 
 
 def _room_of_points(radius: float, cell: float) -> float:
-    """How far the ends of a step stay away, so that its middle keeps the room of the body."""
+    """Clearance of a step's ends such that its middle keeps the clearance of the body."""
     return float(portable.hypot(_room_of_body(radius, cell), _HALF_STEP))

@@ -1,4 +1,4 @@
-"""What is known of a floor: an occupancy map, its marked places, and the room on it."""
+"""Occupancy maps of floors: cells, markers and clearance."""
 
 import math
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ OCCUPIED: Final = 100
 UNKNOWN: Final = -1
 
 Point: TypeAlias = tuple[float, float]
-Pose: TypeAlias = tuple[float, float, float]
+MapPose: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """A named place on a floor, in metres of the world."""
+    """A named position on a floor, in metres of the world."""
 
     name: str
     x: float
@@ -30,11 +30,11 @@ class Marker:
 
 @dataclass(frozen=True, eq=False)
 class OccupancyMap:
-    """What is known of a floor, cell by cell, as in nav_msgs/OccupancyGrid.
+    """A floor, cell by cell, as in nav_msgs/OccupancyGrid.
 
-    `cells` is int16, read-only, [row, column]; rows grow along the map's x, columns along its y;
-    0 is free, 100 occupied, -1 unknown. A cell's side is `resolution` metres. The outer corner of
-    cell (0, 0) lies at (`x`, `y`) metres in the world, and the map's x axis is turned `angle`
+    `cells` is int16, read-only, [row, column]; rows grow along the map's x, columns along its y; 0
+    is free, 100 occupied, -1 unknown. A cell's side is `resolution` metres. The outer corner of
+    cell (0, 0) lies at (`x`, `y`) metres in the world, and the map's x axis is rotated `angle`
     degrees counter-clockwise from the world's. `start` is (x, y, degrees), or None if not given.
     """
 
@@ -44,46 +44,46 @@ class OccupancyMap:
     y: float = 0.0
     angle: float = 0.0
     markers: tuple[Marker, ...] = ()
-    start: Pose | None = None
+    start: MapPose | None = None
 
     @property
     def obstacles(self) -> NDArray[np.bool_]:
-        """True where a robot must not be: all that is not known to be free."""
+        """True where a robot must not be: every cell not known to be free."""
         return self.cells != FREE
 
     @cached_property
     def room(self) -> NDArray[np.float64]:
-        """Clearance in cells, where what lies around the map is an obstacle too.
+        """Clearance in cells; everything outside the map counts as an obstacle.
 
-        Computed once for all who ask; read-only.
+        Cached and read-only.
         """
         room = clearance(np.pad(self.obstacles, 1, constant_values=True))[1:-1, 1:-1]
         room.setflags(write=False)
         return room
 
     def equals(self, other: "OccupancyMap") -> bool:
-        """Whether both say the same of the same floor."""
-        mine, theirs = self._frame(), other._frame()
-        return mine == theirs and np.array_equal(self.cells, other.cells)
+        """True if both describe the same floor with the same cells."""
+        own, theirs = self._frame(), other._frame()
+        return own == theirs and np.array_equal(self.cells, other.cells)
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a point of the world, in metres, lies on the map."""
+        """True if a world position in metres lies on the map."""
         row, column = self.cell_at(x, y)
         return 0 <= row < self.cells.shape[0] and 0 <= column < self.cells.shape[1]
 
     def cell_at(self, x: float, y: float) -> tuple[int, int]:
-        """The cell under a point of the world, in metres; it need not lie on the map."""
+        """Cell of a world position in metres; it may lie outside the map."""
         cos, sin = self._heading()
         east, north = x - self.x, y - self.y
         along, across = cos * east + sin * north, cos * north - sin * east
         return math.floor(along / self.resolution), math.floor(across / self.resolution)
 
     def centre_of(self, cell: tuple[int, int]) -> Point:
-        """Where in the world, in metres, the centre of a cell is."""
+        """World position of a cell's centre, in metres."""
         return self._point(cell[0] + 0.5, cell[1] + 0.5)
 
     def corner_of(self, cell: tuple[int, int]) -> Point:
-        """Where in the world, in metres, that corner of a cell is which is nearest to (0, 0)."""
+        """World position of the corner of a cell nearest to cell (0, 0), in metres."""
         return self._point(cell[0], cell[1])
 
     def _point(self, row: float, column: float) -> Point:

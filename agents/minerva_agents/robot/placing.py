@@ -1,7 +1,7 @@
-"""Places on a map that has none of its own: where a robot fits, starts, and is worth going to.
+"""Positions on a map without its own: where a robot fits, where it starts, where markers go.
 
-A robot is a disc. It fits on a cell if no cell that is occupied, unknown or off the map has its
-centre within the disc, which is also how `planning.inflate` sees it.
+A robot is a disc. It fits on a cell if no occupied, unknown or outside cell has its centre within
+the disc, consistent with `distances.inflate`.
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.grids import Cell, MapError
-from minerva_agents.robot.occupancy import Marker, OccupancyMap, Point, Pose
+from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap, Point
 
 _FINEST_BLOCK_M = 0.1
 _MOST_BLOCKS = 20_000
@@ -24,11 +24,11 @@ _DIAGONAL = math.sqrt(2.0)
 def free_component(
     floor: OccupancyMap, radius_m: float, at: Point | None = None
 ) -> NDArray[np.bool_]:
-    """Cells where a disc of this radius (metres) fits and between which it can move.
+    """Cells where a disc of this radius (m) fits and between which it can move.
 
-    Of several such regions it is the one that holds the point `at` (metres of the world), without
-    a point the largest, the first of equals. Bool, in the shape of the map's cells. Raises
-    MapError where the disc fits nowhere, or not at the point.
+    Of several such regions, the one that contains the point `at` (m, world frame), or without `at`
+    the largest, the first among equals. Bool, in the shape of the map's cells. Raises MapError if
+    the disc fits nowhere, or not at the point.
     """
     labels = _labels(floor, radius_m)
     if at is not None:
@@ -38,15 +38,15 @@ def free_component(
         raise MapError(
             f"a disc of radius {radius_m} m fits nowhere on the map of "
             f"{labels.shape[0]} x {labels.shape[1]} cells of {floor.resolution} m; "
-            "take a smaller radius, or check the map's thresholds"
+            "use a smaller radius, or check the map's thresholds"
         )
     return labels == 1 + int(np.argmax(sizes[1:]))
 
 
-def roomiest(floor: OccupancyMap, radius_m: float, at: Point | None = None) -> Pose:
-    """The place with the most clearance in that component, as (x, y, 0 degrees).
+def roomiest(floor: OccupancyMap, radius_m: float, at: Point | None = None) -> MapPose:
+    """The position with the most clearance in that region, as (x, y, 0 degrees).
 
-    The first such cell of equals. Raises what `free_component` raises.
+    The first cell among equals. Raises MapError like `free_component`.
     """
     component = free_component(floor, radius_m, at)
     best = np.argmax(np.where(component, floor.room, -1.0))
@@ -55,15 +55,15 @@ def roomiest(floor: OccupancyMap, radius_m: float, at: Point | None = None) -> P
 
 
 def spread(
-    floor: OccupancyMap, count: int, radius_m: float, start: Pose, least: int | None = None
+    floor: OccupancyMap, count: int, radius_m: float, start: MapPose, least: int | None = None
 ) -> tuple[Marker, ...]:
-    """So many places, "A", "B", "C" and on, far from the start and from each other.
+    """Up to `count` positions, "A", "B", "C" and on, far from the start and from each other.
 
-    Farthest-point sampling [Gonzalez 1985]: each is the one that is farthest, by path, from the
-    start and from those before it. Paths are measured over blocks of cells, of 0.1 m or what keeps
-    them few. Where there are places with twice the radius of clearance only those are taken, so
-    that a robot has room to turn. Raises MapError if it does not fit at the start, and if there is
-    room for fewer than `least` (default: for fewer than `count`).
+    Farthest-point sampling [Gonzalez 1985]: each position is the farthest, by path, from the start
+    and all previous ones. Paths are measured over blocks of cells, 0.1 m or larger to bound their
+    number. Where positions with twice the radius of clearance exist, only those are used, so that a
+    robot can turn. Raises MapError if the robot does not fit at the start, or if fewer than `least`
+    (default: `count`) positions exist.
     """
     component = free_component(floor, radius_m, start[:2])
     room = np.where(component, floor.room, 0.0)
@@ -71,8 +71,8 @@ def spread(
     cells = list(islice(_far_cells(floor, room, radius_m, (row, column)), count))
     if len(cells) < (count if least is None else least):
         raise MapError(
-            f"there is room for {len(cells)} places a robot's width apart, of the {count} "
-            f"asked for; ask for fewer, or take a radius smaller than {radius_m} m"
+            f"there is room for {len(cells)} places a robot's width apart, of {count} "
+            f"requested; use fewer, or a radius smaller than {radius_m} m"
         )
     return tuple([Marker(_name(index), *_place(floor, cell)) for index, cell in enumerate(cells)])
 
@@ -80,7 +80,7 @@ def spread(
 def _far_cells(
     floor: OccupancyMap, room: NDArray[np.float64], radius_m: float, start: Cell
 ) -> Iterator[Cell]:
-    """Cells, each the farthest by path from those before, until they are a robot's width apart."""
+    """Cells, each the farthest by path from all previous ones, at least a robot's width apart."""
     side = _block_side(floor, room)
     blocks = _blocks(room, side).max(axis=(1, 3))
     roomy = blocks > 2 * _in_cells(floor, radius_m)
@@ -98,7 +98,7 @@ def _far_cells(
 
 @lru_cache(maxsize=1)
 def _labels(floor: OccupancyMap, radius_m: float) -> NDArray[np.intp]:
-    """The regions in which a disc of this radius can move; kept, for several places need them."""
+    """Regions in which a disc of this radius can move; cached, as several functions use them."""
     labels = regions(floor.room > _in_cells(floor, radius_m))
     labels.setflags(write=False)
     return labels
@@ -106,12 +106,12 @@ def _labels(floor: OccupancyMap, radius_m: float) -> NDArray[np.intp]:
 
 def _in_cells(floor: OccupancyMap, radius_m: float) -> float:
     if not (math.isfinite(radius_m) and radius_m > 0):
-        raise MapError(f"the radius is {radius_m}; expected metres, more than 0")
+        raise MapError(f"the radius is {radius_m}; expected metres > 0")
     return radius_m / floor.resolution
 
 
 def _place(floor: OccupancyMap, cell: Cell) -> Point:
-    """The cell's centre to a tenth of a millimetre, so that no place reads 2.1250000000000004."""
+    """The cell's centre, rounded to 0.1 mm so that coordinates print without rounding noise."""
     x, y = floor.centre_of(cell)
     return round(x, 4), round(y, 4)
 
@@ -121,7 +121,7 @@ def _label_at(floor: OccupancyMap, labels: NDArray[np.intp], radius_m: float, at
     if not label:
         raise MapError(
             f"a disc of radius {radius_m} m does not fit at ({at[0]}, {at[1]}) m; "
-            "expected a place on the map, free and so far from walls; choose another, or a "
+            "expected a position on the map, free and that far from walls. Use another one, or a "
             "smaller radius"
         )
     return label
@@ -130,8 +130,8 @@ def _label_at(floor: OccupancyMap, labels: NDArray[np.intp], radius_m: float, at
 def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Connected regions of free cells, numbered from 1; 0 where not free.
 
-    Neighbours are those of a side: a diagonal that cuts no corner joins no others. Runs along the
-    rows are joined where they touch, which is far fewer steps than cell by cell.
+    Cells connect by their sides; a diagonal without a cut corner connects no further cells. Runs
+    along the rows are merged where they touch, which takes far fewer steps than cell by cell.
     """
     begins = free & ~np.pad(free, ((0, 0), (1, 0)))[:, :-1]
     runs = np.where(free, np.cumsum(begins).reshape(free.shape), 0)
@@ -139,8 +139,8 @@ def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
     most = int(runs.max(initial=0)) + 1
     pairs = np.sort(runs[:-1][touching] * most + runs[1:][touching])
     roots = list(range(most))
-    for one, other in (divmod(pair, most) for pair in pairs[_firsts(pairs)].tolist()):
-        first, second = sorted((_root(roots, one), _root(roots, other)))
+    for run, neighbour in (divmod(pair, most) for pair in pairs[_firsts(pairs)].tolist()):
+        first, second = sorted((_root(roots, run), _root(roots, neighbour)))
         roots[second] = first
     merged = np.array([_root(roots, run) for run in range(most)])
     numbers = np.cumsum(np.bincount(merged, minlength=most) > 0) - 1
@@ -148,7 +148,7 @@ def regions(free: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 
 def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which items of an ordered array differ from those before them."""
+    """Mask of items of a sorted array that differ from their predecessors."""
     return np.concatenate((np.ones(min(1, ordered.size), np.bool_), ordered[1:] != ordered[:-1]))
 
 
@@ -160,13 +160,13 @@ def _root(roots: list[int], run: int) -> int:
 
 
 def _block_side(floor: OccupancyMap, room: NDArray[np.float64]) -> int:
-    """How many cells make the side of a block."""
+    """Side of a block in cells."""
     side = max(1, round(_FINEST_BLOCK_M / floor.resolution))
     return max(side, math.ceil(math.sqrt(np.count_nonzero(room) / _MOST_BLOCKS)))
 
 
 def _blocks(room: NDArray[np.float64], side: int) -> NDArray[np.float64]:
-    """The grid cut into blocks, (block rows, side, block columns, side), padded with 0."""
+    """The grid as blocks, (block rows, side, block columns, side), padded with 0."""
     rows, columns = room.shape
     padded = np.pad(room, ((0, -rows % side), (0, -columns % side)))
     return padded.reshape(padded.shape[0] // side, side, padded.shape[1] // side, side)
@@ -179,9 +179,9 @@ def _roomiest_cell(room: NDArray[np.float64], block: Cell, side: int) -> Cell:
 
 
 def lower(distances: NDArray[np.float64], source: Cell) -> None:
-    """Lower the distances (in blocks, -1 where blocked) to those from one more source.
+    """Lower distances (in blocks, -1 where blocked) in place by paths from another source.
 
-    Dijkstra's search (1959), which does not go on from where another source is nearer.
+    Dijkstra's algorithm (1959), pruned where another source is closer.
     """
     width = distances.shape[1] + 2
     flat: list[float] = np.pad(distances, 1, constant_values=-1.0).ravel().tolist()
@@ -215,6 +215,6 @@ def _moves(flat: list[float], cell: int, width: int) -> list[tuple[int, float]]:
 
 
 def _name(index: int) -> str:
-    """A, B, ..., Z, AA, AB, ..., as a spreadsheet names its columns."""
+    """A, B, ..., Z, AA, AB, ..., like spreadsheet columns."""
     before, letter = divmod(index, 26)
     return (_name(before - 1) if before else "") + chr(ord("A") + letter)

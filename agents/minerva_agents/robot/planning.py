@@ -1,12 +1,12 @@
-"""Shortest paths on a grid of free and blocked cells, exact and fast.
+"""Exact shortest paths on a grid of free and blocked cells.
 
 A grid is indexed [row, column]; row grows along world x, column along world y. A move goes to one
-of the eight neighbours: it costs 1 straight and sqrt(2) diagonally, and a diagonal needs both
-cells that it passes between to be free, so that no corner is cut.
+of eight neighbours and costs 1 straight or sqrt(2) diagonally. A diagonal needs both adjacent cells
+free, so no corner is cut.
 
-The search is A* [Hart, Nilsson, Raphael 1968; the paper, 4.2.5] over the jump points of the
-module `jumps`, in the windows of the module `windows`. Both change the time and the memory that a
-search takes, never the length of its path.
+The search is A* [Hart, Nilsson, Raphael 1968; the paper, 4.2.5] over the jump points of module
+`jumps`, in the windows of module `windows`. Both reduce time and memory without changing the length
+of a path.
 """
 
 import math
@@ -23,24 +23,24 @@ from minerva_agents.robot.windows import Window, windows
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
-    """Cells from start to goal, each a neighbour of the one before, and the length in cells.
+class GridPath:
+    """Cells from start to goal, each adjacent to the previous, and the length in cells.
 
-    The length is computed once from the numbers of straight and diagonal moves, so it carries no
-    error of summation.
+    The length is computed from the counts of straight and diagonal moves, so it has no summation
+    error.
     """
 
     cells: tuple[Cell, ...]
     length: float
 
 
-def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> Path | None:
-    """A shortest path between two cells of a grid (bool, rows x columns), or None without one.
+def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> GridPath | None:
+    """A shortest path between two cells of a bool grid, or None.
 
-    The estimate of what remains is the octile distance, the length of the path if nothing were
-    blocked. The paper (4.2.5) weighs cells by the Euclidean distance to the goal; with these eight
-    moves the octile distance is never below that and never above the true length, so it is
-    admissible, finds the same lengths and looks at fewer cells. Ties are broken always alike.
+    The heuristic is the octile distance, the path length on an empty grid. The paper (4.2.5) uses
+    the Euclidean distance to the goal; with eight moves, the octile distance is at least that and
+    never above the true length. It is admissible, yields the same lengths and expands fewer cells.
+    Ties are broken deterministically.
 
     A blocked start or goal has no path. Raises MapError for a grid that is not 2-D bool and for
     cells outside it.
@@ -55,12 +55,12 @@ def shortest_path(blocked: Grid, start: Cell, goal: Cell) -> Path | None:
     return _search(blocked, start, targets, goal)
 
 
-def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
-    """A shortest path to whichever target cell is nearest by path, or None if none is reachable.
+def nearest(blocked: Grid, start: Cell, targets: Grid) -> GridPath | None:
+    """A shortest path to the target cell nearest by path, or None if none is reachable.
 
-    Dijkstra's search (1959), which ends at the first target that it settles: the step to the next
+    Dijkstra's algorithm (1959), which ends at the first settled target: the step to the nearest
     frontier in exploration. `blocked` and `targets` are bool grids of one shape; blocked targets
-    do not count. Raises MapError for other grids and for a start outside them.
+    are ignored. Raises MapError for other grids and for a start outside them.
     """
     check_grid(blocked, "nearest", "blocked")
     check_grid(targets, "nearest", "targets")
@@ -74,26 +74,26 @@ def nearest(blocked: Grid, start: Cell, targets: Grid) -> Path | None:
 
 
 def _cell_of(grid: Grid, cell: Cell, who: str, name: str) -> Cell:
-    """The cell in Python's own integers (numpy's would overflow in the costs), if it is inside."""
+    """The cell as Python integers (numpy's would overflow in costs). Raises MapError if outside."""
     rows, columns = grid.shape
     row, column = int(cell[0]), int(cell[1])
     if (row, column) != tuple(cell) or not (0 <= row < rows and 0 <= column < columns):
         raise MapError(
-            f"{who}: {name} {tuple(cell)} is no cell of the grid; "
+            f"{who}: {name} {tuple(cell)} is outside the grid; "
             f"expected a whole row below {rows} and column below {columns}, both from 0"
         )
     return row, column
 
 
-def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> Path | None:
-    """A* to the goal, or Dijkstra's search for the nearest target where there is no goal.
+def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> GridPath | None:
+    """A* to the goal, or Dijkstra's algorithm to the nearest target without a goal.
 
-    What a search of a window finds holds if no path that leaves the window can be shorter.
+    A window's result is final if no path that leaves the window can be shorter.
     """
     if blocked[start]:
         return None
     if targets[start]:
-        return Path((start,), 0.0)
+        return GridPath((start,), 0.0)
     ends = [start] if goal is None else [start, goal]
     path = None
     for window in windows(blocked.shape, ends):
@@ -105,21 +105,21 @@ def _search(blocked: Grid, start: Cell, targets: Grid, goal: Cell | None) -> Pat
 
 def _search_window(
     window: Window, blocked: Grid, targets: Grid, start: Cell, goal: Cell | None
-) -> Path | None:
+) -> GridPath | None:
     if not targets.any():
         return None
     jumps = jumps_of(blocked, targets)
-    estimate = _nothing if goal is None else _octile_to(jumps, window.inside(goal))
+    estimate = _no_estimate if goal is None else _octile_to(jumps, window.inside(goal))
     turns = _turns(jumps, jumps.flat(window.inside(start)), estimate)
     cells = [jumps.cell(turn) for turn in turns]
-    return _path([(row + window.top, column + window.left) for row, column in cells])
+    return _path_along([(row + window.top, column + window.left) for row, column in cells])
 
 
 def _turns(jumps: Jumps, origin: int, estimate: Callable[[int], int]) -> list[int]:
-    """A* over jump points: the flat cells where a shortest path turns, with both ends, or none.
+    """A* over jump points: the flat turning cells of a shortest path with both ends, or [].
 
-    A cell has one cost and one direction of arrival, that of the first path of this cost. For each
-    way on that only another direction would open, there is a path as short that avoids the cell.
+    A cell has one cost and one arrival direction, that of the first path of this cost. For each
+    continuation that only another direction would allow, an equally short path avoids the cell.
     """
     arrivals: dict[int, int] = {}
     costs = {origin: 0}
@@ -146,7 +146,7 @@ def _turns(jumps: Jumps, origin: int, estimate: Callable[[int], int]) -> list[in
 
 
 def _cheapest(queue: list[tuple[int, int, int]], costs: dict[int, int]) -> tuple[int, int]:
-    """The next cell of the queue and its cost, or (-1, 0) if there is none."""
+    """The next cell of the queue and its cost, or (-1, 0) if the queue is empty."""
     while queue:
         bound, remaining, cell = heappop(queue)
         if bound - remaining == costs[cell]:
@@ -155,7 +155,7 @@ def _cheapest(queue: list[tuple[int, int, int]], costs: dict[int, int]) -> tuple
 
 
 def _back(arrivals: dict[int, int], cell: int) -> list[int]:
-    """The cells up to this one; an arrival is 8 times the cell before plus the direction."""
+    """The cells up to this one; an arrival encodes 8 times the previous cell plus the direction."""
     turns = [cell]
     while cell in arrivals:
         cell = arrivals[cell] // 8
@@ -164,7 +164,7 @@ def _back(arrivals: dict[int, int], cell: int) -> list[int]:
 
 
 def _octile_to(jumps: Jumps, goal: Cell) -> Callable[[int], int]:
-    """The cost from a flat cell to the goal if nothing were blocked."""
+    """Heuristic: cost from a flat cell to the goal on an empty grid."""
     row, column = goal[0] + 1, goal[1] + 1
     width, saved = jumps.width, 2 * STRAIGHT - DIAGONAL
 
@@ -175,12 +175,12 @@ def _octile_to(jumps: Jumps, goal: Cell) -> Callable[[int], int]:
     return estimate
 
 
-def _nothing(cell: int) -> int:
+def _no_estimate(cell: int) -> int:
     return 0
 
 
-def _path(turns: Sequence[Cell]) -> Path | None:
-    """The path along its turns; none of them is no path."""
+def _path_along(turns: Sequence[Cell]) -> GridPath | None:
+    """The path along turning cells, or None without any."""
     if not turns:
         return None
     cells = [turns[0]]
@@ -191,4 +191,4 @@ def _path(turns: Sequence[Cell]) -> Path | None:
         diagonals += min(abs(down), abs(along))
         down, along = down // moves, along // moves
         cells += [(row + n * down, column + n * along) for n in range(1, moves + 1)]
-    return Path(tuple(cells), len(cells) - 1 - diagonals + math.sqrt(2.0) * diagonals)
+    return GridPath(tuple(cells), len(cells) - 1 - diagonals + math.sqrt(2.0) * diagonals)

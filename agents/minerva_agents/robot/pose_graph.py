@@ -1,8 +1,8 @@
-"""A pose graph: where the poses of a way lie whose edges say how they lie to one another.
+"""Pose graph optimisation: poses from relative measurements between them.
 
-After Grisetti, Kümmerle, Stachniss and Burgard, "A Tutorial on Graph-Based SLAM" (2010). An edge
-that closes a loop and contradicts the others is turned off by dynamic covariance scaling (Agarwal
-and others, "Robust Map Optimization using Dynamic Covariance Scaling", ICRA 2013).
+After Grisetti, Kümmerle, Stachniss and Burgard, "A Tutorial on Graph-Based SLAM" (2010).
+Contradictory loop closures are switched off by dynamic covariance scaling (Agarwal et al., "Robust
+Map Optimization using Dynamic Covariance Scaling", ICRA 2013).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _SWITCH: Final = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """Where keyframe `to` is as seen from `begin`: metres, metres, radians; and how sure that is.
+    """Pose of keyframe `to` relative to `begin` (m, m, rad), and its certainty.
 
-    `information` is the inverse of its covariance, (3, 3).
+    `information` is the inverse covariance, (3, 3).
     """
 
     begin: int
@@ -38,9 +38,9 @@ class Edge:
 
 
 def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Reals, Reals]:
-    """The poses at which edges contradict least, and how much each edge counts, 0 to 1.
+    """The poses that minimise the error of all edges, and each edge's weight, 0 to 1.
 
-    By Gauss and Newton; the first pose stays.
+    Gauss-Newton; the first pose is fixed.
     """
     poses, counts = poses.copy(), np.ones(len(edges))
     begin = np.array([edge.begin for edge in edges])
@@ -71,7 +71,7 @@ def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Re
 
 
 def _errors(first: Reals, second: Reals, steps: Reals) -> tuple[Reals, Reals]:
-    """How far poses are from what edges say, (e, 3), and the slopes of that, (e, 3, 6)."""
+    """Residuals of the edges, (e, 3), and their Jacobians, (e, 3, 6)."""
     cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
     x, y = (second[:, :2] - first[:, :2]).T
     ahead, left = cos * x + sin * y, cos * y - sin * x

@@ -1,4 +1,4 @@
-"""Where the robot was when it measured each scan of a recording."""
+"""Assigns each scan of a recording the robot's pose at that time."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
 NEAR: Final = 1.0
-"""Seconds from a scan to the next thing known of the robot's place, at most."""
+"""Maximum time in seconds between a scan and the nearest odometry."""
 
 _WAITING: Final = 10_000
-"""Scans that wait for odometry, at most; the oldest are left out."""
+"""Maximum number of scans that wait for odometry; the oldest is dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Posed:
-    """A scan, and where the robot was: metres and degrees counter-clockwise.
+    """A scan and the robot's pose: metres, and degrees counter-clockwise.
 
-    `told`: the recording says so of this very scan.
+    `is_published`: the recording gives this pose for exactly this scan.
     """
 
     scan: Scan
     x: float
     y: float
     angle: float
-    told: bool = False
+    is_published: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Unposed:
-    """A scan of which nobody knows where it was measured."""
+    """A scan without a known pose."""
 
     scan: Scan
 
@@ -42,41 +42,40 @@ class Unposed:
 def posed_scans(
     recorded: Iterable[Recorded], *, odometry: bool = False
 ) -> Iterator[Posed | Unposed]:
-    """The scans in their order, each with its place.
+    """The scans in order, each with its pose.
 
-    That is what the recording says of this very scan on the topic `pose`; else, or if nothing but
-    `odometry` shall count, the odometry: of the time of the scan, or between the reading before
-    and the one after.
+    The pose is the one that the recording gives for this scan on the topic `pose`; otherwise, or if
+    only `odometry` counts, it is interpolated from the odometry before and after the scan.
     """
-    posing, wheels = _Posing(), _Wheels()
-    for one in recorded:
-        if isinstance(one.reading, Scan):
-            yield from posing.measured(one.reading)
-        elif not isinstance(one.reading, Odometry):
+    assigner, wheels = _PoseAssigner(), _RawOdometry()
+    for item in recorded:
+        if isinstance(item.reading, Scan):
+            yield from assigner.measured(item.reading)
+        elif not isinstance(item.reading, Odometry):
             continue
-        elif one.topic == POSE:
-            posing.told = None if odometry else one.reading
-        elif one.topic == CORRECTION:
-            wheels.corrected(one.reading)
+        elif item.topic == POSE:
+            assigner.published = None if odometry else item.reading
+        elif item.topic == CORRECTION:
+            wheels.corrected(item.reading)
         else:
-            measured = wheels.measured(one.reading) if odometry else one.reading
-            yield from posing.moved(measured)
-    yield from posing.rest()
+            measured = wheels.measured(item.reading) if odometry else item.reading
+            yield from assigner.moved(measured)
+    yield from assigner.rest()
 
 
-class _Posing:
-    """What is known of the robot's place, and the scans that wait for more."""
+class _PoseAssigner:
+    """The latest known pose, and the scans that wait for the next one."""
 
     def __init__(self) -> None:
-        self.told: Odometry | None = None
+        self.published: Odometry | None = None
         self._before: Odometry | None = None
         self._waiting: deque[Scan] = deque()
 
     def measured(self, scan: Scan) -> Iterator[Posed | Unposed]:
-        told, self.told = self.told, None
-        if told is not None:
+        published, self.published = self.published, None
+        if published is not None:
             yield from self.rest()
-            yield Posed(scan, told.x, told.y, told.angle, told=True)
+            yield Posed(scan, published.x, published.y, published.angle, is_published=True)
             return
         if self._before is not None and self._before.time == scan.time:
             yield from self.rest()
@@ -92,38 +91,38 @@ class _Posing:
         self._before = after
 
     def rest(self) -> Iterator[Posed | Unposed]:
-        """What waits for odometry that does not come."""
+        """Flush scans whose odometry did not arrive."""
         while self._waiting:
             yield _between(self._waiting.popleft(), self._before, None)
 
 
-class _Wheels:
-    """What the wheels have measured, where a recording has moved it by corrections."""
+class _RawOdometry:
+    """Odometry without the corrections that a recording has applied to it."""
 
     def __init__(self) -> None:
         self._last: Odometry | None = None
         self._start: tuple[Odometry, Odometry] | None = None
 
     def corrected(self, to: Odometry) -> None:
-        """From here on the odometry says that the robot was there."""
+        """From here on, odometry is relative to this corrected pose."""
         if self._last is not None:
             self._start = self._last, to
 
-    def measured(self, said: Odometry) -> Odometry:
-        """Where the wheels alone would have the robot."""
+    def measured(self, reading: Odometry) -> Odometry:
+        """The pose that wheel odometry alone would give."""
         if self._start is not None:
             start, correction = self._start
-            at = moved(start, correction, said)
-            said = replace(said, x=at.x, y=at.y, angle=at.angle)
-        self._last = said
-        return said
+            at = moved(start, correction, reading)
+            reading = replace(reading, x=at.x, y=at.y, angle=at.angle)
+        self._last = reading
+        return reading
 
 
 _Known: TypeAlias = "Odometry | None"
 
 
 def _between(scan: Scan, before: _Known, after: _Known) -> Posed | Unposed:
-    """A scan at its place between two readings, or at the one that is near enough."""
+    """The scan at its interpolated pose, or at the nearest pose within `NEAR` seconds."""
     near = [known for known in (before, after) if known and abs(known.time - scan.time) <= NEAR]
     if not near:
         return Unposed(scan)

@@ -1,12 +1,11 @@
-"""What a camera would see of the unseen from a place: rays over the grid, many places at a time.
+"""What a camera would newly see from a cell: ray casting over the grid, vectorised.
 
-A ray goes as far as the camera sees, ends at what is known to be an obstacle, and passes some of
-the unknown: the more, the less it is a mere shadow of something, which ends at the next wall. It
-counts ground that is free but was not in view, and the unknown. Specks of both, which lie between
-beams, count for nothing, and a gap of two cells between obstacles is none: beams that far apart
-have met one wall.
+A ray has the camera's range, ends at known obstacles and passes a limited depth of unknown space,
+because shadows end at the next wall. It counts free ground that the camera has not seen, and
+unknown ground. Specks of both, which lie between beams, do not count, and gaps of up to two cells
+between obstacles are closed: beams that far apart hit one wall.
 
-All counts are whole numbers, so they are the same on every machine.
+All counts are integers, so they are identical on every machine.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from minerva_agents.robot.looking import expanses, grown
 from minerva_bus import Cells, portable
 
 RAYS: Final = 48
-"""Directions of the rays: ray i goes at i * 360 / RAYS degrees, in the grid's own directions."""
+"""Number of rays; ray i points at i * 360 / RAYS degrees in the grid's frame."""
 
 _DEPTH: Final = 4.0
-"""Metres of the unknown that a ray passes."""
+"""Maximum depth of unknown space that a ray passes, in metres."""
 
 NOTHING: Final = 0
 NEWS: Final = 1
@@ -38,7 +37,7 @@ Counts = NDArray[np.int64]
 
 
 def kinds_of(grid: Cells) -> Kinds:
-    """What each cell is to a ray: nothing, news, dark (unknown) or a wall."""
+    """Class of each cell for ray casting: nothing, news, dark (unknown) or wall."""
     walls = obstacles(grid)
     kinds = np.zeros(grid.shape, np.uint8)
     kinds[expanses(grid == FREE)] = NEWS
@@ -48,9 +47,9 @@ def kinds_of(grid: Cells) -> Kinds:
 
 
 class Prospects:
-    """What is to be seen from the cells of a grid, by its kinds (uint8, rows x columns).
+    """Visibility from the cells of a grid of kinds (uint8, rows x columns).
 
-    `sight` is how far the camera sees in cells, `cell` the side of a cell in metres.
+    `sight` is the camera's range in cells, `cell` the cell side in metres.
     """
 
     def __init__(self, kinds: Kinds, sight: float, cell: float) -> None:
@@ -64,7 +63,7 @@ class Prospects:
         self._unit = 2.0 * math.pi / RAYS * cell * cell
 
     def views(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Square metres of news that each ray from each of n cells sees; (n, RAYS)."""
+        """News in square metres along each ray from each of n cells; (n, RAYS)."""
         places = (rows + self._reach) * self._width + columns + self._reach
         seen = self._kinds.take(places[:, None, None] + self._offsets)
         dark = seen == DARK
@@ -77,22 +76,26 @@ class Prospects:
 
 @lru_cache(maxsize=8)
 def _rays(sight: float) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.int32]]:
-    """Rows and columns from a cell to those on each ray, (RAYS, n), and the weight of each step.
+    """Offsets in rows and columns of the cells on each ray, (RAYS, n), and the weight per step.
 
-    A step's weight is the breadth that the ray stands for there, as a part of the whole circle.
+    A step's weight is the width of the ray's sector there, as a fraction of the circle.
     """
-    steps = np.arange(1.0, max(sight, 1.5))  # a cell at a time, or a ray would leave out walls
+    steps = np.arange(1.0, max(sight, 1.5))  # one cell per step, so that no wall is skipped
     angles = [math.radians(i * 360.0 / RAYS) for i in range(RAYS)]
-    rows = np.floor(np.outer([portable.cos(one) for one in angles], steps) + 0.5).astype(np.intp)
-    columns = np.floor(np.outer([portable.sin(one) for one in angles], steps) + 0.5).astype(np.intp)
+    rows = np.floor(np.outer([portable.cos(angle) for angle in angles], steps) + 0.5).astype(
+        np.intp
+    )
+    columns = np.floor(np.outer([portable.sin(angle) for angle in angles], steps) + 0.5).astype(
+        np.intp
+    )
     return rows, columns, np.rint(steps).astype(np.int32)
 
 
 def _closed(walls: Mask) -> Mask:
-    """Walls without gaps of one or two cells: grown by a cell and shrunk again."""
+    """Walls with gaps of up to two cells closed (morphological closing)."""
     return ~grown(~grown(np.pad(walls, 1)))[1:-1, 1:-1]
 
 
 def _all_expanses(mask: Mask) -> Mask:
-    """As `expanses`, where the mask goes on beyond the grid."""
+    """`expanses` with the mask continued beyond the grid."""
     return expanses(np.pad(mask, 2, constant_values=True))[2:-2, 2:-2]

@@ -1,7 +1,7 @@
-"""The robot of the paper, ARobot: its state and its evolution function λ, section 4.2.3.
+"""The paper's robot, ARobot: its state and its evolution function λ (section 4.2.3).
 
-The activities below are the cases of λ, one for each event, in the paper's order. All that a robot
-remembers is in its state, so another process can go on with it from any frame.
+The activities below are the cases of λ, one per event, in the paper's order. All memory is in the
+agent's state, so another process can continue it from any frame.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
     clear_open_beam,
+    clearing_part,
     close,
     mark_marker,
     mark_obstacle,
-    part_that_counts,
     place_of,
 )
-from minerva_agents.robot.motion import STAY, Move, Pose, action_of, move_of
+from minerva_agents.robot.motion import STAY, GridPose, Move, action_of, move_of
 from minerva_agents.robot.vocabulary import PGoal, PGrid, PPath, PRobot, TPlace
 from minerva_bus import (
     EMPTY,
@@ -37,41 +37,41 @@ from minerva_bus import (
 
 
 class ARobot(Agent, symbol="ARobot", rest=("action",)):
-    """A robot that looks for a marker, and brings what stands at one to another.
+    """A robot that searches for a marker, and transports what stands at one marker to another.
 
-    The paper's attributes:
-        grid: what is known of the floor, cell by cell; see `knowledge` for the codes.
-        row, column: where the robot is in the grid, in cells; it stands in the cell of the floor.
-        angle: where it heads, counter-clockwise from the direction in which rows grow.
-        speed: how far it goes in a second.
-        objective: the marker it is to find, or empty for none; on an errand, where it goes next.
-        action: what it carries out in this frame; ε at first.
+    Attributes of the paper:
+        grid: the evidence grid; see `knowledge` for the cell codes.
+        row, column: position in the grid, in cells.
+        angle: heading, counter-clockwise from the direction of growing rows.
+        speed: driving speed.
+        objective: marker to find, or empty; on an errand, the next stop.
+        action: what it executes in this frame; initially ε.
 
-    What an implementation needs besides:
-        cell: the side of a cell.
-        x0, y0: where in the world the outer corner of cell (0, 0) lies.
-        radius: the robot's own.
-        planner: how it decides, see `deciding`.
-        markers: the names that the grid's marker codes stand for; a camera's new one is added.
-        fov, sight: how wide and how far the robot takes its camera to see.
-        plan_rows, plan_columns: the corners still ahead on its way.
-        purpose: what the way is for.
-        is_narrow: whether the way leads where the robot only just fits, see `narrows`.
-        pause: frames for which it still waits.
-        failures: how often in a row it has found no way.
-        heading: where it turns to for a look, while that is its purpose.
-        news: square metres that it hopes to see at the end of its way or turn.
-        been: cells that it has gone to for a look in this search, as row * columns + column.
-        dull: cells where a turn has shown nothing new, likewise.
-        searches: how often it has looked everywhere for this objective, in vain.
-        most_known: cells that it knew, and had looked at, at most since it has this objective.
-        stale: for how long it has not been more.
+    Attributes of this implementation:
+        cell: side of a cell.
+        x0, y0: world position of the outer corner of cell (0, 0).
+        radius: radius of the robot's body.
+        planner: decision algorithm, see `deciding`.
+        markers: names of the grid's marker codes; newly seen markers are appended.
+        fov, sight: field of view and range that the robot assumes for its camera.
+        plan_rows, plan_columns: remaining corners of its path.
+        purpose: what the path is for.
+        is_narrow: whether the path has minimal clearance, see `narrows`.
+        pause: frames left to wait.
+        failures: consecutive failures to find a path.
+        heading: target heading of a look, while that is the purpose.
+        news: area in m² expected to be seen at the end of the path or turn.
+        been: viewpoints visited in this search, as row * columns + column.
+        dull: cells where a turn revealed nothing new, likewise.
+        searches: how often the search for this objective was exhausted.
+        most_known: maximum number of known or inspected cells since this objective was set.
+        stale: time since that maximum last grew.
 
-    What an errand needs, see `errand`:
-        target: where it is to bring what it fetches; empty if it is on no errand.
-        later: the objective that the errand has interrupted.
-        load: the parcels that it carries.
-        waits: frames until all have answered that stand where it asks.
+    Attributes of an errand, see `errand`:
+        target: destination of the load; empty without an errand.
+        later: the objective that the errand interrupted.
+        load: parcels on board.
+        waits: frames until all parcels at the source have answered.
     """
 
     grid: Cells
@@ -114,14 +114,14 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         """g': an obstacle at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
         grid, dist = self.writable("grid"), laser.dist / self.cell
         row, column = at_distance(self.row, self.column, self.angle + laser.angle, dist)
-        part = part_that_counts(moment.number)
+        part = clearing_part(moment.number)
         clear_beam(grid, self.row, self.column, row, column, part)
         mark_obstacle(grid, row, column)
 
     @on("eClear")
     def sense_free(self, beam: Event, moment: Context) -> None:
         """g': no obstacle up to (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
-        dist, part = beam.dist / self.cell, part_that_counts(moment.number)
+        dist, part = beam.dist / self.cell, clearing_part(moment.number)
         end = at_distance(self.row, self.column, self.angle + beam.angle, dist)
         clear_open_beam(self.writable("grid"), self.row, self.column, *end, part)
 
@@ -136,7 +136,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
 
     @on("eDecide")
     def decide(self, event: Event, moment: Context) -> None:
-        """r', c', ang', act': where the action of this frame leads, and the one for the next."""
+        """r', c', ang', act': the pose after this frame's action, and the next action."""
         if not self.action.nodes:
             self.action = action_of(STAY, self.id, self.radius)
             return
@@ -150,20 +150,20 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
 
     @on("eObjective")
     def set_objective(self, order: Event, moment: Context) -> None:
-        """o': the marker to find from now on; an errand ends."""
+        """o': the marker to find from now on; ends an errand."""
         self.later = ""
         self.seek(order.marker)
 
     @on("eSpeed")
     def set_speed(self, order: Event, moment: Context) -> None:
-        """s': the speed from now on."""
+        """s': the new speed."""
         self.speed = order.speed
 
     @on("eCollision")
     def collide(self, collision: Event, moment: Context) -> None:
-        """Go back by what was not driven, remember the obstacle, make a new plan.
+        """Move back by the distance not driven, mark the obstacle and drop the plan.
 
-        Physics stopped the move that `decide` has taken for done (section 5).
+        Physics stopped the move that `decide` had assumed to be complete (section 5).
         """
         back = Move(0.0, -collision.shortfall)
         self._stand(self.pose.after(back, self.cell))
@@ -173,10 +173,10 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.forget_plan()
 
     @on("eRefused")
-    def take_refusal(self, refused: Event, moment: Context) -> None:
-        """Take the way ahead for closed, and make a new plan.
+    def take_rejection(self, refused: Event, moment: Context) -> None:
+        """Close the cells ahead and drop the plan.
 
-        A norm has refused the last step, so neither the robot nor its body has gone it.
+        A norm rejected the last step, so neither the robot nor its body has moved.
         """
         touch = self.radius / self.cell + 0.5
         close(self.writable("grid"), *at_distance(self.row, self.column, self.angle, touch))
@@ -185,56 +185,56 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
 
     @on("eErrand")
     def set_errand(self, order: Event, moment: Context) -> None:
-        """Bring what stands at the source to the target; the objective waits."""
+        """Bring what stands at the source to the target; the objective is suspended."""
         errand.begin(self, order.source, order.target, moment)
 
     @on("eTake")
-    def hear_of_another(self, take: Event, moment: Context) -> None:
+    def notice_rival(self, take: Event, moment: Context) -> None:
         """Another robot takes what stands at a marker."""
         if take.sender != self.id:
-            errand.hear_of_another(self, take.marker, moment)
+            errand.notice_rival(self, take.marker, moment)
 
     @on("eTaken")
     def load_parcel(self, taken: Event, moment: Context) -> None:
-        """Have one parcel more, and lift it."""
+        """Add a parcel to the load and pick it up."""
         if taken.sender and taken.sender not in self.load:
             self.load = (*self.load, taken.sender)
             errand.carry(self, self.position, moment)
 
     @view("eRepresent")
     def represent(self, event: Event) -> Scene:
-        """θ: the action, carried out where the robot is."""
+        """θ: the action, executed at the robot's pose."""
         return TPlace(*self.metres(self.position), self.angle)(self.action)
 
     @view("ePicture")
     def picture(self, event: Event) -> Scene:
-        """θ: the robot, what it knows, its way and where its objective is."""
+        """θ: the robot, its grid, its path and its objective."""
         known = PGrid(self.grid, self.cell, self.x0, self.y0)
         robot = TPlace(*self.metres(self.position), self.angle)(PRobot(self.id, self.radius))
         return known + self._way_shown() + self._goal_shown() + robot
 
     @property
-    def pose(self) -> Pose:
-        """Where the robot is and heads."""
-        return Pose(self.row, self.column, self.angle)
+    def pose(self) -> GridPose:
+        """Position in cells and heading in degrees."""
+        return GridPose(self.row, self.column, self.angle)
 
     @property
     def position(self) -> Position:
-        """Where the robot is, in cells."""
+        """Position in cells."""
         return self.row, self.column
 
     @property
     def room(self) -> float:
-        """How far it keeps from obstacles, in cells."""
+        """Clearance that the robot keeps from obstacles, in cells."""
         return room_of(self.radius, self.cell)
 
     @property
     def way(self) -> list[Position]:
-        """The corners that are still ahead."""
+        """The remaining corners of the path."""
         return list(zip(self.plan_rows, self.plan_columns, strict=True))
 
     def seek(self, objective: str, target: str = "") -> None:
-        """Go to another marker, on an errand if there is a target; plan anew."""
+        """Start towards another marker, on an errand if there is a target, without a plan."""
         self.objective, self.target, self.waits = objective, target, 0
         self.failures = self.searches = self.most_known = 0
         self.stale = 0.0
@@ -242,27 +242,27 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         self.forget_plan()
 
     def set_way(self, way: list[Position], purpose: str, is_narrow: bool = False) -> None:
-        """Have another way."""
+        """Replace the path."""
         self.is_narrow = is_narrow
         self.plan_rows = tuple([row for row, _ in way])
         self.plan_columns = tuple([column for _, column in way])
         self.purpose = purpose
 
     def forget_plan(self) -> None:
-        """Have no way any more."""
+        """Drop the path."""
         self.set_way([], "")
 
     def objective_cell(self) -> tuple[int, int] | None:
-        """Where the objective's marker is, or None while it has not been seen."""
+        """The cell of the objective's marker, or None if it has not been seen."""
         if self.objective not in self.markers:
             return None
         return place_of(self.grid, self.markers.index(self.objective))
 
     def metres(self, position: Position) -> Position:
-        """A position of the grid in metres of the world."""
+        """A grid position in metres of the world."""
         return self.x0 + position[0] * self.cell, self.y0 + position[1] * self.cell
 
-    def _stand(self, pose: Pose) -> None:
+    def _stand(self, pose: GridPose) -> None:
         self.row, self.column, self.angle = pose.row, pose.column, pose.angle
 
     def _act(self, move: Move) -> None:
@@ -272,7 +272,7 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     def _way_shown(self) -> Scene:
         if not self.plan_rows:
             return EMPTY
-        points = [self.metres(one) for one in (self.position, *self.way)]
+        points = [self.metres(position) for position in (self.position, *self.way)]
         return PPath(tuple([x for x, _ in points]), tuple([y for _, y in points]))
 
     def _goal_shown(self) -> Scene:

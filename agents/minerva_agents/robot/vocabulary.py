@@ -1,16 +1,15 @@
-"""The alphabets of the robot's world: Tables 3 and 4 of the paper, and what an implementation adds.
+"""The alphabets of the robot's world: Tables 3 and 4 of the paper, and additions.
 
-Tables 3 and 4 have PMap, PRobot, TMove, TRotate, eLaser and the five events eCamera to eSpeed.
-Added are eClear, for beams that meet nothing; TPlace, which says where a robot or a marker stands;
-PMarker, for a floor shows the rooms' markers; PGrid, PPath and PGoal, which show what a robot knows
-and means to do; eCollision, by which physics reaches an agent (section 5); eReached and
-eUnreachable, by which the robot reports; eRefused, by which it hears of norms; ePicture, a second
-view.
-For the transport of objects (4.1) there are PParcel, eErrand, which a person orders, and the six
-events from eTake to eGivenUp, by which robots and parcels carry it out; see `errand`.
+Tables 3 and 4 define PMap, PRobot, TMove, TRotate, eLaser and the five events from eCamera to
+eSpeed. Added are eClear for beams without a hit; TPlace for the position of a robot or marker;
+PMarker, because a floor shows its rooms' markers; PGrid, PPath and PGoal, which show a robot's
+knowledge and plan; eCollision, by which physics notifies an agent (section 5); eReached and
+eUnreachable, by which the robot reports; eRefused, by which norms notify it; and ePicture, a second
+view. The transport of objects (4.1) uses PParcel, eErrand, which a user orders, and the six events
+from eTake to eGivenUp between robots and parcels; see `errand`.
 
-Rows of a grid grow along the world's x, columns along its y. Lengths are metres, angles degrees,
-counter-clockwise.
+Rows of a grid grow along the world's x, columns along its y. Lengths are in metres, angles in
+degrees, counter-clockwise.
 """
 
 from typing import Annotated
@@ -50,15 +49,15 @@ PMap = Primitive(
     y=Default(Metres, 0.0),
     angle=Default(Degrees, 0.0),
 )
-"""The floor as a map has it: -1 unknown, 0 free, 100 occupied."""
+"""The floor as a map: -1 unknown, 0 free, 100 occupied."""
 
 PRobot = Primitive(
     "PRobot", Disc("radius", "#e07a2f", heading=True), name=str, radius=Default(Metres, 0.18)
 )
-"""The robot, about the origin and with its heading along x; `name` is the agent's id."""
+"""The robot, at the origin and heading along x; `name` is the agent's id."""
 
 PMarker = Primitive("PMarker", Label("name", "#2f6f8f"), name=str)
-"""A marker that identifies a room; it stands where a TPlace puts it."""
+"""A marker that identifies a room, positioned by a TPlace."""
 
 PGrid = Primitive(
     "PGrid",
@@ -82,7 +81,7 @@ PGrid = Primitive(
     x=Default(Metres, 0.0),
     y=Default(Metres, 0.0),
 )
-"""What a robot knows of the floor; for the codes see `knowledge`."""
+"""A robot's evidence grid; see `knowledge` for the codes."""
 
 PPath = Primitive(
     "PPath",
@@ -90,19 +89,19 @@ PPath = Primitive(
     xs=tuple[float, ...],
     ys=tuple[float, ...],
 )
-"""The way that a robot means to go, in metres of the world."""
+"""The path that a robot plans to follow, in metres of the world."""
 
 PGoal = Primitive("PGoal", Disc("radius", "#c2185b"), radius=Default(Metres, 0.12))
-"""Where a robot believes its objective to be."""
+"""Where a robot assumes its objective to be."""
 
 PParcel = Primitive("PParcel", Disc("radius", "#7a4a21", height=0.5), radius=Default(Metres, 0.11))
-"""A thing that robots transport; higher than a robot, so that it is seen on top of one."""
+"""An object that robots transport; taller than a robot, so that it is visible on top of one."""
 
 TMove = Transformation("TMove", Motion(forward="dist"), dist=Metres)
-"""Move a distance, along the heading."""
+"""Move by a distance along the heading."""
 
 TRotate = Transformation("TRotate", Motion(turn="angle"), angle=Degrees)
-"""Rotate an angle."""
+"""Rotate by an angle."""
 
 TPlace = Transformation(
     "TPlace",
@@ -111,7 +110,7 @@ TPlace = Transformation(
     y=Metres,
     angle=Default(Degrees, 0.0),
 )
-"""Put at a place of the world, with a heading."""
+"""Place at a position of the world, with a heading."""
 
 eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
 """The laser detects an obstacle at this distance and angle from the robot's heading."""
@@ -119,16 +118,16 @@ eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
 eClear = EventType("eClear", dist=Metres, angle=Degrees)
 """The laser detects no obstacle up to this distance at this angle from the robot's heading.
 
-Table 4 has no such event: its eLaser is for obstacles only. Without it a robot in a hall that is
-wider than its laser reaches would never know that the ground before it is free.
+Table 4 has no such event: its eLaser reports obstacles only. Without it, a robot in a hall larger
+than its laser's range would never learn that the ground ahead is free.
 """
 
 eCamera = EventType("eCamera", marker=str, dist=Metres, angle=Default(Degrees, 0.0))
 """The camera detects a marker.
 
-Table 4 gives this event the marker only, while 4.2.3 uses a distance as well and takes the marker
-to lie straight ahead. A camera knows the marker's bearing too: `angle`, from the robot's heading;
-with 0 the cell is that of the paper's formula to the letter.
+Table 4 gives this event only the marker, whereas 4.2.3 also uses a distance and assumes the marker
+straight ahead. A camera also measures the bearing `angle` from the robot's heading; with 0 the cell
+is exactly that of the paper's formula.
 """
 
 eDecide = EventType("eDecide")
@@ -152,51 +151,51 @@ eCollision = EventType(
     nx=Default(float, 0.0),
     ny=Default(float, 0.0),
 )
-"""Something stopped the last move: so many metres of it were not driven.
+"""Something stopped the last move, `shortfall` metres before its end.
 
-`other` is the agent that did, "" for a wall, and `what` its primitive; (x, y) is the place of the
-contact and (nx, ny) the normal, which points to the robot. The robot itself needs none of them.
+`other` is the agent that was hit, "" for a wall, and `what` its primitive; (x, y) is the contact
+point and (nx, ny) the normal, pointing to the robot. The robot itself needs none of them.
 """
 
 eRefused = EventType("eRefused", norm=Default(str, ""))
-"""A norm has refused the robot's last step: it stands where it stood. Sent by the norms."""
+"""A norm rejected the robot's last step, so it has not moved. Sent by the norms."""
 
 eReached = EventType("eReached", marker=str)
-"""A robot has reached its objective; sent by the robot itself."""
+"""A robot has reached its objective; sent by the robot."""
 
 eUnreachable = EventType("eUnreachable", marker=str, why=str)
-"""A robot has given its objective up, and stops; sent by the robot itself."""
+"""A robot has given up its objective and stops; sent by the robot."""
 
 eErrand = EventType("eErrand", source=_MARKER, target=_MARKER)
 """The user orders a robot to bring what stands at one marker to another.
 
-Without receivers it is for all robots: all set out, the first at the source gets what stands there,
-and the others give up as soon as they hear of it.
+Without receivers it addresses all robots: all depart, the first at the source gets the load, and
+the others give up as soon as they learn of it.
 """
 
 eTake = EventType("eTake", marker=str)
-"""A robot at a marker asks all that stands there to come along."""
+"""A robot at a marker asks all parcels there to come along."""
 
 eTaken = EventType("eTaken")
-"""A parcel is a robot's now; sent by the parcel to its robot."""
+"""A parcel now belongs to a robot; sent by the parcel to its robot."""
 
 eCarry = EventType("eCarry", x=Metres, y=Metres)
-"""A robot tells what it carries where it will be in the next frame."""
+"""Where the sender's load will be in the next frame; sent by a robot to its parcels."""
 
 ePut = EventType("ePut", marker=str, x=Metres, y=Metres)
-"""A robot puts down what it carries, at a marker that it takes to be at this place."""
+"""A robot puts down its load at a marker, whose position it gives."""
 
 eDelivered = EventType("eDelivered", marker=str)
-"""An errand is done: what was to be brought stands at this marker; sent by the robot.
+"""An errand is complete: the load stands at this marker; sent by the robot.
 
-A robot on an errand sends no eReached: that is for objectives.
+A robot on an errand sends no eReached, which is reserved for objectives.
 """
 
 eGivenUp = EventType("eGivenUp", source=str, target=str, why=str)
-"""An errand cannot be done; sent by the robot, which goes on with what it did before."""
+"""An errand cannot be completed; sent by the robot, which resumes its previous objective."""
 
 eRepresent = EventType("eRepresent", visual=True)
-"""The robot's action is carried out in the representation space."""
+"""The robot's action is executed in the representation space."""
 
 ePicture = EventType("ePicture", visual=True)
-"""The robot shows where it is, what it knows and what it means to do."""
+"""The robot shows its pose, knowledge and plan."""

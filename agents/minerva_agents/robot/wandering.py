@@ -1,7 +1,7 @@
-"""Random decisions: a random way, straight on for a random while, until the marker is in sight.
+"""The random planner: straight in random directions until the marker is in sight.
 
-The paper's first algorithm, 4.2.5. Nothing is planned: the robot knows obstacles when it meets
-them, and goes to its objective once there is a straight way to it.
+The paper's first algorithm (4.2.5). It plans nothing: the robot notices obstacles when it meets
+them, and drives to its objective once a straight path is clear.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TRIES: Final = 12
 
 
 def decide(robot: ARobot, moment: Context) -> Move:
-    """The next move of a robot that follows its nose."""
+    """Next move of a robot that wanders."""
     if not _go_straight_there(robot) and not is_open(robot):
         robot.forget_plan()
         way = _random_way(robot, moment)
@@ -41,7 +41,7 @@ def decide(robot: ARobot, moment: Context) -> Move:
 
 
 def _go_straight_there(robot: ARobot) -> bool:
-    """Whether the robot is on its straight way to the marker; it sets out if there is one."""
+    """Follow the straight path to the marker if it is clear; True while the robot is on it."""
     place = robot.objective_cell()
     if place is None:
         return False
@@ -60,10 +60,10 @@ def _go_straight_there(robot: ARobot) -> bool:
 
 
 def _random_way(robot: ARobot, moment: Context) -> Position | None:
-    """The end of a random straight way, or None where luck has found none.
+    """The end of a random straight path, or None if no free one was drawn.
 
-    A random length is drawn, then random headings until that length of the way is free; it is
-    halved where a dozen headings are not.
+    Draws a length, then headings until that length is free; halves the length after `_TRIES`
+    failures.
     """
     length = float(moment.random.uniform(_SHORTEST, _LONGEST))
     while length >= _SHORTEST:

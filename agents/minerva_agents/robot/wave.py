@@ -1,8 +1,9 @@
-"""How far the cells of a grid are from one of them, found ring by ring and only as far as needed.
+"""Distances from one cell to others, computed ring by ring and only as far as needed.
 
-A ring is all cells that one more step reaches. Odd steps go to the four sides, even steps to the
-diagonals too, so a ring is an octagon: n steps are n cells straight on and 1.06 n at 45 degrees,
-1.12 n at most. That is near enough to compare ways, and numpy takes a whole ring at a time.
+A ring is the set of cells that the next step reaches. Odd steps go to the four sides, even steps
+also to the diagonals, so rings are octagons: n steps are n cells straight on and 1.06 n at 45
+degrees, at most 1.12 n. That is accurate enough to compare paths, and numpy processes a whole ring
+at a time.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from numpy.typing import NDArray
 from minerva_agents.robot.knowledge import Cell, Mask
 
 STEP: Final = 1.06
-"""The length of a step in cells, between the extremes."""
+"""Mean length of a step in cells."""
 
 Flats = NDArray[np.intp]
 
 
 class Wave:
-    """Rings of cells about a start on a grid (bool, rows x columns) that says where one may go.
+    """A breadth-first wave from a start cell on a grid (bool, rows x columns) of passable cells.
 
-    `steps` is the number of steps to each cell, -1 where no ring has come; (rows, columns) int32.
+    `steps` is the number of steps to each cell, -1 where the wave has not arrived; (rows, columns)
+    int32.
     """
 
     def __init__(self, passable: Mask, start: Cell) -> None:
@@ -43,17 +45,17 @@ class Wave:
 
     @property
     def steps(self) -> NDArray[np.int32]:
-        """Steps to each cell so far, -1 where none lead."""
+        """Steps to each cell so far, -1 where not reached."""
         return self._steps.reshape(-1, self._width)[1:-1, 1:-1]
 
     @property
     def is_over(self) -> bool:
-        """Whether all cells that can be reached have been."""
+        """True once every reachable cell has been reached."""
         return not self._ring.size
 
-    def grow(self, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Go on to `most` steps in all; rows and columns of the cells reached by now, in order."""
-        while self._ring.size and self._count < most:
+    def grow(self, limit: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Advance to at most `limit` steps; rows and columns of all reached cells, in order."""
+        while self._ring.size and self._count < limit:
             self._count += 1
             self._ring = self._next_ring()
             self._steps[self._ring] = self._count
@@ -62,15 +64,15 @@ class Wave:
         return rows - 1, columns - 1
 
     def path_to(self, cell: Cell) -> list[Cell]:
-        """Cells from the start to one that was reached, each beside the one before."""
-        flat, made = (cell[0] + 1) * self._width + cell[1] + 1, list[int]()
+        """Cells from the start to a reached cell, each adjacent to the previous."""
+        flat, path = (cell[0] + 1) * self._width + cell[1] + 1, list[int]()
         while True:
-            made.append(flat)
+            path.append(flat)
             count = int(self._steps[flat])
             if not count:
                 break
             flat = self._before(flat, count)
-        return [(one // self._width - 1, one % self._width - 1) for one in reversed(made)]
+        return [(index // self._width - 1, index % self._width - 1) for index in reversed(path)]
 
     def _next_ring(self) -> Flats:
         width, ring = self._width, self._ring
@@ -90,11 +92,11 @@ class Wave:
         return (width, 1), (width, -1), (-width, 1), (-width, -1)
 
     def _may_cut(self, cells: Flats, down: int, across: int) -> Mask:
-        """Where a diagonal passes no corner of what is blocked."""
+        """Mask of diagonals that cut no corner of a blocked cell."""
         return self._free[cells + down] & self._free[cells + across]
 
     def _before(self, flat: int, count: int) -> int:
-        """A cell of the ring before from which a step leads here; the same one every time."""
+        """A predecessor of a cell on the previous ring, chosen deterministically."""
         width = self._width
         for step in (width, -width, 1, -1):
             if self._steps[flat + step] == count - 1:

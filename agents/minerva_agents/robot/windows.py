@@ -1,4 +1,4 @@
-"""Windows of a grid: where a search looks first, and how short a path can be that leaves one."""
+"""Search windows of a grid, and a lower bound for paths that leave a window."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from minerva_agents.robot.grids import Cell
 _MARGIN: Final = 48
 """Cells around the ends of a path in the first window."""
 _GROWTH: Final = 4
-"""How many times wider the margin of each window is than that of the one before."""
+"""Factor by which the margin grows from window to window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,23 +25,23 @@ class Window:
 
     @property
     def is_all(self) -> bool:
-        """Whether it is the whole grid."""
+        """True if the window covers the whole grid."""
         return (self.top, self.left, self.bottom, self.right) == (0, 0, *self.shape)
 
     @property
     def cut(self) -> tuple[slice, slice]:
-        """What it cuts out of the grid."""
+        """Slices of the window."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def inside(self, cell: Cell) -> Cell:
-        """A cell of the grid as one of the window."""
+        """A grid cell in the window's coordinates."""
         return cell[0] - self.top, cell[1] - self.left
 
     def way_out(self, ends: Sequence[Cell]) -> float:
-        """No path between the first and the last of the ends that leaves the window is shorter.
+        """Lower bound on the length of paths between the ends that leave the window.
 
-        It is the length of the shortest path over a line of cells just outside if nothing were
-        blocked, infinite where the grid ends too. With one end: of a path from it to that line.
+        The shortest path via a line of cells just outside on an empty grid, infinite where the
+        window ends at the grid's border. With one end: a path from it to that line.
         """
         return min(
             [_over(line, axis, ends) for axis, line in self._lines_outside()], default=math.inf
@@ -56,9 +56,9 @@ class Window:
 
 
 def windows(shape: tuple[int, int], ends: Sequence[Cell]) -> Iterator[Window]:
-    """Windows around the ends of a path, each larger than the one before; the last is the grid.
+    """Windows of growing size around the ends of a path; the last is the whole grid.
 
-    One that would be half of the grid or more is left out, for the grid costs little more.
+    Windows of half the grid or more are skipped, because the whole grid costs little more.
     """
     margin = _MARGIN
     while True:
@@ -74,9 +74,9 @@ def windows(shape: tuple[int, int], ends: Sequence[Cell]) -> Iterator[Window]:
 
 
 def _over(line: int, axis: int, ends: Sequence[Cell]) -> float:
-    """The octile length of a path from the first end to a line and, if there is another, to it.
+    """Octile length of a path from the first end via a line to the other end, if any.
 
-    The other end is mirrored at the line.
+    Computed by mirroring the other end at the line.
     """
     first, last = ends[0], ends[-1]
     if len(ends) == 1:

@@ -1,24 +1,24 @@
-"""The robot's world: its vocabulary, and the initial string of 4.2.4 from a world file's options.
+"""The robot's world: its vocabulary, and the initial string (4.2.4) from options.
 
-| option    | default   | meaning                                                               |
-|-----------|-----------|-----------------------------------------------------------------------|
-| map       | ""        | a map of the ROS map_server, .yaml, or an image; "": the office plan   |
-| markers   | {}        | places by name, {kitchen = [x, y]}; {}: the map's own, or six far apart |
-| start     | ""        | "x, y, degrees"; "": the map's own, or where there is most room        |
-| robots    | 1         | how many; they start side by side                                     |
-| planner   | "astar"   | how they decide, "astar" or "random"                                  |
-| parcels   | "*"       | one at each of these markers, "office, store"; "*": at every one       |
-| objective | ""        | a marker; "": the kitchen, or else the one farthest from the start     |
-| cell      | 0.1       | metres, the side of a cell of the robots' grid                        |
-| radius    | 0.18      | metres, a robot's                                                     |
-| fov       | 60        | degrees, the width of the camera's field of view                      |
-| sight     | 5.0       | metres, how far the camera recognises a marker                        |
-| localise  | "odometry" | "matching": by their scans too, see `localising`                     |
+| option    | default    | meaning                                                               |
+  |-----------|------------|-----------------------------------------------------------------------|
+  | map       | ""         | map_server map, .yaml or an image; "": the office plan                |
+  | markers   | {}         | positions by name, {kitchen = [x, y]}; {}: the map's, or up to six    |
+  | start     | ""         | "x, y, degrees"; "": the map's, or where clearance is largest         |
+  | robots    | 1          | number of robots; they start side by side                             |
+  | planner   | "astar"    | decision algorithm, "astar" or "random"                               |
+  | parcels   | "*"        | one at each of these markers, "office, store"; "*": at every marker   |
+  | objective | ""         | a marker; "": the kitchen, otherwise the farthest from the start      |
+  | cell      | 0.1        | side of a cell of the robots' grid, metres                            |
+  | radius    | 0.18       | radius of a robot, metres                                             |
+  | fov       | 60         | field of view of the camera, degrees                                  |
+  | sight     | 5.0        | range at which the camera recognises a marker, metres                 |
+  | localise  | "odometry" | "matching": correct odometry by scans, see `localising`               |
 
-Other options are left to the processes of the world.
+All other options belong to the world's other members.
 
-With "astar" a robot passes every door from `narrows.passable_width` up, 0.5 m for the defaults. It
-passes narrower ones only where the lines of its grid lie well in them.
+With "astar" a robot passes every door of at least `narrows.passable_width`, 0.5 m for the defaults.
+It passes narrower ones only where its grid lines fall favourably.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from minerva_agents.robot import vocabulary as words
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.localising import ALocalisingRobot
 from minerva_agents.robot.narrows import passable_width
-from minerva_agents.robot.occupancy import Marker, OccupancyMap, Pose
-from minerva_agents.robot.options import Options
+from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap
+from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.parcel import AParcel
 from minerva_agents.robot.robot import ARobot
 from minerva_agents.robot.vocabulary import PMap, PMarker, TPlace
@@ -92,22 +92,22 @@ _NAMES: Final = (
 )
 
 _BELOW: Final = -90.0
-"""The direction in which parcels stand at a marker, in degrees: the world's y is up."""
+"""Direction of the parcels at a marker in degrees; the world's y is up."""
 _BREADTH: Final = 140.0
-"""Degrees between the outermost of them."""
+"""Angle between the outermost parcels in degrees."""
 _DOOR: Final = 0.7
-"""Metres: hardly a door in a building is narrower."""
-_PARTS_OF_CELLS: Final = (2, 4, 8)
+"""Width in metres of a narrow but common door."""
+_CELL_DIVISORS: Final = (2, 4, 8)
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
-    """The initial string: PMap, the markers, the robots r1, r2, ... and the parcels p1, p2, ...
+    """The initial string: PMap, the markers, robots r1, r2, ... and parcels p1, p2, ...
 
-    The robots have nothing in mind. The parcels come last, so pictures show them on top.
-    Raises MinervaError for options and maps that cannot be used.
+    The robots have no objective yet. Parcels come last, so that pictures draw them on top. Raises
+    MinervaError for invalid options and maps.
     """
-    chosen = Options.read(options)
+    chosen = RobotOptions.read(options)
     floor = chosen.floor
     made = PMap(floor.cells, floor.resolution, floor.x, floor.y, floor.angle)
     for marker in chosen.places:
@@ -121,31 +121,32 @@ def scene(options: Mapping[str, Any]) -> Scene:
 
 
 def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The options with the objective filled in and all of them checked.
+    """The validated options with defaults and the objective filled in.
 
-    Raises MinervaError for options and maps that cannot be used.
+    Raises MinervaError for invalid options and maps.
     """
-    chosen = Options.read(options)
+    chosen = RobotOptions.read(options)
     made = {name: getattr(chosen, name) for name in _NAMES if name not in options}
     return {**made, **options, "objective": chosen.goal}
 
 
 def notes(options: Mapping[str, Any]) -> Sequence[str]:
-    """A line if the cells keep robots from doors of usual width, with a size that does not."""
-    chosen = Options.read(options)
+    """A hint if robots cannot pass doors of common width, with a cell size that would help."""
+    chosen = RobotOptions.read(options)
     limit = passable_width(chosen.radius, chosen.cell)
-    sizes = [round(chosen.cell / part, 9) for part in _PARTS_OF_CELLS]
+    sizes = [round(chosen.cell / part, 9) for part in _CELL_DIVISORS]
     better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR]
     if limit <= _DOOR or not better:
         return ()
     return (
-        f"the robots pass doors from {limit:.2f} m up, for their cells are {chosen.cell:g} m wide;"
-        f" with --cell {better[0]:g} from {passable_width(chosen.radius, better[0]):.2f} m up",
+        f"the robots pass doors of at least {limit:.2f} m, because their cells are"
+        f" {chosen.cell:g} m wide; with --cell {better[0]:g} the limit is"
+        f" {passable_width(chosen.radius, better[0]):.2f} m",
     )
 
 
-def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
-    """A robot that knows nothing, wants nothing and does nothing: 4.2.4."""
+def _robot(name: str, start: MapPose, grid: _Grid, chosen: RobotOptions) -> ARobot:
+    """A robot without knowledge, objective or action (4.2.4)."""
     x, y, angle = start
     kind = ALocalisingRobot if chosen.localise == "matching" else ARobot
     return kind(
@@ -166,9 +167,9 @@ def _robot(name: str, start: Pose, grid: _Grid, chosen: Options) -> ARobot:
 
 
 def _parcel(number: int, marker: Marker) -> AParcel:
-    """A parcel at a marker, on a side of its own: steps of the golden ratio never meet again.
+    """A parcel at a marker, in a direction of its own: golden-ratio steps never repeat.
 
-    All sides are below the marker, for pictures have its pin and its name above.
+    All directions point below the marker, because pictures show its pin and name above.
     """
     part = (0.5 + _GOLDEN * (number - 1)) % 1.0
     side = round(_BELOW + _BREADTH * (part - 0.5), 3)
@@ -179,7 +180,7 @@ def _parcel(number: int, marker: Marker) -> AParcel:
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """Empty cells, and where in the world the outer corner of cell (0, 0) lies."""
+    """Empty cells, and the world position of the outer corner of cell (0, 0)."""
 
     cells: Cells
     x: float
@@ -187,7 +188,7 @@ class _Grid:
 
 
 def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
-    """A grid under the whole map, and one cell more on each side. Raises MapError if too large."""
+    """A grid under the whole map plus one cell on each side. Raises MapError if too large."""
     rows, columns = floor.cells.shape
     ends = [floor.corner_of((row, column)) for row in (0, rows) for column in (0, columns)]
     x, y = (min(end[axis] for end in ends) for axis in (0, 1))
@@ -195,9 +196,8 @@ def _empty_grid(floor: OccupancyMap, cell: float) -> _Grid:
     sides = far_x - x, far_y - y
     if not math.prod(side / cell + 3 for side in sides) <= MATRIX_CELLS:
         raise MapError(
-            f"a map of {sides[0]:g} m x {sides[1]:g} m is too large for robots with cells of"
-            f" {cell:g} m, of which a grid has {MATRIX_CELLS} at most; check the map's resolution,"
-            " or take larger cells"
+            f"a map of {sides[0]:g} m x {sides[1]:g} m needs more than {MATRIX_CELLS} cells of"
+            f" {cell:g} m, the limit of a grid; check the map's resolution, or use larger cells"
         )
     high, wide = (math.ceil(round(side / cell, 6)) + 2 for side in sides)
     cells = np.zeros((high, wide), np.int16)
