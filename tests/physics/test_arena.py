@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_services.physics.arena import Arena
-from minerva_services.physics.body import Odometer, Outcome, Pose
+from minerva_services.physics.body import BodyPose, DriveOutcome, Odometer
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.saved import Saved
+from minerva_services.physics.saved import SavedArena
 from minerva_services.physics.walls import Segments, wall_segments
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"
@@ -56,13 +56,13 @@ def crowded() -> Arena:
     return arena
 
 
-def drive(arena: Arena, commands: Commands) -> tuple[Outcome, ...]:
+def drive(arena: Arena, commands: Commands) -> tuple[DriveOutcome, ...]:
     for name, turn, forward in commands:
         arena.drive(name, turn, forward)
     return arena.step(0.1)
 
 
-def gap_to_walls(pose: Pose, walls: Segments) -> float:
+def gap_to_walls(pose: BodyPose, walls: Segments) -> float:
     """Distance in metres from a place to the nearest wall, by projection."""
     a, b = walls[:, :2], walls[:, 2:]
     along = b - a
@@ -72,7 +72,7 @@ def gap_to_walls(pose: Pose, walls: Segments) -> float:
 
 
 def ray_lengths(
-    pose: Pose, angles: NDArray[np.float64], walls: Segments, range_max: float
+    pose: BodyPose, angles: NDArray[np.float64], walls: Segments, range_max: float
 ) -> NDArray[np.float64]:
     """Every beam against every wall, by Cramer's rule."""
     headings = np.radians(pose.angle + angles)[:, None]
@@ -101,8 +101,8 @@ def test_free_driving_is_dead_reckoning_to_the_last_bit() -> None:
         angle += turn
         x += forward * portable.cos(math.radians(angle))
         y += forward * portable.sin(math.radians(angle))
-        assert arena.pose("a") == Pose(x, y, angle)
-        assert outcome == Outcome("a", forward, 0.0, turn, False)
+        assert arena.pose("a") == BodyPose(x, y, angle)
+        assert outcome == DriveOutcome("a", forward, 0.0, turn, False)
 
 
 @pytest.mark.parametrize("forward", [0.7, 2.0, 50.0])
@@ -127,7 +127,7 @@ def test_a_stopped_body_is_where_dead_reckoning_of_its_outcome_is() -> None:
     heading = math.radians(33)
     x, y = 2 + outcome.moved_m * math.cos(heading), 1 + outcome.moved_m * math.sin(heading)
     assert outcome.collided
-    assert arena.pose("a") == Pose(x, y, 33)
+    assert arena.pose("a") == BodyPose(x, y, 33)
 
 
 def test_driving_backwards_is_stopped_too_and_signed() -> None:
@@ -146,9 +146,9 @@ def test_a_body_at_a_wall_turns_slides_along_it_and_leaves() -> None:
     arena.add_body("a", 0.5, 1, -90, 0.2)
     assert drive(arena, [("a", 0, 3)])[0].collided
     (stuck,) = drive(arena, [("a", 0, 0.1)])
-    assert stuck == Outcome("a", 0.0, 0.1, 0.0, True, stuck.contact)
-    assert drive(arena, [("a", 90, 8)])[0] == Outcome("a", 8.0, 0.0, 90.0, False)
-    assert drive(arena, [("a", 90, 1)])[0] == Outcome("a", 1.0, 0.0, 90.0, False)
+    assert stuck == DriveOutcome("a", 0.0, 0.1, 0.0, True, stuck.contact)
+    assert drive(arena, [("a", 90, 8)])[0] == DriveOutcome("a", 8.0, 0.0, 90.0, False)
+    assert drive(arena, [("a", 90, 1)])[0] == DriveOutcome("a", 1.0, 0.0, 90.0, False)
 
 
 @pytest.mark.parametrize("angle", [27, 90, 133, -61.7])
@@ -210,10 +210,10 @@ def test_a_body_stops_at_the_first_touch_and_not_before(seed: int) -> None:
     pose, heading = arena.pose("a"), math.radians(arena.pose("a").angle)
     assert outcome.collided
     assert gap_to_walls(pose, walls) == pytest.approx(0.3, abs=TOUCHES)
-    further = Pose(pose.x + 1e-3 * math.cos(heading), pose.y + 1e-3 * math.sin(heading), 0)
+    further = BodyPose(pose.x + 1e-3 * math.cos(heading), pose.y + 1e-3 * math.sin(heading), 0)
     assert gap_to_walls(further, walls) < 0.3
     for part in np.linspace(0, outcome.moved_m, 200).tolist():
-        at = Pose(4 + part * math.cos(heading), 4 + part * math.sin(heading), 0)
+        at = BodyPose(4 + part * math.cos(heading), 4 + part * math.sin(heading), 0)
         assert gap_to_walls(at, walls) >= 0.3 - TOUCHES
 
 
@@ -231,7 +231,7 @@ def test_a_standing_body_stops_another_and_has_not_collided() -> None:
     arena = pair(2)
     assert [outcome.name for outcome in drive(arena, [("a", 0, 5)])] == ["a"]
     assert arena.pose("a").x == pytest.approx(1.5, abs=1e-12)
-    assert arena.pose("b") == Pose(2, 0, 180)
+    assert arena.pose("b") == BodyPose(2, 0, 180)
     assert arena.odometer("b") == Odometer(0.0, 0)
 
 
@@ -246,7 +246,7 @@ def test_two_that_meet_head_on_both_stop_where_their_speeds_say() -> None:
 
 def test_the_name_of_a_body_favours_nobody() -> None:
     courses = {"p": (0, 0, 30.0, 2.0), "q": (1, 0, 120.0, 1.5), "r": (0.5, 0.9, -90.0, 1.0)}
-    results: set[tuple[Pose, ...]] = set()
+    results: set[tuple[BodyPose, ...]] = set()
     for names in ("abc", "cba", "bca"):
         arena = Arena()
         for name, (x, y, angle, _) in zip(names, courses.values(), strict=True):
@@ -262,7 +262,7 @@ def test_who_is_driven_into_goes_on() -> None:
     arena.add_body("front", 1, 0, 0, 0.2)
     arena.add_body("rear", 0, 0, 0, 0.2)
     front, rear = drive(arena, [("front", 0, 1), ("rear", 0, 3)])
-    assert front == Outcome("front", 1.0, 0.0, 0.0, False)
+    assert front == DriveOutcome("front", 1.0, 0.0, 0.0, False)
     assert rear.collided
     assert rear.moved_m == pytest.approx(0.9)
 
@@ -415,7 +415,7 @@ def test_a_restored_arena_goes_on_bit_for_bit(
 ) -> None:
     original, other = crowded(), crowded()
     follow(original, before)
-    value: Saved = json.loads(json.dumps(original.save()))
+    value: SavedArena = json.loads(json.dumps(original.save()))
     follow(other, after)
     other.restore(value)
     assert other.save() == original.save()
@@ -517,15 +517,17 @@ def test_a_place_beyond_the_tip_of_a_solid_spike_is_free() -> None:
 
 def test_names_must_be_known_and_new() -> None:
     arena = crowded()
-    with pytest.raises(PhysicsError, match="here already"):
+    with pytest.raises(PhysicsError, match="exists already"):
         arena.add_body("a", 1, 2.2, 0, 0.1)
     arena.add_marker("m", 0, 0)
-    with pytest.raises(PhysicsError, match="here already"):
+    with pytest.raises(PhysicsError, match="exists already"):
         arena.add_marker("m", 1, 1)
     with pytest.raises(PhysicsError, match=r"overlaps body 'a' by 0\.100 m"):
         arena.add_body("d", 0.6, 0.8, 0, 0.1)
     for use in (arena.pose, arena.odometer, arena.remove_body):
-        with pytest.raises(PhysicsError, match=r"no body 'x' here; there are \['a', 'b', 'c'\]"):
+        with pytest.raises(
+            PhysicsError, match=r"there is no body 'x'; existing bodies: \['a', 'b', 'c'\]"
+        ):
             use("x")
     with pytest.raises(PhysicsError, match="no body"):
         arena.drive("x", 0, 0)

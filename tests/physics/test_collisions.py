@@ -223,7 +223,7 @@ def test_the_grid_leaves_nothing_out(some: list[Shape], agents: int, ignored: in
     pairs = [("PBody", "PBar"), ("PBlock", "*")][:ignored]
     owners = Owners.among(found)
     told = contacts(found, owners, pairs)
-    rows = zip(owners.of[told.one].tolist(), owners.of[told.other].tolist(), strict=True)
+    rows = zip(owners.of[told.first].tolist(), owners.of[told.second].tolist(), strict=True)
     agents_told = {(one, other) for one, other in rows if other >= 0}
     expected: set[tuple[int, int]] = set()
     walls: set[int] = set()
@@ -233,13 +233,13 @@ def test_the_grid_leaves_nothing_out(some: list[Shape], agents: int, ignored: in
         skipped = any({a, b} == names or (b == "*" and a in names) for a, b in pairs)
         if one < 0 or one == other or skipped:
             continue
-        if len(touches(found, np.array([i]), np.array([j])).one):
+        if len(touches(found, np.array([i]), np.array([j])).first):
             walls |= {int(one)} if other < 0 else set()
             expected |= {(int(one), int(other))} if other >= 0 else set()
     assert agents_told == expected
     assert {
         one
-        for one, other in zip(owners.of[told.one], owners.of[told.other], strict=True)
+        for one, other in zip(owners.of[told.first], owners.of[told.second], strict=True)
         if other < 0
     } == walls
 
@@ -335,7 +335,7 @@ def test_what_touches_is_what_pymunk_finds_to_touch(seed: int, count: int) -> No
     found = volumes(scene_of(anywhere(seed, count), count), VOCABULARY)
     every = np.array(list(itertools.combinations(range(len(found)), 2)))
     touch = touches(found, every[:, 0], every[:, 1])
-    rows = zip(touch.one.tolist(), touch.other.tolist(), touch.depth.tolist(), strict=True)
+    rows = zip(touch.first.tolist(), touch.second.tolist(), touch.depth.tolist(), strict=True)
     mine = {(a, b): depth for a, b, depth in rows}
     theirs = depths_by_pymunk(found)
     for pair in mine.keys() | theirs.keys():
@@ -349,7 +349,7 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Sh
     found = volumes(scene_of([one, other], 2), VOCABULARY)
     pair = np.array([0]), np.array([len(found) - 1])
     touch = touches(found, *pair)
-    if not len(touch.one):
+    if not len(touch.first):
         return
     (nx, ny), depth = touch.normal[0], float(touch.depth[0])
     assert math.hypot(nx, ny) == pytest.approx(1)
@@ -357,17 +357,17 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Sh
     moved[found.first[0] : found.first[1]] += depth * touch.normal[0]
     out = Volumes(moved, found.first, found.radius, found.owners, found.kinds, found.symbols)
     left = touches(out, *pair)
-    assert not len(left.one) or left.depth[0] <= 1e-9
+    assert not len(left.first) or left.depth[0] <= 1e-9
     moved[found.first[0] : found.first[1]] += 2 * SLACK * touch.normal[0]
-    assert not len(touches(out, *pair).one)
+    assert not len(touches(out, *pair).first)
     if depth > 1e-6:
         moved[found.first[0] : found.first[1]] -= depth / 10 * touch.normal[0]
-        assert len(touches(out, *pair).one)
+        assert len(touches(out, *pair).first)
     # The contact point is no farther from either than half of their overlap.
     place = TPlace(*touch.point[0].tolist(), 0.0)(PBody(depth / 2 + 1e-6))
     probe = volumes(scene_of([one, other], 2) + place, VOCABULARY)
     last = len(probe) - 1
-    assert len(touches(probe, np.array([0, last - 1]), np.array([last, last])).one) == 2
+    assert len(touches(probe, np.array([0, last - 1]), np.array([last, last])).first) == 2
 
 
 @given(shapes, shapes)
@@ -376,5 +376,5 @@ def test_it_is_the_same_from_the_other_side(one: Shape, other: Shape) -> None:
     found = volumes(scene_of([one, other], 2), VOCABULARY)
     rows = np.array([0]), np.array([len(found) - 1])
     forth, back = touches(found, *rows), touches(found, *rows[::-1])
-    assert len(forth.one) == len(back.one)
+    assert len(forth.first) == len(back.first)
     assert forth.depth == pytest.approx(back.depth, abs=1e-12)

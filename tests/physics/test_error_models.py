@@ -7,7 +7,7 @@ import pytest
 
 from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.motion_model import MotionModel, Step
+from minerva_services.physics.motion_model import DriveStep, MotionModel
 from minerva_services.physics.sensors import Sighting
 from minerva_services.physics.sighting_model import SightingModel
 
@@ -48,7 +48,7 @@ def test_the_motion_model_errs_by_its_variances(
 
 def test_who_is_told_to_stand_stands() -> None:
     made = MotionModel(1, 1, 1, 1).sample(0.0, 0.0, generator())
-    assert made == Step(0.0, 0.0, 0.0)
+    assert made == DriveStep(0.0, 0.0, 0.0)
 
 
 def test_no_alpha_is_no_model() -> None:

@@ -30,7 +30,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.fields import Default
 from minerva_services.physics.neighbours import Neighbours
-from minerva_services.physics.neighbours.spots import Names, Reader
+from minerva_services.physics.neighbours.spots import Names, SpotReader
 
 PSpot = Primitive("PSpot", who=str, vx=float)
 PCell = Primitive("PCell", who=str, x=int, y=int, colour=int, age=float)
@@ -230,7 +230,7 @@ def test_what_an_agent_is_told_does_not_depend_on_the_order_of_agents(
 
 
 def test_texts_are_read_once_for_each_column() -> None:
-    reader, names = Reader("test", Names()), np.array(["a", "b", "c"], object)
+    reader, names = SpotReader("test", Names()), np.array(["a", "b", "c"], object)
     view = TMove(np.zeros(3), np.zeros(3))(PSpot(names, np.zeros(3)))
     who = view.pieces[0].scope.columns[0]  # type: ignore[union-attr]
     moved = view.pieces[
@@ -253,7 +253,7 @@ def test_figures_of_several_shapes_are_one_crowd() -> None:
     bare = Scene((*spots([(0, 0, 1.0), (3, 4, 2.0)]).pieces, *PCell("cell", 0, 1, 3, 0.5).pieces))
     events = told(joined(event="eClose", radius=1.0), bare)
     assert [(event.receivers[0], event.distance) for event in events] == [("a0", 1), ("cell", 1)]
-    with pytest.raises(MinervaError, match=r"eNear needs a value for vx .* agents show is x, y"):
+    with pytest.raises(MinervaError, match=r"eNear needs a value for vx .* agents show x, y"):
         told(joined(radius=1.0), bare)
 
 
@@ -298,7 +298,7 @@ def test_lattice_counts_are_those_of_brute_force(
 @pytest.mark.parametrize(("x", "y"), [(7, 0), (-1, 0), (0, 5)])
 def test_who_is_in_no_cell_is_named(x: int, y: int) -> None:
     service = joined(event="eLike", grid=True, width=7, height=5, same="colour")
-    with pytest.raises(MinervaError, match=r"neighbours: #b is in no cell: its [xy] is"):
+    with pytest.raises(MinervaError, match=r"neighbours: #b is not on the lattice: [xy] is"):
         told(service, PCell("a", 1, 1, 1, 0.0) + PCell("b", x, y, 1, 0.0))
 
 
@@ -312,15 +312,15 @@ def test_who_is_in_no_cell_is_named(x: int, y: int) -> None:
         ({"every": 0}, "every is 0"),
         ({"radius": 0.0}, r"radius is 0\.0"),
         ({"nearest": -1}, "nearest is -1"),
-        ({"nearest": 2, "summary": True}, "nearest is for one event for each neighbour"),
+        ({"nearest": 2, "summary": True}, "nearest requires one event per neighbour"),
         ({"hood": "more"}, "hood is 'more'; expected moore or von neumann"),
         ({"periodic": True, "width": 2.0, "height": 9.0}, r"expected numbers above 2\.0"),
         ({"periodic": True}, r"width and height of a periodic plane are 0\.0 and 0\.0"),
         ({"grid": True}, r"width of a lattice is 0\.0"),
         ({"grid": True, "width": 2, "height": 9, "periodic": True}, "expected numbers above 2"),
         ({"grid": True, "width": 9, "height": 9, "radius": 1.5}, r"radius of a lattice is 1\.5"),
-        ({"event": "eOdd"}, "eOdd wants dx as int; neighbours makes real"),
-        ({"event": "eTextual", "summary": True}, "eTextual wants vx as text; .* makes real"),
+        ({"event": "eOdd"}, "eOdd declares dx as int; neighbours produces real"),
+        ({"event": "eTextual", "summary": True}, "eTextual declares vx as text; .* produces real"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options: dict[str, Any], problem: str) -> None:
@@ -331,10 +331,10 @@ def test_options_that_cannot_be_are_refused(options: dict[str, Any], problem: st
 @pytest.mark.parametrize(
     ("view", "problem"),
     [
-        (PSpot("a", 1.0), "an agent in a view, PSpot, has no number x"),
+        (PSpot("a", 1.0), "figure of an agent, PSpot, has no number x"),
         (TMove(1.0, 2.0)(PNumbered(3)), "TMove around PNumbered, has no text who"),
-        (TMove(1.0, 2.0)(TMove(1.0, 2.0)(PSpot("a", 1.0))), "TMove around PSpot, has x twice"),
-        (TMove(1.0, 2.0)(PSpot("a", 1.0) + PSpot("b", 1.0)), "PSpot is not alone where it stands"),
+        (TMove(1.0, 2.0)(TMove(1.0, 2.0)(PSpot("a", 1.0))), "TMove around PSpot, has two values x"),
+        (TMove(1.0, 2.0)(PSpot("a", 1.0) + PSpot("b", 1.0)), "PSpot shares its subtree"),
     ],
 )
 def test_a_view_that_says_nothing_of_an_agent_is_refused(view: Scene, problem: str) -> None:
@@ -344,7 +344,7 @@ def test_a_view_that_says_nothing_of_an_agent_is_refused(view: Scene, problem: s
 
 def test_what_nobody_shows_is_named_unless_it_has_a_default() -> None:
     view = spots([(0, 0, 1), (0, 1, 2)])
-    with pytest.raises(MinervaError, match=r"eTaste needs a value for taste .* show is vx, x, y"):
+    with pytest.raises(MinervaError, match=r"eTaste needs a value for taste .* show vx, x, y"):
         told(joined(event="eTaste", radius=5.0), view)
     events = told(joined(event="eSmell", summary=True, radius=5.0), view)
     assert [(event.number, event.smell) for event in events] == [(1, 0.5), (1, 0.5)]

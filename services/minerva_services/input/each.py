@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import Generator, Tick, WorldInfo
-from minerva_services.making import Maker
+from minerva_services.event_factory import EventFactory
 
 
 class Each(Generator):
@@ -29,7 +29,7 @@ class Each(Generator):
         return (self._type,)
 
     def joined(self, world: WorldInfo) -> None:
-        self._event = Maker("each", world, self._type)()
+        self._event = EventFactory("each", world, self._type)()
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         return () if tick.number % self._every else (self._event,)

@@ -8,7 +8,7 @@ from typing import Any
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.services import Generator, Tick, WorldInfo
-from minerva_services.making import event_type
+from minerva_services.event_factory import event_type
 
 
 class Orders(Generator):

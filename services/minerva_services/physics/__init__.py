@@ -1,4 +1,4 @@
-"""The physics world: walls, bodies, a laser, a camera and their noise.
+"""A physics world: walls, bodies, lasers, cameras and their errors.
 
-`service` puts it on the bus; all else knows nothing of a bus.
+Only `service` knows the bus; all other modules are pure.
 """

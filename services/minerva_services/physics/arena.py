@@ -1,8 +1,8 @@
 """A flat world of walls, markers and round bodies that drive, collide and sense.
 
-Driving is kinematic: a body goes exactly where its command says, or stops exactly where it touches.
-So a dead-reckoning agent and this world never drift apart, and the state is nothing but what `save`
-returns.
+Driving is kinematic: a body goes exactly where its command leads, or stops exactly where it
+touches. Dead reckoning by an agent therefore never drifts from this world, and the whole state is
+what `save` returns.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from minerva_bus import portable
-from minerva_services.physics.body import Body, Command, Odometer, Outcome, Pose
-from minerva_services.physics.encounters import Course, settle
+from minerva_services.physics.body import Body, BodyPose, DriveCommand, DriveOutcome, Odometer
+from minerva_services.physics.encounters import MovingDisc, settle
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.obstacles import Obstacles
-from minerva_services.physics.saved import Saved, restored, saved
+from minerva_services.physics.saved import SavedArena, restored, saved
 from minerva_services.physics.sensors import Distances, Sighting, camera, laser
 from minerva_services.physics.sweep import SLACK, Point, contact, offset
 from minerva_services.physics.touch import Contact, contacts
@@ -22,17 +22,17 @@ from minerva_services.physics.walls import Segments
 
 
 class Arena:
-    """Walls and markers, which stay, and bodies, which come, drive and go.
+    """Static walls and markers, and bodies that are added, driven and removed.
 
-    Metres, seconds and degrees throughout; angles are counter-clockwise from +x. Every method that
-    takes a body's name raises `PhysicsError` for one that is not here.
+    Units are metres, seconds and degrees; angles are counter-clockwise from +x. Methods that take a
+    body's name raise `PhysicsError` if it does not exist.
     """
 
     def __init__(self) -> None:
         self._obstacles = Obstacles()
         self._markers: dict[str, Point] = {}
         self._bodies: dict[str, Body] = {}
-        self._commands: dict[str, Command] = {}
+        self._commands: dict[str, DriveCommand] = {}
         self._seconds = 0.0
 
     @property
@@ -51,15 +51,15 @@ class Arena:
         return tuple(sorted(self._markers))
 
     def add_walls(self, segments: Segments, *, solid_behind: bool = False) -> None:
-        """Add walls without thickness that stop bodies and rays from both sides.
+        """Add walls without thickness that block bodies and rays from both sides.
 
         Args:
             segments: (n, 4) rows `ax, ay, bx, by` in metres.
-            solid_behind: they are outlines, as `wall_segments` returns them: no body may be put on
-                the right of a → b, however far from the wall.
+            solid_behind: the walls are outlines as returned by `wall_segments`: no body may be
+              placed to the right of a → b, at any distance from the wall.
 
         Raises:
-            PhysicsError: not (n, 4), a number that is not finite, or a wall without length.
+            PhysicsError: wrong shape, a number that is not finite, or a wall of length 0.
 
         """
         if segments.ndim != 2 or segments.shape[1] != 4:
@@ -70,56 +70,56 @@ class Arena:
         for wall in walls:
             finite("walls", *wall)
             if wall[:2] == wall[2:]:
-                raise PhysicsError(f"walls: one at {wall[:2]} has no length")
+                raise PhysicsError(f"walls: a wall at {wall[:2]} has no length")
         for wall in walls:
             self._obstacles.add_wall(wall, solid_behind=solid_behind)
 
     def remove_walls(self) -> None:
-        """Take all walls out."""
+        """Remove all walls."""
         self._obstacles.remove_walls()
 
     def add_marker(self, name: str, x: float, y: float) -> None:
-        """Add something that cameras recognise; one within 1 mm of a wall's surface is seen.
+        """Add a marker that cameras recognise; within 1 mm of a wall's surface it stays visible.
 
         Raises:
-            PhysicsError: the name is taken, or the place is not finite.
+            PhysicsError: the name is taken, or the position is not finite.
 
         """
         finite(f"marker {name!r}, place", x, y)
         if name in self._markers:
-            raise PhysicsError(f"marker {name!r} is here already; give each marker its own name")
+            raise PhysicsError(f"marker {name!r} exists already; give each marker a unique name")
         self._markers[name] = (float(x), float(y))
 
     def remove_markers(self) -> None:
-        """Take all markers out."""
+        """Remove all markers."""
         self._markers.clear()
 
     def add_body(self, name: str, x: float, y: float, angle: float, radius: float) -> None:
-        """Put a disc of a radius in metres into free space.
+        """Add a disc with a radius in metres in free space.
 
         Raises:
-            PhysicsError: the name is taken, a number cannot be used, or the place is not free.
+            PhysicsError: the name is taken, a number is invalid, or the position is not free.
 
         """
         finite(f"body {name!r}, pose", x, y, angle)
         positive(f"body {name!r}, radius in metres", radius)
         if name in self._bodies:
-            raise PhysicsError(f"body {name!r} is here already; give each body its own name")
-        body = Body(Pose(float(x), float(y), float(angle)), float(radius))
+            raise PhysicsError(f"body {name!r} exists already; give each body a unique name")
+        body = Body(BodyPose(float(x), float(y), float(angle)), float(radius))
         self._refuse_solid(name, body)
         self._refuse_touching(name, body)
         self._bodies[name] = body
         self._obstacles.put_disc(name, body.centre, body.radius)
 
     def remove_body(self, name: str) -> None:
-        """Take a body out, with a command that it has not carried out."""
+        """Remove a body together with its pending command."""
         self._body(name)
         del self._bodies[name]
         self._commands.pop(name, None)
         self._obstacles.remove_disc(name)
 
-    def pose(self, name: str) -> Pose:
-        """Where a body is."""
+    def pose(self, name: str) -> BodyPose:
+        """A body's pose."""
         return self._body(name).pose
 
     def radius(self, name: str) -> float:
@@ -127,24 +127,24 @@ class Arena:
         return self._body(name).radius
 
     def odometer(self, name: str) -> Odometer:
-        """How far a body has driven and how often it was stopped."""
+        """A body's odometer: distance driven and number of stops."""
         return self._body(name).odometer
 
     def drive(self, name: str, turn_degrees: float, forward_m: float) -> None:
         """Command a body for the next step: turn on the spot, then drive along the new heading.
 
         Raises:
-            PhysicsError: a number is not finite, or the body has a command for this step already.
+            PhysicsError: a number is not finite, or the body already has a command for this step.
 
         """
         self._body(name)
         finite(f"body {name!r}, command", turn_degrees, forward_m)
         if name in self._commands:
-            raise PhysicsError(f"body {name!r} has a command for this step already; step first")
-        self._commands[name] = Command(float(turn_degrees), float(forward_m))
+            raise PhysicsError(f"body {name!r} already has a command for this step; step first")
+        self._commands[name] = DriveCommand(float(turn_degrees), float(forward_m))
 
     def turn(self, name: str, degrees: float) -> None:
-        """Turn a body on the spot, at once: no command, but what the last step has done to it.
+        """Turn a body on the spot immediately: an effect of the last step, not a command.
 
         Raises:
             PhysicsError: the turn is not finite.
@@ -154,7 +154,7 @@ class Arena:
         if degrees:
             self._bodies[name] = self._body(name).turned(degrees)
 
-    def step(self, dt: float) -> tuple[Outcome, ...]:
+    def step(self, dt: float) -> tuple[DriveOutcome, ...]:
         """Carry out all commands at the same time, each at a constant speed.
 
         Args:
@@ -186,17 +186,17 @@ class Arena:
         """Cast a planar laser from a body's centre.
 
         Args:
-            name: the body, which its own laser does not see.
-            beams: how many.
+            name: the body; its own disc is invisible to the laser.
+            beams: number of beams.
             first_deg: direction of beam 0 in degrees from the heading.
-            step_deg: degrees from one beam to the next, counter-clockwise.
-            range_max: in metres.
+            step_deg: degrees between beams, counter-clockwise.
+            range_max: range in metres.
 
         Returns:
-            (beams,) distances in metres to the nearest wall or other body; `range_max` for none.
+            (beams,) distances in metres to the nearest wall or other body; `range_max` if none.
 
         Raises:
-            PhysicsError: fewer beams than 0, or a number that cannot be used.
+            PhysicsError: a negative number of beams, or an invalid number.
 
         """
         pose = self._body(name).pose
@@ -211,13 +211,12 @@ class Arena:
         """The markers that a camera at a body's centre sees, sorted by name.
 
         Args:
-            name: the body, which does not hide anything from its own camera.
-            fov_deg: whole width of the field of view in degrees, centred on the heading; its edge
-                belongs to it.
-            range_max: in metres, inclusive.
+            name: the body; it does not occlude its own camera.
+            fov_deg: full field of view in degrees, centred on the heading, edges included.
+            range_max: range in metres, inclusive.
 
         Raises:
-            PhysicsError: a width or range that is not a finite number above 0.
+            PhysicsError: a field of view or range that is not a finite number above 0.
 
         """
         pose = self._body(name).pose
@@ -225,15 +224,15 @@ class Arena:
         positive("camera, range in metres", range_max)
         return camera(pose, self._markers, fov_deg, range_max, self._obstacles.ray_of(name))
 
-    def save(self) -> Saved:
-        """All that changes, as plain values: not walls or markers, which belong to the world."""
+    def save(self) -> SavedArena:
+        """The mutable state as plain values; walls and markers are not part of it."""
         return saved(self._seconds, self._bodies, self._commands)
 
-    def restore(self, value: Saved) -> None:
-        """Replace all bodies by saved ones; what follows is bit for bit what followed there.
+    def restore(self, value: SavedArena) -> None:
+        """Replace all bodies by saved ones; the continuation is bit-identical to the original.
 
         Raises:
-            PhysicsError: the value is not what `save` returns; the arena is as before.
+            PhysicsError: the value was not produced by `save`; the arena is unchanged.
 
         """
         seconds, bodies, commands = restored(value)
@@ -245,7 +244,7 @@ class Arena:
 
     def _body(self, name: str) -> Body:
         if name not in self._bodies:
-            raise PhysicsError(f"no body {name!r} here; there are {list(self.bodies)}")
+            raise PhysicsError(f"there is no body {name!r}; existing bodies: {list(self.bodies)}")
         return self._bodies[name]
 
     def _refuse_solid(self, name: str, body: Body) -> None:
@@ -254,7 +253,7 @@ class Arena:
         if overlap > SLACK:
             raise PhysicsError(
                 f"body {name!r} of radius {body.radius:g} m at ({body.pose.x:g}, {body.pose.y:g}) "
-                f"is inside a wall; the nearest free place is at least {overlap:.3f} m away"
+                f"is inside a wall; the nearest free position is at least {overlap:.3f} m away"
             )
 
     def _overlap_with_walls(self, body: Body) -> float:
@@ -271,8 +270,10 @@ class Arena:
                     f"by {overlap:.3f} m"
                 )
 
-    def _ends(self, commands: Mapping[str, Command]) -> tuple[dict[str, float], dict[str, Contact]]:
-        """The part of its move, 0 to 1, that each body makes, and what stops it before 1."""
+    def _ends(
+        self, commands: Mapping[str, DriveCommand]
+    ) -> tuple[dict[str, float], dict[str, Contact]]:
+        """Fraction of its move, 0 to 1, that each body completes, and what stops it before 1."""
         forward = {name: command.forward_m for name, command in commands.items()}
         courses = {name: body.course(forward.get(name, 0)) for name, body in self._bodies.items()}
         walls = dict.fromkeys(courses, 1.0)
@@ -281,15 +282,15 @@ class Arena:
         ends, stopped_by = settle(courses, walls, self._near_pairs(courses, driven))
         return ends, contacts(courses, driven, ends, stopped_by, self._obstacles.walls_near)
 
-    def _end_at_walls(self, course: Course) -> float:
+    def _end_at_walls(self, course: MovingDisc) -> float:
         walls = self._obstacles.walls_near(course.start, course.at(1), course.radius)
         stops = (contact(course.start, course.move, wall, course.radius) for wall in walls)
         return min(1.0, min(stops, default=1.0))
 
     def _near_pairs(
-        self, courses: Mapping[str, Course], driven: Iterable[str]
+        self, courses: Mapping[str, MovingDisc], driven: Iterable[str]
     ) -> set[tuple[str, str]]:
-        """Pairs of bodies of which one drives and that may come to touch in this step."""
+        """Pairs of bodies of which at least one drives and that may touch in this step."""
         longest = max((portable.hypot(*courses[name].move) for name in driven), default=0.0)
         pairs: set[tuple[str, str]] = set()
         for name in driven:
@@ -300,11 +301,11 @@ class Arena:
         return pairs
 
     def _carry_out(
-        self, name: str, command: Command, end: float, touched: Contact | None
-    ) -> Outcome:
+        self, name: str, command: DriveCommand, end: float, touched: Contact | None
+    ) -> DriveOutcome:
         moved, collided = command.forward_m * end, end < 1
         body = self._bodies[name].driven(moved, collided=collided)
         self._bodies[name] = body
         self._obstacles.move_disc(name, body.centre)
         shortfall = abs(command.forward_m - moved)
-        return Outcome(name, moved, shortfall, command.turn_deg, collided, touched)
+        return DriveOutcome(name, moved, shortfall, command.turn_deg, collided, touched)

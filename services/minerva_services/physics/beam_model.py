@@ -1,14 +1,15 @@
-"""What a laser's beams measure beside the truth: the beam model of range finders.
+"""The beam model of range finders: errors of laser ranges.
 
-Thrun, Burgard and Fox, Probabilistic Robotics (2005), section 6.3: a range is one of four mixed,
+Thrun, Burgard and Fox, Probabilistic Robotics (2005), section 6.3: a range is drawn from a mixture
+of four distributions,
 
-    hit     the true one, with a normal error       `Noise.laser_m`
-    short   something that no map has stood before  exponential with `decay`, cut off at the hit
-    max     the beam does not come back             `Noise.laser_dropout`
-    random  anything                                uniform, from 0 to the laser's range
+  hit     the true range with a normal error     `Noise.laser_m`
+  short   an unmapped object before the hit      exponential with `decay`, truncated at the hit
+  max     the beam does not return               `Noise.laser_dropout`
+  random  a meaningless range                    uniform, from 0 to the laser's range
 
-Here are the short and the random part; `Noise` has the two others. All four probabilities are of
-all beams: the hits are what is left.
+This module implements short and random ranges, `Noise` the other two. All probabilities refer to
+all beams; the remainder are hits.
 """
 
 from __future__ import annotations
@@ -24,17 +25,16 @@ from minerva_services.physics.sensors import Distances
 
 @dataclass(frozen=True, slots=True)
 class BeamModel:
-    """The short and the random part of a laser's ranges.
+    """The short and the random component of a laser's ranges.
 
     Attributes:
         short: probability of a range that is too short.
         decay: λ of the short ranges in 1/m; their mean is 1/λ where the hit is far.
-        random: probability of a range that means nothing.
-        lost: probability of a beam that does not come back, which `Noise` draws afterwards.
+        random: probability of a meaningless range.
+        lost: probability that a beam does not return, drawn afterwards by `Noise`.
 
     Raises:
-        PhysicsError: a value that is not finite, no probability, together more than 1, or λ not
-            above 0.
+        PhysicsError: a value that is not finite or not a probability, a sum above 1, or λ <= 0.
 
     """
 
@@ -66,22 +66,22 @@ class BeamModel:
         range_max: float,
         rng: np.random.Generator,
     ) -> Distances:
-        """Ranges with some that are short or random.
+        """Replace a random subset of the ranges by short and random ones.
 
         Args:
-            true: (beams,) distances in metres to what is there; `range_max` for nothing.
-            measured: (beams,) what is measured of them with the hits' own error.
-            range_max: in metres.
-            rng: two values for each beam are drawn from it.
+            true: (beams,) true distances in metres; `range_max` for no hit.
+            measured: (beams,) the same with the error of hits.
+            range_max: range in metres.
+            rng: consumes two values per beam.
 
         Returns:
-            (beams,) in metres, below `range_max` where they are short or random.
+            (beams,) in metres; short and random ranges are below `range_max`.
 
         """
         which, where = rng.random((2, *true.shape))
-        back = 1 - self.lost  # of these `Noise` takes some away again
+        back = 1 - self.lost  # `Noise` removes lost beams afterwards
         short = which * back < self.short
         random = ~short & (which * back < self.short + self.random)
-        # The exponential distribution cut off at the hit, turned round.
+        # Inverse of the exponential distribution truncated at the hit.
         cut = -log1p(where * expm1(-self.decay * true)) / self.decay
         return np.where(short, cut, np.where(random, where * range_max, measured))

@@ -1,4 +1,4 @@
-"""A round body, where it is, and what became of its commands."""
+"""A round body: pose, command, outcome and odometer."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import math
 from dataclasses import dataclass
 
 from minerva_bus import portable
-from minerva_services.physics.encounters import Course
+from minerva_services.physics.encounters import MovingDisc
 from minerva_services.physics.sweep import Point
 from minerva_services.physics.touch import Contact
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """A place and a heading.
+class BodyPose:
+    """A position and a heading.
 
     Attributes:
         x: in metres.
         y: in metres.
-        angle: in degrees, counter-clockwise from +x; a plain sum of turns, never wrapped.
+        angle: in degrees, counter-clockwise from +x; the plain sum of all turns, never wrapped.
 
     """
 
@@ -28,8 +28,8 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """What a body is told to do in one step: turn on the spot, then drive straight.
+class DriveCommand:
+    """A body's command for one step: turn on the spot, then drive straight.
 
     Attributes:
         turn_deg: in degrees, counter-clockwise.
@@ -42,16 +42,16 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What a command came to.
+class DriveOutcome:
+    """The outcome of a command.
 
     Attributes:
         name: the body's name.
-        moved_m: the distance driven in metres along the heading; negative is backwards.
-        shortfall_m: the metres that were commanded and not driven, never negative.
-        turned_deg: the turn made in degrees.
-        collided: something stopped the move before its end.
-        contact: where, and what it was, if something did.
+        moved_m: distance driven in metres along the heading; negative is backwards.
+        shortfall_m: commanded distance that was not driven, in metres, >= 0.
+        turned_deg: the turn in degrees.
+        collided: whether the move was stopped early.
+        contact: where and by what, if it was.
 
     """
 
@@ -68,7 +68,7 @@ class Odometer:
     """What a body has done since it was added.
 
     Attributes:
-        driven_m: metres driven, backwards as well as forwards.
+        driven_m: metres driven, forwards and backwards.
         collisions: steps in which a commanded move was stopped.
 
     """
@@ -88,32 +88,32 @@ class Body:
 
     """
 
-    pose: Pose
+    pose: BodyPose
     radius: float
     odometer: Odometer = Odometer()
 
     @property
     def centre(self) -> Point:
-        """The place, x and y in metres."""
+        """Position (x, y) in metres."""
         return self.pose.x, self.pose.y
 
     def turned(self, turn_deg: float) -> Body:
         """The body after a turn on the spot."""
-        pose = Pose(self.pose.x, self.pose.y, self.pose.angle + turn_deg)
+        pose = BodyPose(self.pose.x, self.pose.y, self.pose.angle + turn_deg)
         return Body(pose, self.radius, self.odometer)
 
-    def course(self, forward_m: float) -> Course:
-        """The line that the body means to drive along its heading."""
+    def course(self, forward_m: float) -> MovingDisc:
+        """The displacement along the heading that a command asks for."""
         heading = math.radians(self.pose.angle)
         move = forward_m * portable.cos(heading), forward_m * portable.sin(heading)
-        return Course(self.centre, move, self.radius)
+        return MovingDisc(self.centre, move, self.radius)
 
     def driven(self, moved_m: float, *, collided: bool) -> Body:
-        """The body after a drive, at exactly the place that dead reckoning gives."""
+        """The body after driving, at exactly the position given by dead reckoning."""
         heading = math.radians(self.pose.angle)
         x = self.pose.x + moved_m * portable.cos(heading)
         y = self.pose.y + moved_m * portable.sin(heading)
         odometer = Odometer(
             self.odometer.driven_m + abs(moved_m), self.odometer.collisions + collided
         )
-        return Body(Pose(x, y, self.pose.angle), self.radius, odometer)
+        return Body(BodyPose(x, y, self.pose.angle), self.radius, odometer)

@@ -1,4 +1,4 @@
-"""What goes wrong when the physics world is asked for something impossible."""
+"""Errors of the physics world."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from minerva_bus.errors import MinervaError
 
 
 class PhysicsError(MinervaError, ValueError):
-    """A place, a name, a number or a saved state that the physics world cannot use."""
+    """A position, name, number or saved state that the physics world cannot use."""
 
 
 def finite(what: str, *values: float) -> None:
-    """Refuse numbers that would spread as NaN or infinity into every later pose.
+    """Reject numbers that would propagate as NaN or infinity into later poses.
 
     Raises:
-        PhysicsError: one of the values is not finite; the message starts with `what`.
+        PhysicsError: a value is not finite; the message starts with `what`.
 
     """
     for value in values:
@@ -24,7 +24,7 @@ def finite(what: str, *values: float) -> None:
 
 
 def positive(what: str, value: float) -> None:
-    """Refuse a size or a duration that is not a finite number above zero.
+    """Reject a size or duration that is not a finite number above zero.
 
     Raises:
         PhysicsError: the value is zero, negative or not finite.

@@ -1,15 +1,15 @@
-"""What becomes of a robot's commands: the odometry motion model.
+"""The odometry motion model: errors of a robot's commands.
 
 Thrun, Burgard and Fox, Probabilistic Robotics (2005), section 5.4, table 5.6 (sample_motion_model):
-a step is a turn, a way and a second turn, and each of them errs by a normal error whose variance
-grows with the squares of the turn and the way:
+a step is a turn, a translation and a second turn, each with a normal error whose variance grows
+with the squares of the commanded turn and translation:
 
-    first turn   α1 turn² + α2 way²
-    way          α3 way² + α4 turn²
-    second turn  α2 way²               its command is 0 in this world
+  first turn   α1 turn² + α2 way²
+  way          α3 way² + α4 turn²
+  second turn  α2 way²               its command is 0 in this world
 
-Variances are those of one step. The errors of many steps partly cancel: over n like steps the
-standard deviation grows with the root of n, so shorter frames make a better robot of it.
+Variances apply per step. Errors of many steps partly cancel: over n equal steps the standard
+deviation grows with √n, so shorter frames yield a more accurate robot.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from minerva_services.physics.errors import PhysicsError, finite
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class DriveStep:
     """Turn in degrees, drive in metres, turn again in degrees."""
 
     turn_deg: float
@@ -34,16 +34,16 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class MotionModel:
-    """The four α, with turns in radians and ways in metres; all 0: commands are carried out.
+    """The four α, with turns in radians and distances in metres; all 0 means no error.
 
     Attributes:
-        alpha1: of turns by turning.
-        alpha2: of turns by driving, in rad²/m².
-        alpha3: of ways by driving.
-        alpha4: of ways by turning, in m²/rad².
+        alpha1: turn error from turning.
+        alpha2: turn error from driving, in rad²/m².
+        alpha3: distance error from driving.
+        alpha4: distance error from turning, in m²/rad².
 
     Raises:
-        PhysicsError: one is negative or not finite.
+        PhysicsError: a value is negative or not finite.
 
     """
 
@@ -64,13 +64,13 @@ class MotionModel:
     def __bool__(self) -> bool:
         return any(getattr(self, field.name) for field in fields(self))
 
-    def sample(self, turn_deg: float, forward_m: float, rng: np.random.Generator) -> Step:
-        """A command as it is carried out; who is told to do nothing does nothing.
+    def sample(self, turn_deg: float, forward_m: float, rng: np.random.Generator) -> DriveStep:
+        """A command as actually driven; a zero command has no error.
 
         Args:
-            turn_deg: the turn of the command in degrees.
-            forward_m: its way in metres.
-            rng: three normal values are drawn from it.
+            turn_deg: commanded turn in degrees.
+            forward_m: commanded distance in metres.
+            rng: consumes three normal values.
 
         """
         turn = math.radians(turn_deg)
@@ -78,7 +78,7 @@ class MotionModel:
         turning = math.sqrt(self.alpha1 * turn * turn + self.alpha2 * forward_m * forward_m)
         driving = math.sqrt(self.alpha3 * forward_m * forward_m + self.alpha4 * turn * turn)
         swerving = math.sqrt(self.alpha2) * abs(forward_m)
-        return Step(
+        return DriveStep(
             turn_deg + math.degrees(turning * first),
             forward_m + driving * way,
             math.degrees(swerving * second),

@@ -1,7 +1,7 @@
-"""What makes simulated sensors and motors imperfect, from a random generator that is passed in.
+"""Normal noise and dropouts of simulated sensors and motors, from a given random generator.
 
-A kind of noise that is zero draws nothing and changes nothing. One that is not draws the same
-number of values whatever the data are, so that two runs that differ in a wall stay comparable.
+A kind of noise that is zero draws nothing. Otherwise the number of values drawn does not depend on
+the data, so runs that differ in a wall stay comparable.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from minerva_services.physics.sensors import Distances, Sighting
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations of normal noise without bias, and one probability.
+    """Standard deviations of unbiased normal noise, and a dropout probability.
 
     Attributes:
-        laser_m: of a laser's distance in metres.
-        laser_dropout: probability that a beam does not come back.
-        drive: of a driven distance, relative to it.
-        turn_deg: of a turn in degrees; a body that is not told to turn does not.
-        camera_m: of a marker's distance in metres.
-        camera_deg: of a marker's bearing in degrees.
+        laser_m: laser distance in metres.
+        laser_dropout: probability that a beam does not return.
+        drive: driven distance, relative.
+        turn_deg: turn in degrees; applies to commanded turns only.
+        camera_m: distance of a marker in metres.
+        camera_deg: bearing of a marker in degrees.
 
     Raises:
-        PhysicsError: a value is negative or not finite, or the probability above 1.
+        PhysicsError: a value is negative or not finite, or the probability is above 1.
 
     """
 
@@ -49,45 +49,41 @@ class Noise:
         if self.laser_dropout > 1:
             raise PhysicsError(f"noise, laser_dropout: expected 0 to 1, found {self.laser_dropout}")
 
-    def on_scan(
-        self, distances: Distances, range_max: float, rng: np.random.Generator
-    ) -> Distances:
-        """A laser's distances as measured.
+    def scan(self, distances: Distances, range_max: float, rng: np.random.Generator) -> Distances:
+        """Laser distances as measured.
 
         Args:
-            distances: (beams,) in metres; `range_max` means that nothing was hit, and stays.
-            range_max: in metres; a beam that drops out reads this.
-            rng: draws `beams` values for each of the laser's two kinds of noise.
+            distances: (beams,) in metres; `range_max` means no hit, and stays.
+            range_max: in metres; reading of a lost beam.
+            rng: draws `beams` values for each of the two kinds of laser noise.
 
         Returns:
             (beams,) in metres, from 0 to `range_max`.
 
         """
-        return self.on_returns(self.on_hits(distances, range_max, rng), range_max, rng)
+        return self.returns(self.hits(distances, range_max, rng), range_max, rng)
 
-    def on_hits(
-        self, distances: Distances, range_max: float, rng: np.random.Generator
-    ) -> Distances:
-        """Distances with the normal error of what was hit; as `on_scan`."""
+    def hits(self, distances: Distances, range_max: float, rng: np.random.Generator) -> Distances:
+        """Distances with the normal error of hits; arguments as in `scan`."""
         if self.laser_m:
             noisy = distances + normals(rng, len(distances), self.laser_m)
             noisy = np.clip(noisy, 0.0, range_max)
             distances = np.where(distances < range_max, noisy, distances)
         return distances
 
-    def on_returns(
+    def returns(
         self, distances: Distances, range_max: float, rng: np.random.Generator
     ) -> Distances:
-        """Distances without the beams that do not come back; as `on_scan`."""
+        """Distances with lost beams set to `range_max`; arguments as in `scan`."""
         if self.laser_dropout:
             lost = rng.random(distances.shape) < self.laser_dropout
             distances = np.where(lost, range_max, distances)
         return distances
 
-    def on_drive(
+    def drive_errors(
         self, turn_degrees: float, forward_m: float, rng: np.random.Generator
     ) -> tuple[float, float]:
-        """A command as the wheels carry it out: turn in degrees, distance in metres."""
+        """A command as the wheels execute it: turn in degrees, distance in metres."""
         if self.turn_deg:
             error = normal(rng, self.turn_deg)
             turn_degrees += error if turn_degrees else 0.0
@@ -95,10 +91,10 @@ class Noise:
             forward_m *= 1 + normal(rng, self.drive)
         return turn_degrees, forward_m
 
-    def on_sightings(
+    def sightings(
         self, sightings: Sequence[Sighting], rng: np.random.Generator
     ) -> tuple[Sighting, ...]:
-        """Sightings as measured; distances never below 0 metres, bearings not wrapped."""
+        """Sightings as measured; distances are clamped at 0 m, bearings are not wrapped."""
         if not (self.camera_m or self.camera_deg):
             return tuple(sightings)
         return tuple(self._measured(sighting, rng) for sighting in sightings)

@@ -1,7 +1,7 @@
-"""Walls and discs in a pymunk space: what is near, and what a ray hits first.
+"""Walls and discs in a pymunk space: proximity queries and ray casts.
 
-The space is an index of shapes and is never stepped, so it holds no contacts, velocities or caches
-that a restored world would lack.
+The space serves as a spatial index and is never stepped, so it holds no contacts, velocities or
+caches that a restored world would lack.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _OUTLINES: Final = pymunk.ShapeFilter(mask=_OUTLINE)
 
 
 class Obstacles:
-    """An index of wall segments and of discs with names."""
+    """An index of wall segments and named discs."""
 
     def __init__(self) -> None:
         self._space = pymunk.Space()
@@ -35,7 +35,7 @@ class Obstacles:
         self._groups = 0
 
     def add_wall(self, wall: Segment, *, solid_behind: bool) -> None:
-        """Add a segment of some length; behind an outline (on the right of a → b) all is solid."""
+        """Add a segment of positive length; the area to the right of an outline a → b is solid."""
         ax, ay, bx, by = wall
         shape = pymunk.Segment(self._space.static_body, (ax, ay), (bx, by), radius=0)
         category = _OUTLINE if solid_behind else _PLAIN_WALL
@@ -44,7 +44,7 @@ class Obstacles:
         self._walls[shape] = wall
 
     def remove_walls(self) -> None:
-        """Take all walls out."""
+        """Remove all walls."""
         self._space.remove(*self._walls)
         self._walls.clear()
 
@@ -60,33 +60,33 @@ class Obstacles:
         self._names[shape] = name
 
     def move_disc(self, name: str, centre: Point) -> None:
-        """Put a disc elsewhere, whatever is there."""
+        """Move a disc, without any checks."""
         body = _body(self._discs[name])
         body.position = centre
         self._space.reindex_shapes_for_body(body)
 
     def remove_disc(self, name: str) -> None:
-        """Take a disc out."""
+        """Remove a disc."""
         shape = self._discs.pop(name)
         del self._names[shape]
         self._space.remove(shape, _body(shape))
 
     def walls_near(self, start: Point, end: Point, margin: float) -> list[Segment]:
-        """Walls that reach into the box around two points, grown by a margin in metres."""
-        found = self._space.bb_query(_box(start, end, margin), _WALLS)
-        return [self._walls[shape] for shape in found]
+        """Walls that overlap the bounding box of two points, grown by a margin in metres."""
+        hits = self._space.bb_query(_box(start, end, margin), _WALLS)
+        return [self._walls[shape] for shape in hits]
 
     def discs_near(self, name: str, start: Point, end: Point, margin: float) -> list[str]:
-        """Names, sorted, of the other discs that reach into such a box."""
+        """Sorted names of the other discs that overlap such a box."""
         others = pymunk.ShapeFilter(group=self._discs[name].filter.group, mask=_DISC)
-        found = self._space.bb_query(_box(start, end, margin), others)
-        return sorted(self._names[shape] for shape in found)
+        hits = self._space.bb_query(_box(start, end, margin), others)
+        return sorted(self._names[shape] for shape in hits)
 
     def ray_of(self, name: str) -> Ray:
-        """A function from two points to the part (0 to 1) of the way that is free of obstacles.
+        """A function that returns the free fraction (0 to 1) of the line between two points.
 
-        It is blind to the disc `name`. One function serves many rays: making its filter costs as
-        much as a ray.
+        It ignores the disc `name`. Reuse the function for many rays, because creating its filter
+        costs as much as a ray.
         """
         query = self._space.segment_query_first
         others = pymunk.ShapeFilter(group=self._discs[name].filter.group)
@@ -98,7 +98,7 @@ class Obstacles:
         return ray
 
     def depth_in_solid(self, point: Point) -> float:
-        """Metres from a point behind the outlines to the nearest of them; 0 in free space."""
+        """Depth in metres of a point behind the outlines; 0 in free space."""
         nearest = self._space.point_query_nearest(point, math.inf, _OUTLINES)
         if nearest is None:
             return 0.0
@@ -106,9 +106,9 @@ class Obstacles:
         return 0.0 if self._left_of(point, nearest.shape) else depth
 
     def _left_of(self, point: Point, outline: pymunk.Shape) -> bool:
-        """Whether a point sees the free side of the first outline on its way to this one's middle.
+        """True if the first outline between a point and this outline's middle faces the point.
 
-        The nearest outline itself cannot tell: at a corner, two are equally near and may differ.
+        The nearest outline alone is ambiguous: at a corner two are equally near and may disagree.
         """
         ax, ay, bx, by = self._walls[outline]
         middle = (ax + bx) / 2, (ay + by) / 2

@@ -1,19 +1,19 @@
-"""The state of an arena as plain values, as msgpack carries them."""
+"""The state of an arena as plain values for msgpack."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TypedDict
 
-from minerva_services.physics.body import Body, Command, Odometer, Pose
+from minerva_services.physics.body import Body, BodyPose, DriveCommand, Odometer
 from minerva_services.physics.errors import PhysicsError, finite, positive
 
 
-class Saved(TypedDict):
-    """Numbers only, by the bodies' names.
+class SavedArena(TypedDict):
+    """Numbers only, keyed by the bodies' names.
 
-    `bodies`: x, y (m), angle (deg), radius (m), driven (m), collisions. `commands`: turn (deg),
-    forward (m) of those not carried out yet. `seconds`: simulated time.
+    `bodies`: x, y (m), angle (deg), radius (m), driven (m), collisions. `commands`: turn (deg) and
+    forward (m) of pending commands. `seconds`: simulated time.
     """
 
     seconds: float
@@ -21,8 +21,10 @@ class Saved(TypedDict):
     commands: dict[str, list[float]]
 
 
-def saved(seconds: float, bodies: Mapping[str, Body], commands: Mapping[str, Command]) -> Saved:
-    """The plain values of a state, in the order of the names."""
+def saved(
+    seconds: float, bodies: Mapping[str, Body], commands: Mapping[str, DriveCommand]
+) -> SavedArena:
+    """The plain values of a state, sorted by name."""
     return {
         "seconds": seconds,
         "bodies": {name: _row(bodies[name]) for name in sorted(bodies)},
@@ -32,11 +34,11 @@ def saved(seconds: float, bodies: Mapping[str, Body], commands: Mapping[str, Com
     }
 
 
-def restored(value: Saved) -> tuple[float, dict[str, Body], dict[str, Command]]:
-    """The state that `saved` wrote: seconds, bodies and commands.
+def restored(value: SavedArena) -> tuple[float, dict[str, Body], dict[str, DriveCommand]]:
+    """Inverse of `saved`: seconds, bodies and commands.
 
     Raises:
-        PhysicsError: the value is not what `saved` writes.
+        PhysicsError: the value was not written by `saved`.
 
     """
     try:
@@ -48,8 +50,8 @@ def restored(value: Saved) -> tuple[float, dict[str, Body], dict[str, Command]]:
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise PhysicsError(f"not the saved state of an arena: {error!r}") from error
     finite("saved state, seconds", seconds)
-    if strangers := sorted(commands.keys() - bodies.keys()):
-        raise PhysicsError(f"saved state: commands for bodies that it lacks: {strangers}")
+    if unknown := sorted(commands.keys() - bodies.keys()):
+        raise PhysicsError(f"saved state: commands for unknown bodies: {unknown}")
     return seconds, bodies, commands
 
 
@@ -62,10 +64,10 @@ def _body(row: list[float]) -> Body:
     x, y, angle, radius, driven, collisions = map(float, row)
     finite("saved state, a body", x, y, angle, driven, collisions)
     positive("saved state, a radius in metres", radius)
-    return Body(Pose(x, y, angle), radius, Odometer(driven, int(collisions)))
+    return Body(BodyPose(x, y, angle), radius, Odometer(driven, int(collisions)))
 
 
-def _command(row: list[float]) -> Command:
+def _command(row: list[float]) -> DriveCommand:
     turn, forward = map(float, row)
     finite("saved state, a command", turn, forward)
-    return Command(turn, forward)
+    return DriveCommand(turn, forward)

@@ -1,4 +1,4 @@
-"""A planar laser and a camera that recognises markers, both cast as rays from a body's centre."""
+"""A planar laser and a marker camera, both cast as rays from a body's centre."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus import portable
-from minerva_services.physics.body import Pose
+from minerva_services.physics.body import BodyPose
 from minerva_services.physics.obstacles import Ray
 from minerva_services.physics.sweep import Point
 
 Distances: TypeAlias = NDArray[np.float64]
 
 _SURFACE: Final = 1e-3
-"""Metres before a marker in which the wall that carries it does not hide it."""
+"""A wall this close (m) in front of a marker carries the marker and does not hide it."""
 
 _EDGE: Final = 1e-9
-"""Degrees by which rounding may push a marker over the edge of the field of view."""
+"""Tolerance in degrees for rounding at the edge of the field of view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +40,14 @@ class Sighting:
     angle_deg: float
 
 
-def laser(pose: Pose, angles: Iterable[float], range_max: float, ray: Ray) -> Distances:
-    """Distances in metres to what a ray hits first, `range_max` where it hits nothing.
+def laser(pose: BodyPose, angles: Iterable[float], range_max: float, ray: Ray) -> Distances:
+    """Distances in metres to the first hit of each ray, `range_max` for none.
 
     Args:
-        pose: where the laser is.
-        angles: the beams' directions in degrees from the heading.
+        pose: the laser's pose.
+        angles: directions of the beams in degrees from the heading.
         range_max: length of the beams in metres.
-        ray: the free part of the way between two points.
+        ray: free fraction of the line between two points.
 
     """
     headings = np.radians(pose.angle + np.fromiter(angles, np.float64))
@@ -59,16 +59,16 @@ def laser(pose: Pose, angles: Iterable[float], range_max: float, ray: Ray) -> Di
 
 
 def camera(
-    pose: Pose, markers: Mapping[str, Point], fov_deg: float, range_max: float, ray: Ray
+    pose: BodyPose, markers: Mapping[str, Point], fov_deg: float, range_max: float, ray: Ray
 ) -> tuple[Sighting, ...]:
-    """The markers in view, sorted by name.
+    """The visible markers, sorted by name.
 
     Args:
-        pose: where the camera is; its axis is the heading.
-        markers: places in metres by name.
-        fov_deg: whole width of the field of view in degrees.
-        range_max: in metres.
-        ray: the free part of the way between two points.
+        pose: the camera's pose; its axis is the heading.
+        markers: positions in metres by name.
+        fov_deg: full field of view in degrees.
+        range_max: range in metres.
+        ray: free fraction of the line between two points.
 
     """
     sightings = (_sighting(pose, name, markers[name]) for name in sorted(markers))
@@ -81,7 +81,7 @@ def camera(
     )
 
 
-def _sighting(pose: Pose, name: str, place: Point) -> Sighting:
+def _sighting(pose: BodyPose, name: str, place: Point) -> Sighting:
     heading = math.radians(pose.angle)
     cos, sin = portable.cos(heading), portable.sin(heading)
     x, y = place[0] - pose.x, place[1] - pose.y
@@ -89,5 +89,5 @@ def _sighting(pose: Pose, name: str, place: Point) -> Sighting:
     return Sighting(name, portable.hypot(x, y), bearing)
 
 
-def _in_sight(pose: Pose, place: Point, distance: float, ray: Ray) -> bool:
+def _in_sight(pose: BodyPose, place: Point, distance: float, ray: Ray) -> bool:
     return distance * (1 - ray((pose.x, pose.y), place)) <= _SURFACE

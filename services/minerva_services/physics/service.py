@@ -1,6 +1,7 @@
-"""The physics world on the bus: robots drive in it, and it publishes what their sensors measure.
+"""The physics member: robots drive in it, and it publishes their sensor readings.
 
-Table 4's gLaser and gCamera make events of that; a real laser and a real camera publish the same.
+Table 4's gLaser and gCamera turn the readings into events; a real laser and camera publish the
+same.
 """
 
 from __future__ import annotations
@@ -14,46 +15,46 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sighting, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
+from minerva_services.physics.arena_state import ArenaState
 from minerva_services.physics.beam_model import BeamModel
-from minerva_services.physics.body import Command, Odometer, Outcome
-from minerva_services.physics.colliding import Collision, Teller
+from minerva_services.physics.body import DriveCommand, DriveOutcome, Odometer
+from minerva_services.physics.collision_events import Collision, CollisionEvents
+from minerva_services.physics.error_models import ErrorModels
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
-from minerva_services.physics.imperfect import Imperfection
 from minerva_services.physics.motion_model import MotionModel
 from minerva_services.physics.noise import Noise
 from minerva_services.physics.sighting_model import SightingModel
-from minerva_services.physics.stage import Stage
 
 
 class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
-    """Carries out the commands of each view in the tick that follows, and measures after it.
+    """Executes the commands of each view in the following tick, and then measures.
 
-    `eCollision(shortfall)` tells a robot that it was stopped, and how many of the metres that it
-    had commanded it did not drive; also by what and where, if the world's type has data for it: see
-    `minerva_services.physics.colliding`.
+    `eCollision(shortfall)` notifies a robot that it was stopped, with the commanded distance that
+    it did not drive; also by what and where, if the world's type declares such data: see
+    `minerva_services.physics.collision_events`.
 
     Args:
-        beams: of each robot's laser.
+        beams: number of beams of each robot's laser.
         fov: the laser's field of view in degrees, centred on the heading.
         range_max: the laser's range in metres.
         camera_fov: the camera's field of view in degrees, centred on the heading.
-        camera_range: in metres.
+        camera_range: the camera's range in metres.
         laser_noise: standard deviation of the laser's distances in metres.
-        laser_dropout: probability, 0 to 1, that a beam does not come back.
-        drive_noise: standard deviation of driven distances, relative to them.
+        laser_dropout: probability, 0 to 1, that a beam does not return.
+        drive_noise: standard deviation of driven distances, relative.
         turn_noise: standard deviation of turns in degrees.
         camera_noise: standard deviation of the camera's distances in metres.
         camera_angle_noise: standard deviation of the camera's angles in degrees.
-        alpha1: α1 of `motion_model`: turns by turning, in variances.
-        alpha2: turns by driving, rad²/m².
-        alpha3: ways by driving.
-        alpha4: ways by turning, m²/rad².
+        alpha1: α1 of `motion_model`: turn error from turning, as a variance.
+        alpha2: turn error from driving, rad²/m².
+        alpha3: distance error from driving.
+        alpha4: distance error from turning, m²/rad².
         laser_short: probability of a beam that ends before its obstacle, see `beam_model`.
         laser_decay: λ of these short ranges in 1/m.
-        laser_random: probability of a beam that measures anything.
-        camera_miss: probability that a marker in view is not recognised.
-        camera_mistake: probability that one which is recognised is taken for another.
+        laser_random: probability of a meaningless range.
+        camera_miss: probability that a visible marker is not recognised.
+        camera_mistake: probability that a recognised marker is taken for another.
 
     """
 
@@ -87,7 +88,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._range_max = _positive("range_max", range_max)
         self._camera_fov = _positive("camera_fov", camera_fov)
         self._camera_range = _positive("camera_range", camera_range)
-        self._errs = Imperfection(
+        self._errors = ErrorModels(
             Noise(
                 laser_noise,
                 laser_dropout,
@@ -103,36 +104,36 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._begin()
 
     def _begin(self) -> None:
-        self._stage = Stage()
-        self._commands: dict[str, Command] = {}
+        self._stage = ArenaState()
+        self._commands: dict[str, DriveCommand] = {}
         self._shown: int | None = None
         self._carried_out = -1
         self._stopped: dict[str, str] = {}
 
     def joined(self, world: WorldInfo) -> None:
-        self._teller = Teller("physics", world, "eCollision", "shortfall")
+        self._collision_events = CollisionEvents("physics", world, "eCollision", "shortfall")
         self._begin()
 
     def show(self, view: View) -> None:
-        """φ of the view: bodies, walls and markers now, commands in the next tick.
+        """φ of the view: set bodies, walls and markers now; commands run in the next tick.
 
-        An agent whose step does not count has no command: its body stays with it.
+        An agent whose step does not count gets no command: its body stays with it.
 
         Raises:
-            PhysicsError: something cannot stand where the view has it.
+            PhysicsError: something cannot stand where the view shows it.
 
         """
         seen = PhysicalGeometry()
         interpret(view.scene, seen)
         self._stage.set(seen)
         self._shown = view.frame
-        # A successor is shown the last view again, which its predecessor may have carried out.
+        # A successor receives the last view again, which its predecessor may have executed.
         new = view.frame > self._carried_out
         moving = {name for name in seen.robots if name not in view.halted} if new else set[str]()
         self._commands = {name: seen.robots[name].command for name in moving}
 
     def generate(self, tick: Tick) -> Iterable[Event]:
-        """Drive, then measure. Before the first view there is no world yet, and nothing of it."""
+        """Drive, then measure; nothing before the first view."""
         if self._shown is None:
             return ()
         outcomes = self._drive(tick)
@@ -144,11 +145,13 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         self._commands = {}
         stopped, self._stopped = self._stopped, {}
         return [
-            self._collision(commands[one.name], one, stopped) for one in outcomes if one.collided
+            self._collision(commands[outcome.name], outcome, stopped)
+            for outcome in outcomes
+            if outcome.collided
         ]
 
     def save(self) -> Mapping[str, Any]:
-        """All that the views do not tell: where bodies are, and which view was carried out."""
+        """State that views do not contain: poses of bodies, and the last executed view."""
         retired = self._stage.retired
         return {
             "arena": self._stage.arena.save(),
@@ -158,10 +161,10 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         }
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Go on from there; walls and markers come with the view that is shown next.
+        """Continue from a saved state; walls and markers come with the next view.
 
         Raises:
-            PhysicsError: the value is not what `save` returns.
+            PhysicsError: the value was not produced by `save`.
 
         """
         try:
@@ -170,21 +173,21 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             self._stage.retired = Odometer(float(driven), int(collisions))
             self._carried_out = int(saved["carried_out"])
             stopped = dict(saved.get("stopped", {}))
-            self._stopped = {str(one): str(by) for one, by in stopped.items()}
+            self._stopped = {str(name): str(by) for name, by in stopped.items()}
         except PhysicsError:
             raise
         except (KeyError, TypeError, ValueError) as error:
             raise PhysicsError(f"not the saved state of a physics world: {error!r}") from error
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """Metres driven and moves that were stopped, of all robots together."""
+        """Distance driven and stopped moves, over all robots."""
         total = self._stage.total()
         return {"distance_driven": round(total.driven_m, 6), "collisions": total.collisions}
 
-    def _drive(self, tick: Tick) -> tuple[Outcome, ...]:
+    def _drive(self, tick: Tick) -> tuple[DriveOutcome, ...]:
         arena, after = self._stage.arena, dict[str, float]()
         for name, command in sorted(self._commands.items()):
-            step = self._errs.on_drive(name, command.turn_deg, command.forward_m, tick)
+            step = self._errors.drive(name, command.turn_deg, command.forward_m, tick)
             arena.drive(name, step.turn_deg, step.forward_m)
             after[name] = step.after_deg
         outcomes = arena.step(tick.dt)
@@ -192,8 +195,10 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             arena.turn(name, turn)
         return outcomes
 
-    def _collision(self, command: Command, outcome: Outcome, before: Mapping[str, str]) -> Event:
-        """What a robot is told, and known to be stopped by; `before` is who was by what."""
+    def _collision(
+        self, command: DriveCommand, outcome: DriveOutcome, before: Mapping[str, str]
+    ) -> Event:
+        """The event for a stopped robot; `before` says what stopped whom in the previous tick."""
         touched = outcome.contact
         assert touched is not None
         name = outcome.name
@@ -208,21 +213,21 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
             touched.ny,
             begins=before.get(name) != touched.other,
         )
-        return self._teller.one(collision, name)
+        return self._collision_events.event(collision, name)
 
     def _scan(self, name: str, tick: Tick) -> Scan:
         distances = self._stage.arena.scan(
             name, self._beams, self._first, self._step, self._range_max
         )
-        measured = self._errs.on_scan(name, distances, self._range_max, tick)
+        measured = self._errors.scan(name, distances, self._range_max, tick)
         ranges = measured.astype(np.float32)
         return Scan(name, ranges, self._first, self._step, self._range_max, tick.time)
 
     def _sightings(self, name: str, tick: Tick) -> Sightings:
         visible = self._stage.arena.visible(name, self._camera_fov, self._camera_range)
         names = self._stage.arena.markers
-        measured = self._errs.on_sightings(name, visible, names, tick)
-        seen = tuple([Sighting(one.marker, one.dist_m, one.angle_deg) for one in measured])
+        measured = self._errors.recognised(name, visible, names, tick)
+        seen = tuple([Sighting(seen.marker, seen.dist_m, seen.angle_deg) for seen in measured])
         return Sightings(name, seen, tick.time)
 
 
@@ -232,9 +237,9 @@ def _positive(option: str, value: float) -> float:
 
 
 def _directions(beams: int, fov: float) -> tuple[float, float]:
-    """Direction of beam 0 and from one to the next in degrees, so that one looks ahead if it can.
+    """Direction of beam 0 and step in degrees, such that a beam points ahead if possible.
 
-    The beams at both edges of a full turn would be one and the same, so one of them is left out.
+    At a full turn both edges would coincide, so one of them is omitted.
     """
     if beams < 1:
         raise PhysicsError(f"physics, beams: expected 1 or more, found {beams}")
@@ -246,6 +251,6 @@ def _directions(beams: int, fov: float) -> tuple[float, float]:
     return (-fov / 2, fov / (beams - 1)) if beams > 1 else (0.0, 0.0)
 
 
-def _shortfall(command: Command, outcome: Outcome) -> float:
+def _shortfall(command: DriveCommand, outcome: DriveOutcome) -> float:
     """Metres of its own command, as it knows it, that a robot did not drive."""
     return max(0.0, abs(command.forward_m) - abs(outcome.moved_m))

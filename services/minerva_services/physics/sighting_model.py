@@ -1,8 +1,8 @@
-"""Markers that a camera misses, and markers that it takes for others.
+"""Errors of marker recognition: missed and confused markers.
 
-A detector's miss rate and its confusion of identities, as in the landmark models of Thrun, Burgard
-and Fox, Probabilistic Robotics (2005), section 6.6, with a detection probability and a signature
-that may be wrong.
+A miss rate and a confusion of identities, like the landmark models of Thrun, Burgard and Fox,
+Probabilistic Robotics (2005), section 6.6, with a detection probability and a signature that may be
+wrong.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from minerva_services.physics.sensors import Sighting
 
 @dataclass(frozen=True, slots=True)
 class SightingModel:
-    """Two probabilities for each marker in view.
+    """Two probabilities per visible marker.
 
     Attributes:
-        miss: that it is not recognised.
-        mistake: that one which is recognised is taken for another of the world's.
+        miss: it is not recognised.
+        mistake: it is recognised as another marker of the world.
 
     Raises:
-        PhysicsError: a value that is no probability.
+        PhysicsError: a value is not a probability.
 
     """
 
@@ -44,12 +44,12 @@ class SightingModel:
     def sample(
         self, sightings: Sequence[Sighting], names: Sequence[str], rng: np.random.Generator
     ) -> tuple[Sighting, ...]:
-        """What is recognised of some markers in view.
+        """The recognised subset of visible markers.
 
         Args:
-            sightings: those in view.
-            names: of all markers of the world, sorted; one alone cannot be mistaken.
-            rng: three values for each sighting are drawn from it.
+            sightings: visible markers.
+            names: names of all markers, sorted; a single marker cannot be confused.
+            rng: consumes three values per sighting.
 
         """
         draws = rng.random((len(sightings), 3)).tolist()

@@ -1,8 +1,8 @@
-"""When does a disc that moves along a line touch a segment? In closed form, without steps.
+"""When does a disc moving along a line touch a segment? In closed form.
 
-The disc shrinks to its centre and the segment grows by the disc's radius (`reach`): a capsule, made
-of two discs and a slab. The distance to a segment is convex along a line, so a point that does not
-approach at the start never will: what touches may always leave, and may always slide along.
+The disc shrinks to its centre and the segment grows by the disc's radius (`reach`) to a capsule:
+two discs and a slab. The distance to a segment is convex along a line, so a point that does not
+approach at the start never will: a touching body can always leave or slide along.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ Segment: TypeAlias = tuple[float, float, float, float]
 NEVER: Final = math.inf
 
 SLACK: Final = 1e-9
-"""Metres of overlap that count as touching: far above rounding, far below anything visible."""
+"""Overlap in metres that counts as touching: far above rounding, far below anything visible."""
 
 
 def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
-    """The fraction of a move at which a disc is stopped by a segment.
+    """Fraction of a move at which a disc is stopped by a segment.
 
     Args:
         start: the disc's centre in metres.
         move: its displacement in metres.
-        wall: `ax, ay, bx, by` in metres; a point (another disc's centre) where both ends are equal.
-        reach: the distance at which the two touch, in metres.
+        wall: `ax, ay, bx, by` in metres; a point (another disc's centre) if both ends are equal.
+        reach: distance at which the two touch, in metres.
 
     Returns:
-        0 to 1, or `NEVER` where the move never goes deeper than `SLACK`. Without that allowance,
-        rounding would let a disc that slides along a wall stick at the joint of two segments.
+        0 to 1, or `NEVER` if the move never penetrates deeper than `SLACK`. Without that tolerance,
+          rounding would make a disc that slides along a wall stick at the joint of two segments.
 
     """
     deep = _entry(start, move, wall, reach - SLACK)
@@ -40,7 +40,7 @@ def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
 
 
 def offset(point: Point, wall: Segment) -> Point:
-    """The vector in metres from the nearest point of a segment to a point."""
+    """Vector in metres from the nearest point of a segment to a point."""
     ax, ay, bx, by = wall
     px, py, lx, ly = point[0] - ax, point[1] - ay, bx - ax, by - ay
     square = lx * lx + ly * ly
@@ -49,7 +49,7 @@ def offset(point: Point, wall: Segment) -> Point:
 
 
 def _entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
-    """The fraction of the move at which a point enters the capsule, or `NEVER`."""
+    """Fraction of the move at which a point enters the capsule, or `NEVER`."""
     away = offset(start, wall)
     if portable.hypot(*away) < reach:
         return 0.0 if away[0] * move[0] + away[1] * move[1] < 0 else NEVER
@@ -69,7 +69,7 @@ def _disc_entry(start: Point, move: Point, centre: Point, reach: float) -> float
     root = approach * approach - (move[0] * move[0] + move[1] * move[1]) * gap
     if root < 0:
         return NEVER
-    # The smaller root in the form that does not subtract nearly equal numbers.
+    # The smaller root, in the form that avoids cancellation.
     return _within_move(gap / (approach + math.sqrt(root)))
 
 
@@ -85,7 +85,7 @@ def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float
         height, climb = -height, -climb
     if climb >= 0:
         return NEVER
-    part = max(0.0, (height - reach) / -climb)  # By rounding, a height may be under the distance.
+    part = max(0.0, (height - reach) / -climb)  # rounding may put height below reach
     along = (x + part * move[0]) * ux + (y + part * move[1]) * uy
     return _within_move(part) if 0 <= along <= length else NEVER
 

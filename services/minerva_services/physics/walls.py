@@ -1,4 +1,4 @@
-"""From an occupancy matrix to wall segments: the outline of its free cells."""
+"""Wall segments from an occupancy matrix: the outline of its free cells."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def wall_segments(
     y: float = 0.0,
     angle: float = 0.0,
 ) -> Segments:
-    """The edges between free and solid cells, collinear runs merged.
+    """The edges between free and solid cells, with collinear runs merged.
 
     Args:
-        cells: (rows, columns), rows along x, columns along y; 0 is free, every other value
-            (100 occupied, -1 unknown) is solid, and so is all that lies outside the matrix.
+        cells: (rows, columns), rows along x, columns along y; 0 is free, every other value (100
+          occupied, -1 unknown) and everything outside the matrix is solid.
         resolution: side of a cell in metres.
         x: world x of the matrix' lower-left corner in metres.
         y: world y of that corner in metres.
-        angle: turn of the matrix about that corner in degrees, counter-clockwise.
+        angle: rotation of the matrix about that corner in degrees, counter-clockwise.
 
     Returns:
-        (n, 4) rows `ax, ay, bx, by` in metres. Free space lies on the left of a → b.
+        (n, 4) rows `ax, ay, bx, by` in metres. Free space lies to the left of a → b.
 
     Raises:
-        PhysicsError: the matrix is not two-dimensional, or a number cannot be used.
+        PhysicsError: the matrix is not two-dimensional, or a number is invalid.
 
     """
     if cells.ndim != 2:
@@ -62,7 +62,7 @@ def _runs(steps: NDArray[np.int8]) -> NDArray[np.int64]:
 
 
 def _on_rows(runs: NDArray[np.int64]) -> Segments:
-    """Segments at a constant x; where free space begins towards +x they point to -y."""
+    """Segments at constant x; they point to -y where free space begins towards +x."""
     line, start, end = runs[:, 0], runs[:, 1], runs[:, 2]
     rising = runs[:, 3] > 0
     first, last = np.where(rising, end, start), np.where(rising, start, end)
@@ -70,7 +70,7 @@ def _on_rows(runs: NDArray[np.int64]) -> Segments:
 
 
 def _on_columns(runs: NDArray[np.int64]) -> Segments:
-    """Segments at a constant y; where free space begins towards +y they point to +x."""
+    """Segments at constant y; they point to +x where free space begins towards +y."""
     line, start, end = runs[:, 0], runs[:, 1], runs[:, 2]
     rising = runs[:, 3] > 0
     first, last = np.where(rising, start, end), np.where(rising, end, start)
@@ -78,7 +78,7 @@ def _on_columns(runs: NDArray[np.int64]) -> Segments:
 
 
 def _placed(segments: Segments, x: float, y: float, angle: float) -> Segments:
-    """The segments turned by `angle` degrees about the origin, then shifted by (x, y)."""
+    """The segments, rotated by `angle` degrees about the origin and shifted by (x, y)."""
     cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
     along, across = segments[:, 0::2], segments[:, 1::2]
     placed = np.empty_like(segments)

@@ -10,7 +10,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.types import Degrees, Metres
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.services import Generator, Tick, WorldInfo
-from minerva_services.making import Maker
+from minerva_services.event_factory import EventFactory
 
 
 class Camera(Generator, events=("eCamera",)):
@@ -50,7 +50,7 @@ class Camera(Generator, events=("eCamera",)):
 
     def joined(self, world: WorldInfo) -> None:
         data = {"marker": str, "dist": Metres, "angle": Degrees}
-        self._marker = Maker("camera", world, self._event, **data)
+        self._marker = EventFactory("camera", world, self._event, **data)
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         for image in tick.readings:

@@ -26,7 +26,7 @@ from minerva_bus.grammar.types import Degrees, Metres, Seconds
 from minerva_bus.world.beams import Reals, hits, no_returns
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.services import Generator, Tick, WorldInfo
-from minerva_services.making import Maker, event_type
+from minerva_services.event_factory import EventFactory, event_type
 
 
 class Laser(Generator, events=("eLaser",)):
@@ -91,9 +91,11 @@ class Laser(Generator, events=("eLaser",)):
         declared = event_type("laser", world, self._event).fields.names
         self._timed = "time" in declared
         time = {"time": Seconds} if self._timed else {}
-        self._obstacle = Maker("laser", world, self._event, dist=Metres, angle=Degrees, **time)
+        self._obstacle = EventFactory(
+            "laser", world, self._event, dist=Metres, angle=Degrees, **time
+        )
         if self._clear:
-            self._free = Maker("laser", world, self._clear, dist=Metres, angle=Degrees)
+            self._free = EventFactory("laser", world, self._clear, dist=Metres, angle=Degrees)
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         for scan in tick.readings:
@@ -110,7 +112,7 @@ class Laser(Generator, events=("eLaser",)):
                 yield from _events(self._free, scan, open_beams)
 
 
-def _events(maker: Maker, scan: Scan, columns: tuple[Reals, ...]) -> Iterator[AnyEvent]:
+def _events(maker: EventFactory, scan: Scan, columns: tuple[Reals, ...]) -> Iterator[AnyEvent]:
     """An event for each beam, from columns of its data, (n,) each."""
     if len(columns[0]) >= MANY:
         yield maker.many(columns, scan.robot)

@@ -17,7 +17,7 @@ from minerva_services.bridges.mqtt.publication import publications_of
 from minerva_services.bridges.mqtt.rule import checked_qos, rules_of
 from minerva_services.bridges.mqtt.traffic import Traffic
 from minerva_services.bridging import Bridge
-from minerva_services.making import event_type
+from minerva_services.event_factory import event_type
 
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage

@@ -27,7 +27,7 @@ from minerva_services.bridges.ros2.session import Session
 from minerva_services.bridges.ros2.steering import Limits, driven
 from minerva_services.bridges.ros2.stepping import Stepper
 from minerva_services.bridges.ros2.telling import Teller
-from minerva_services.making import Maker
+from minerva_services.event_factory import EventFactory
 from minerva_services.sensors.playing import checked_offset
 
 _GLANCE: Final = 0.005
@@ -182,7 +182,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
     def joined(self, world: WorldInfo) -> None:
         """Raises MisuseError where rosbags is missing, or the world has no such event."""
         messages()
-        self._collision = Maker("ros2_robot", world, "eCollision", shortfall=Metres)
+        self._collision = EventFactory("ros2_robot", world, "eCollision", shortfall=Metres)
         self._begin()
         period = 1.0 / self._rate
         self._link = Link(self._network, "minerva_motors", self._declare, self._beat, period)

@@ -32,7 +32,7 @@ from minerva_services.bridges.ros2.session import Session
 from minerva_services.bridges.ros_messages import Frames, GarbageError, Mounting, images, readings
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import Said
-from minerva_services.making import Maker
+from minerva_services.event_factory import EventFactory
 from minerva_services.sensors.playing import NOT_CORRECTED, checked_offset
 
 _WAITING: Final = 100
@@ -137,7 +137,7 @@ class Ros2(Bridge):
         messages()
         if self._map:
             data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
-            self._makes_map = Maker("ros2", world, self._map_event, **data)
+            self._makes_map = EventFactory("ros2", world, self._map_event, **data)
 
     def generates(self) -> tuple[str, ...]:
         """The type of the events that maps are."""

@@ -16,7 +16,7 @@ from minerva_services.bridges.spade.addresses import Addresses
 from minerva_services.bridges.spade.mail import Clock, Garbage, Mail, Mailbox, event_of, metadata_of
 from minerva_services.bridges.spade.session import Letter, Server, Session, check_library
 from minerva_services.bridging import Bridge
-from minerva_services.making import event_type
+from minerva_services.event_factory import event_type
 
 WAITING: Final = 10_000
 """Messages that wait for the server, at most; more are dropped."""

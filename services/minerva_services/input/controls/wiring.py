@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
+from minerva_services.event_factory import event_type
 from minerva_services.input.controls.binding import Binding, only_datum
-from minerva_services.making import event_type
 
 
 @dataclass(frozen=True, slots=True)

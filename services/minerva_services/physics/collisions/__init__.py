@@ -1,4 +1,4 @@
-"""Who touches whom: collisions from the geometry of the scene, as events (section 5)."""
+"""Collisions from the geometry of the scene, as events (section 5)."""
 
 from minerva_services.physics.collisions.service import Collisions
 

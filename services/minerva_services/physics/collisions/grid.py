@@ -1,7 +1,7 @@
-"""Pairs of boxes that may meet: a uniform grid, so that not all pairs are looked at.
+"""Broad phase: candidate pairs of boxes from a uniform grid, without testing all pairs.
 
-Each box is entered in all cells that it reaches into; two meet in a cell, or not at all. Cells are
-about as large as boxes, so that few are in one.
+Each box is entered into all cells that it overlaps; boxes that meet share a cell. Cells are about
+the size of boxes, so that few boxes share one.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _ENTRIES: Final = 16
-"""So many cells for each box, on average, are too many: then cells are made larger."""
+"""Maximum mean number of cells per box; above it, cells are enlarged."""
 _FAR: Final = 2.0**30
-"""Boxes farther out than so many cells are in the outermost ones."""
+"""Boxes beyond this many cells from the origin are put into the outermost cells."""
 
 
 @dataclass(frozen=True, slots=True)
 class Boxes:
-    """n upright boxes; (n, 2) metres each."""
+    """n axis-aligned boxes; corners of shape (n, 2) in metres."""
 
     lower: Floats
     upper: Floats
@@ -32,37 +32,40 @@ class Boxes:
         return len(self.lower)
 
     def take(self, rows: Rows) -> Boxes:
-        """Some of them."""
+        """The boxes of these rows."""
         return Boxes(self.lower[rows], self.upper[rows])
 
 
 def pairs_among(boxes: Boxes) -> tuple[Rows, Rows]:
-    """All pairs of boxes that overlap or touch, each once, the lesser row first; in order."""
-    one, other = pairs_between(boxes, boxes)
-    once = np.flatnonzero(one < other)
-    return one[once], other[once]
+    """All pairs of boxes that overlap or touch, each once, lower row first, in order."""
+    first, second = pairs_between(boxes, boxes)
+    unique = np.flatnonzero(first < second)
+    return first[unique], second[unique]
 
 
-def pairs_between(some: Boxes, others: Boxes) -> tuple[Rows, Rows]:
-    """All pairs of a box of some and one of others that overlap or touch; in order."""
-    if not len(some) or not len(others):
+def pairs_between(boxes: Boxes, others: Boxes) -> tuple[Rows, Rows]:
+    """All pairs between two sets of boxes that overlap or touch, in order."""
+    if not len(boxes) or not len(others):
         return np.zeros(0, np.intp), np.zeros(0, np.intp)
-    cell = _cell(some, others)
-    here, there = _Entries.of(some, cell), _Entries.of(others, cell)
-    one, other = _in_one_cell(here, there)
-    corner = np.maximum(here.lowest[one], there.lowest[other])
-    first = (corner == here.at[one]) & (corner == here.at[one])
-    one, other = here.box[one], there.box[other]
-    meet = (some.lower[one] <= others.upper[other]) & (others.lower[other] <= some.upper[one])
-    kept = np.flatnonzero(first.all(axis=1) & meet.all(axis=1))
-    one, other = one[kept], other[kept]
-    order = np.lexsort((other, one))
-    return one[order], other[order]
+    cell = _cell(boxes, others)
+    here, there = _Entries.of(boxes, cell), _Entries.of(others, cell)
+    first, second = _in_one_cell(here, there)
+    # A pair that shares several cells counts in one of them only: the lowest that both overlap.
+    corner = np.maximum(here.lowest[first], there.lowest[second])
+    unique = corner == here.at[first]
+    first, second = here.box[first], there.box[second]
+    meet = (boxes.lower[first] <= others.upper[second]) & (
+        others.lower[second] <= boxes.upper[first]
+    )
+    kept = np.flatnonzero(unique.all(axis=1) & meet.all(axis=1))
+    first, second = first[kept], second[kept]
+    order = np.lexsort((second, first))
+    return first[order], second[order]
 
 
 @dataclass(frozen=True, slots=True)
 class _Entries:
-    """Boxes in cells: which box, in which cell (n, 2), and the box's lowest cell (n, 2)."""
+    """Boxes by cell: the box, its cell (n, 2), and the lowest cell of the box (n, 2)."""
 
     box: Rows
     at: Rows
@@ -80,7 +83,7 @@ class _Entries:
 
     @property
     def keys(self) -> NDArray[np.int64]:
-        """One number for each cell."""
+        """One integer per cell."""
         return (self.at[:, 0].astype(np.int64) << 32) + self.at[:, 1]
 
 
@@ -92,12 +95,12 @@ def _cells(boxes: Boxes, cell: float) -> tuple[Rows, Rows]:
     return low, high
 
 
-def _cell(some: Boxes, others: Boxes) -> float:
-    """The side of a cell: twice the middle one of the smaller party's sizes, or more."""
-    sizes = (some.upper - some.lower).max(axis=1)
+def _cell(boxes: Boxes, others: Boxes) -> float:
+    """Side of a cell: at least twice the median size of the first set."""
+    sizes = (boxes.upper - boxes.lower).max(axis=1)
     cell = 2.0 * float(np.median(sizes)) or 1.0
-    enough = _ENTRIES * (len(some) + len(others))
-    while _entries(some, cell) + _entries(others, cell) > enough:
+    enough = _ENTRIES * (len(boxes) + len(others))
+    while _entries(boxes, cell) + _entries(others, cell) > enough:
         cell *= 2.0
     return cell
 
@@ -108,13 +111,13 @@ def _entries(boxes: Boxes, cell: float) -> float:
     return float((wide[:, 0] * wide[:, 1]).sum())
 
 
-def _in_one_cell(some: _Entries, others: _Entries) -> tuple[Rows, Rows]:
-    """Pairs of entries that are in the same cell."""
+def _in_one_cell(boxes: _Entries, others: _Entries) -> tuple[Rows, Rows]:
+    """Pairs of entries in the same cell."""
     keys = others.keys
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
-    begin, end = (np.searchsorted(keys, some.keys, side) for side in ("left", "right"))
+    begin, end = (np.searchsorted(keys, boxes.keys, side) for side in ("left", "right"))
     counts = end - begin
-    one = np.repeat(np.arange(len(counts)), counts)
-    nth = np.arange(len(one)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return one, order[begin[one] + nth]
+    first = np.repeat(np.arange(len(counts)), counts)
+    nth = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return first, order[begin[first] + nth]

@@ -1,8 +1,8 @@
-"""Collisions: who touches whom, found by running the view in a geometry of bounding volumes.
+"""Collision detection: contacts between agents and scenery, from bounding volumes of the view.
 
 "The event generator of this type would calculate the collisions between elements by extracting the
 scene geometry ... Then, it would generate the events needed to react to such collisions" (section
-5). It moves nobody: what a collision does to an agent is up to the agent's λ.
+5). It moves nothing: the effect of a collision on an agent is up to the agent's λ.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.semantics.volumes import Bodies, Texts, Volumes
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_services.physics.colliding import Teller
+from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Owners, Pair, contacts
-from minerva_services.physics.collisions.memory import Contact, Memory
+from minerva_services.physics.collisions.history import ContactMemory, ContactPair
 from minerva_services.physics.collisions.touching import Touches
 
 
 class Collisions(Device, Generator, coupled=True):
-    """Looks at what agents and scenery occupy, and tells each, in the next frame, what it touches.
+    """Detects contacts in views, and notifies each agent in the next frame.
 
-    The view is what can be touched: discs, lines as wide as they are, and the cells of matrices
-    that have a height. What agents show in it is theirs; in populations, and where agents are in
+    The view shows what can be touched: discs, lines with their width, and the cells of matrices
+    that have a height. What an agent shows belongs to it; in populations, and where agents are in
     the scope of others, figures carry the agent's id, `PBody(who=self.id)`.
 
-    Two agents that touch are told both, each in its own words; agents whose kind does not subscribe
-    to the event type hear nothing. Of several things touched, scenery comes first, and then agents
-    in the order of the string. For the data see `minerva_services.physics.colliding`.
+    Both agents of a pair are notified, each from its own point of view; agents whose kind does not
+    subscribe to the event type receive nothing. Several contacts of one agent are ordered: scenery
+    first, then agents in the order of the string. For the data see
+    `minerva_services.physics.collision_events`.
 
     Args:
-        event: the type of what agents are told.
+        event: the event type of notifications.
         draws: the visual event type of the views.
-        every: frames from one view to the next. With 1 agents hear in each frame where they were
-            one frame ago; with 2 they look in one frame and move in the next.
-        persist: tell a collision in each view in which it lasts, and not only when it begins.
-        ignore: pairs that do not count, each a list of two kinds of agents or primitives; `*` is
-            anything.
+        every: frames between views. With 1, agents receive contacts of the previous frame; with 2
+          they look in one frame and move in the next.
+        persist: notify in each view while a contact lasts, not only when it begins.
+        ignore: pairs to skip, each a list of two agent kinds or primitives; `*` matches anything.
         who: the name of the agent's id in the view.
 
     """
@@ -63,7 +63,7 @@ class Collisions(Device, Generator, coupled=True):
         self._persist = persist
         self._ignored = _pairs(ignore)
         self._who = who
-        self._memory = Memory()
+        self._memory = ContactMemory()
         self._count = 0
         self._shown: int | None = None
 
@@ -71,84 +71,86 @@ class Collisions(Device, Generator, coupled=True):
         return (self._event,)
 
     def joined(self, world: WorldInfo) -> None:
-        self._teller = Teller("collisions", world, self._event)
+        self._collision_events = CollisionEvents("collisions", world, self._event)
         self._bodies = Bodies(world.vocabulary, self._who)
         _check_known(self._ignored, world)
 
     def show(self, view: View) -> None:
-        """Reckon at once, while the others are still at the frame that shows this."""
+        """Compute immediately, in parallel with the members that still work on this frame."""
         try:
             self._volumes = self._bodies.volumes(view.skeleton, view.parts)
         except MisuseError as error:
             raise MisuseError(f"collisions: {error}") from None
         self._owners = Owners.among(self._volumes)
-        self._found = contacts(self._volumes, self._owners, self._ignored)
+        self._touches = contacts(self._volumes, self._owners, self._ignored)
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         if self._shown is None or self._shown != tick.number - 1:
             return ()
         found, begins = self._since()
-        if not len(found.one):
+        if not len(found.first):
             return ()
         owners, volumes = self._volumes.owners, self._volumes
-        receivers = Ids.of(owners[found.one].tolist())
-        return (self._teller.many(_data(volumes, found, begins), receivers),)
+        receivers = Ids.of(owners[found.first].tolist())
+        return (self._collision_events.events(_data(volumes, found, begins), receivers),)
 
     def save(self) -> Mapping[str, Any]:
-        """What touches, which the next view does not tell."""
+        """The current contacts, which the next view does not contain."""
         return {"touching": self._memory.save(), "count": self._count}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Go on from there. Raises MisuseError where the value is not what `save` returns."""
+        """Continue from a saved state. Raises MisuseError for other values."""
         try:
-            self._memory = Memory.restored(saved["touching"])
+            self._memory = ContactMemory.restored(saved["touching"])
             self._count = int(saved["count"])
         except (KeyError, TypeError, ValueError) as error:
             raise MisuseError(f"collisions: not a saved state: {error!r}") from error
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """How many collisions have begun; that of two agents is one."""
+        """Number of collisions that began; a pair of agents counts once."""
         return {"collisions": self._count}
 
     def _since(self) -> tuple[Touches, np.ndarray[Any, np.dtype[np.bool_]]]:
-        """The contacts to tell, and which of them begin."""
-        found, owners = self._found, self._volumes.owners
-        several = zip(
-            owners[found.one].tolist(),
-            owners[found.other].tolist(),
-            *found.normal.T.tolist(),
-            strict=True,
-        )
-        now = [Contact(*one) for one in several]
-        begins = np.array([not self._memory.knows(one) for one in now], np.bool_)
-        self._memory = Memory(now)
-        begun = [one for one, new in zip(now, begins.tolist(), strict=True) if new]
-        self._count += sum(not one.other or one.agent < one.other for one in begun)
+        """The contacts to report, and which of them begin."""
+        touches, owners = self._touches, self._volumes.owners
+        now = [
+            ContactPair(agent, other, nx, ny)
+            for agent, other, (nx, ny) in zip(
+                owners[touches.first].tolist(),
+                owners[touches.second].tolist(),
+                touches.normal.tolist(),
+                strict=True,
+            )
+        ]
+        begins = np.array([not self._memory.knows(contact) for contact in now], np.bool_)
+        self._memory = ContactMemory(now)
+        new = [contact for contact, begin in zip(now, begins.tolist(), strict=True) if begin]
+        self._count += sum(not contact.other or contact.agent < contact.other for contact in new)
         if self._persist:
-            return found, begins
-        told = np.flatnonzero(begins)
-        return found.take(told), begins[told]
+            return touches, begins
+        new_rows = np.flatnonzero(begins)
+        return touches.take(new_rows), begins[new_rows]
 
 
 def _check_known(ignored: Iterable[Pair], world: WorldInfo) -> None:
-    """Refuse names that nothing can have. Raises MisuseError."""
+    """Check that all names exist. Raises MisuseError."""
     known = {ANYTHING, *world.vocabulary.kinds, *world.vocabulary.primitives}
     for name in (name for pair in ignored for name in pair):
         if name not in known:
             raise MisuseError(
-                f"collisions: ignore has {name}, which is no kind of agents and no primitive of"
+                f"collisions: ignore has {name}, which is neither an agent kind nor a primitive of"
                 f" the world {world.world!r}{nearest(name, sorted(known))}"
             )
 
 
 def _data(volumes: Volumes, found: Touches, begins: Any) -> Mapping[str, Any]:
-    """All that can be told, in columns."""
-    others: Texts = volumes.owners[found.other]
+    """All available data, as columns."""
+    others: Texts = volumes.owners[found.second]
     return {
         "shortfall": 0.0,
         "other": others,
-        "what": volumes.symbols[found.other],
+        "what": volumes.symbols[found.second],
         "x": found.point[:, 0],
         "y": found.point[:, 1],
         "nx": found.normal[:, 0],
@@ -159,14 +161,14 @@ def _data(volumes: Volumes, found: Touches, begins: Any) -> Mapping[str, Any]:
 
 
 def _pairs(ignore: Iterable[Any]) -> tuple[Pair, ...]:
-    """The pairs of an option. Raises MisuseError."""
-    found: list[Pair] = []
-    for one in [ignore] if isinstance(ignore, str) else ignore:
-        names = list(one) if isinstance(one, list | tuple) else [one]
+    """The pairs of the option `ignore`. Raises MisuseError."""
+    pairs: list[Pair] = []
+    for entry in [ignore] if isinstance(ignore, str) else ignore:
+        names = list(entry) if isinstance(entry, list | tuple) else [entry]
         if len(names) != 2 or not all(isinstance(name, str) for name in names):
             raise MisuseError(
-                f"collisions: ignore has {one!r}; expected pairs of kinds of agents or primitives,"
+                f"collisions: ignore has {entry!r}; expected pairs of agent kinds or primitives,"
                 ' [["ACar", "ACar"], ["AGhost", "*"]]'
             )
-        found.append((names[0], names[1]))
-    return tuple(found)
+        pairs.append((names[0], names[1]))
+    return tuple(pairs)

@@ -1,9 +1,9 @@
-"""Do two convex volumes touch, where, and how deep? Many pairs at once.
+"""Narrow phase: contact, depth and normal of pairs of convex volumes, vectorised.
 
-A volume is all within a radius of its core: a point, a segment or a convex polygon. Two touch where
-their cores are no farther apart than both radii. Cores that overlap are told by the separating axis
-theorem, which also gives the shortest way apart; all others by the nearest of their corners and
-edges, of which one is a corner.
+A volume is the set of points within a radius of its core: a point, a segment or a convex polygon.
+Two volumes touch if their cores are no farther apart than the sum of the radii. Overlapping cores
+are detected by the separating axis theorem, which also gives the shortest way out; all other pairs
+by their nearest corners and edges, at least one of which is a corner.
 """
 
 from __future__ import annotations
@@ -21,58 +21,63 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 SLACK: Final = 1e-9
-"""Metres apart that count as touching: far above rounding, far below anything visible."""
+"""Gap in metres that still counts as touching: far above rounding, far below anything visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touches:
-    """n pairs of volumes that touch.
+    """n pairs of touching volumes.
 
     Attributes:
-        one, other: (n,) rows of the volumes.
-        point: (n, 2) metres, in the middle of where they overlap.
-        normal: (n, 2) of length 1: the shortest way for `one` out of `other`.
+        first, second: (n,) rows of the volumes.
+        point: (n, 2) metres, the middle of the overlap.
+        normal: (n, 2), unit vectors: the shortest way for `first` out of `second`.
         depth: (n,) metres of that way; 0 where they just touch.
 
     """
 
-    one: Rows
-    other: Rows
+    first: Rows
+    second: Rows
     point: Floats
     normal: Floats
     depth: Floats
 
     def take(self, rows: Rows) -> Touches:
-        """Some of them."""
+        """The pairs of these rows."""
         return Touches(
-            self.one[rows], self.other[rows], self.point[rows], self.normal[rows], self.depth[rows]
+            self.first[rows],
+            self.second[rows],
+            self.point[rows],
+            self.normal[rows],
+            self.depth[rows],
         )
 
     def turned(self, where: NDArray[np.bool_]) -> Touches:
-        """The same, seen from the other side where the mask says so."""
-        one, other = np.where(where, self.other, self.one), np.where(where, self.one, self.other)
+        """The pairs with both sides swapped where the mask is set."""
+        first = np.where(where, self.second, self.first)
+        second = np.where(where, self.first, self.second)
         normal = np.where(where[:, None], 0.0 - self.normal, self.normal)
-        return Touches(one, other, self.point, normal, self.depth)
+        return Touches(first, second, self.point, normal, self.depth)
 
 
-def touches(volumes: Volumes, one: Rows, other: Rows) -> Touches:
-    """Those of some pairs of volumes that touch, in their order."""
-    point, normal = np.zeros((len(one), 2)), np.zeros((len(one), 2))
-    depth = np.full(len(one), -1.0)
-    with np.errstate(over="ignore", invalid="ignore"):  # too far apart to be squared: no touch
-        for rows in _alike(volumes.sizes[one], volumes.sizes[other]):
-            mine, theirs = one[rows], other[rows]
-            found = _touch(
-                volumes.cores(mine),
-                volumes.cores(theirs),
-                volumes.radius[mine],
-                volumes.radius[theirs],
+def touches(volumes: Volumes, first: Rows, second: Rows) -> Touches:
+    """Those pairs of volumes that touch, in order."""
+    point, normal = np.zeros((len(first), 2)), np.zeros((len(first), 2))
+    depth = np.full(len(first), -1.0)
+    with np.errstate(over="ignore", invalid="ignore"):  # overflow: too far apart to touch
+        for rows in _alike(volumes.sizes[first], volumes.sizes[second]):
+            left, right = first[rows], second[rows]
+            contact = _touch(
+                volumes.cores(left),
+                volumes.cores(right),
+                volumes.radius[left],
+                volumes.radius[right],
             )
-            point[rows], normal[rows], depth[rows] = found
+            point[rows], normal[rows], depth[rows] = contact
     kept = np.flatnonzero(depth >= -SLACK)
-    # Adding 0 makes one zero of both, so that they print the same.
+    # Adding 0.0 turns -0.0 into 0.0, so that both print the same.
     deep = np.maximum(depth[kept], 0.0) + 0.0
-    return Touches(one[kept], other[kept], point[kept] + 0.0, normal[kept] + 0.0, deep)
+    return Touches(first[kept], second[kept], point[kept] + 0.0, normal[kept] + 0.0, deep)
 
 
 def _alike(sizes: Rows, others: Rows) -> Iterator[Rows]:
@@ -85,7 +90,7 @@ def _alike(sizes: Rows, others: Rows) -> Iterator[Rows]:
 def _touch(
     mine: Floats, theirs: Floats, my_radius: Floats, their_radius: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Contact points, normals from them to me and depths of pairs of cores of shape (n, k, 2)."""
+    """Contact points, normals and depths of pairs of cores of shape (n, k, 2)."""
     apart, near, far = _nearest(mine, theirs)
     inside, way, deep = _overlap(mine, theirs)
     within = (inside > -np.inf) & (inside < 0)
@@ -101,7 +106,7 @@ def _touch(
 
 
 def _nearest(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
-    """Distances of the outlines of cores, and the nearest points, mine and theirs."""
+    """Distances between the outlines of cores, and the nearest points on both."""
     forth, corner, foot = _corner_to_edge(mine, theirs)
     back, far_corner, near_foot = _corner_to_edge(theirs, mine)
     mine_first = forth <= back
@@ -111,7 +116,10 @@ def _nearest(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _corner_to_edge(corners: Floats, core: Floats) -> tuple[Floats, Floats, Floats]:
-    """The least squared distance of some corners from a core's edges; that corner, its foot."""
+    """Squared distance from a core's edges to the nearest of the corners.
+
+    That corner and its foot.
+    """
     edge = (np.roll(core, -1, axis=1) - core)[:, None]
     way = corners[:, :, None] - core[:, None]
     square = _dot(edge, edge)
@@ -125,10 +133,10 @@ def _corner_to_edge(corners: Floats, core: Floats) -> tuple[Floats, Floats, Floa
 
 
 def _overlap(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
-    """How far cores are apart along the axis that separates them best; below 0 they overlap.
+    """Signed distance of cores along the best separating axis; negative where they overlap.
 
-    Also the way of mine out of theirs along it, and the point of mine that is deepest in theirs.
-    Minus infinity and any way where no core has an edge.
+    Also the direction out of the other core along that axis, and the deepest point of this core.
+    Minus infinity and an arbitrary direction where no core has an edge.
     """
     by_mine, out_of_mine, their_corner = _separation(mine, theirs)
     by_theirs, out_of_theirs, my_corner = _separation(theirs, mine)
@@ -141,7 +149,10 @@ def _overlap(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _separation(core: Floats, other: Floats) -> tuple[Floats, Floats, Floats]:
-    """The best of a core's axes: how far the other one is beyond, that axis, the nearest corner."""
+    """The best axis of a core.
+
+    Distance of the other core beyond it, the axis, the nearest corner.
+    """
     edge = np.roll(core, -1, axis=1) - core
     length = np.sqrt(_dot(edge, edge))
     outward = np.stack((edge[..., 1], 0.0 - edge[..., 0]), axis=-1)
@@ -162,10 +173,10 @@ def _separation(core: Floats, other: Floats) -> tuple[Floats, Floats, Floats]:
 def _to_middle(
     first: Floats, way: Floats, face: Floats, other: Floats, level: NDArray[np.bool_]
 ) -> Floats:
-    """From the first of some corners, which are `level` along a way, to their middle on a face.
+    """Offset from the first of the corners that are `level` along a direction to their middle.
 
-    Nothing where there is one: two are level where an edge lies along the face, and then the first
-    may be beyond its end.
+    Zero for a single corner. Two are level where an edge lies along the face; the first may then
+    lie beyond the end of the face.
     """
     along = np.stack((0.0 - way[:, 1], way[:, 0]), axis=-1)[:, None]
     places = _dot(along, other - first[:, None])
@@ -176,6 +187,6 @@ def _to_middle(
     return np.where(several, (low + high) / 2, 0.0)[:, None] * along[:, 0]
 
 
-def _dot(one: Floats, other: Floats) -> Floats:
-    """Products of vectors along the last axis, added in one order on every machine."""
-    return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1]
+def _dot(first: Floats, second: Floats) -> Floats:
+    """Dot products along the last axis, summed in the same order on every machine."""
+    return first[..., 0] * second[..., 0] + first[..., 1] * second[..., 1]

@@ -1,4 +1,4 @@
-"""Who is near whom: what agents see of one another, as events."""
+"""Neighbours: what agents perceive of each other, as events."""
 
 from minerva_services.physics.neighbours.service import Neighbours
 

@@ -1,4 +1,4 @@
-"""What agents are told of their neighbours on a lattice: how many of them are of which kind."""
+"""Neighbourhoods on a lattice: number of neighbours and their kinds."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ HOODS = ("moore", "von neumann")
 
 
 class Lattice:
-    """Cells 0 to width - 1 and 0 to height - 1, each with a neighbourhood.
+    """Cells 0 to width - 1 by 0 to height - 1 and their neighbourhoods.
 
     Args:
         width: in cells.
         height: in cells.
-        reach: how many cells a neighbourhood reaches.
-        hood: moore, a square; or von neumann, as many steps along the axes.
-        periodic: whether opposite edges are one.
+        reach: radius of a neighbourhood in cells.
+        hood: moore (a square) or von neumann (limited Manhattan distance).
+        periodic: whether opposite edges are connected.
 
     """
 
     def __init__(
         self, width: float, height: float, reach: float, hood: str, periodic: bool
     ) -> None:
-        self._size = _whole("width", width), _whole("height", height)
-        self._reach = reach = _whole("radius", reach)
+        self._size = _cells_of("width", width), _cells_of("height", height)
+        self._reach = reach = _cells_of("radius", reach)
         if periodic and min(self._size) <= 2 * reach:
             raise MisuseError(
                 f"neighbours: width and height of a periodic lattice are {width} and {height};"
@@ -50,21 +50,24 @@ class Lattice:
         self._kinds: tuple[Array, list[Array]] | None = None
 
     def cells(self, spots: Spots) -> Array:
-        """The number of each agent's cell. Raises MisuseError for one that is in none."""
-        found = []
+        """Cell index of each agent. Raises MisuseError for one outside the lattice."""
+        indices = []
         for name, at, size in zip("xy", (spots.x, spots.y), self._size, strict=True):
             whole = at.astype(np.int64, copy=False)
             if len(at) and (whole.min() < 0 or whole.max() >= size or (whole != at).any()):
                 row = int(np.argmax((whole != at) | (whole < 0) | (whole >= size)))
                 raise MisuseError(
-                    f"neighbours: #{spots.ids[row]} is in no cell: its {name} is {at[row]}, and"
-                    f" not a whole number from 0 to {size - 1}"
+                    f"neighbours: #{spots.ids[row]} is not on the lattice: {name} is {at[row]};"
+                    f" expected an integer from 0 to {size - 1}"
                 )
-            found.append(whole)
-        return found[0] * self._size[1] + found[1]
+            indices.append(whole)
+        return indices[0] * self._size[1] + indices[1]
 
     def around(self, cells: Array, values: Array | None = None) -> Array:
-        """The sum of the neighbours' values for each agent in these cells; None: how many."""
+        """Sum of the neighbours' values for each agent in these cells.
+
+        Their number without `values`.
+        """
         if values is None:
             return self._counted(cells)[cells] - 1
         inside = np.bincount(cells, values, self._size[0] * self._size[1])
@@ -72,29 +75,29 @@ class Lattice:
         return total.reshape(-1)[cells] + (inside[cells] - values)
 
     def like(self, cells: Array, kinds: Array) -> tuple[Array, Array]:
-        """How many neighbours each agent has, and how many of them have its own value."""
+        """Number of neighbours of each agent, and number of those with the agent's own value."""
         same = np.zeros(len(cells), np.int64)
         all_kinds = np.zeros(self._size[0] * self._size[1], np.int32)
         for rows in self._rows_by(kinds):
-            mine = cells[rows]
-            counted = self._counted(mine)
-            same[rows] = counted[mine] - 1
+            own = cells[rows]
+            counted = self._counted(own)
+            same[rows] = counted[own] - 1
             all_kinds += counted
         return all_kinds[cells] - 1, same
 
     def _rows_by(self, kinds: Array) -> list[Array]:
-        """The rows of each value; of those that do not change they are found once."""
+        """Rows of each value; cached while the array stays the same object."""
         if self._kinds is None or self._kinds[0] is not kinds:
-            self._kinds = kinds, [np.flatnonzero(kinds == one) for one in np.unique(kinds)]
+            self._kinds = kinds, [np.flatnonzero(kinds == kind) for kind in np.unique(kinds)]
         return self._kinds[1]
 
     def _counted(self, cells: Array) -> Array:
-        """How many agents there are in and around each cell; those in these cells count."""
+        """Number of agents in and around each cell, the cell's own included."""
         size = self._size
         inside = np.bincount(cells, minlength=size[0] * size[1]).astype(np.int32).reshape(size)
         if not self._square:
             return (self._summed(inside) + inside).reshape(-1)
-        for axis in (0, 1):  # along one edge of the square, then along the other
+        for axis in (0, 1):  # a square window is separable: sum along one axis, then the other
             inside = self._along(inside, axis)
         return inside.reshape(-1)
 
@@ -106,11 +109,11 @@ class Lattice:
         return total
 
     def _padded(self, inside: Array, axis: int) -> Array:
-        edges = [(self._reach, self._reach) if axis == one else (0, 0) for one in (0, 1)]
+        edges = [(self._reach, self._reach) if axis == other else (0, 0) for other in (0, 1)]
         return np.pad(inside, edges, mode=self._mode)
 
     def _summed(self, inside: Array) -> Array:
-        """The sum around each cell, one neighbour after another."""
+        """Sum around each cell, neighbour by neighbour."""
         width, height = self._size
         padded = np.pad(inside, self._reach, mode=self._mode)
         total = np.zeros((width, height), inside.dtype)
@@ -119,24 +122,24 @@ class Lattice:
         return total
 
 
-def _whole(name: str, number: float) -> int:
+def _cells_of(name: str, number: float) -> int:
     if number < 1 or number != int(number):
-        raise MisuseError(f"neighbours: {name} of a lattice is {number}; expected cells, from 1")
+        raise MisuseError(f"neighbours: {name} of a lattice is {number}; expected an integer >= 1")
     return int(number)
 
 
 def counts(
     spots: Spots, lattice: Lattice, wanted: AbstractSet[str], same: str
 ) -> Mapping[str, Any]:
-    """Of each agent's neighbours what is wanted: how many, how many are the same, and means."""
+    """The requested quantities per agent: number of neighbours, number of equal ones, and means."""
     cells = lattice.cells(spots)
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     if "same" in wanted and same in spots.shown:
-        found["number"], found["same"] = lattice.like(cells, spots.shown[same])
+        result["number"], result["same"] = lattice.like(cells, spots.shown[same])
     else:
-        found["number"] = lattice.around(cells)
-    several = np.maximum(found["number"], 1)
+        result["number"] = lattice.around(cells)
+    several = np.maximum(result["number"], 1)
     numbers = spots.numbers()
-    for name in sorted(numbers.keys() & wanted - found.keys()):
-        found[name] = lattice.around(cells, numbers[name]) / several
-    return {name: found[name] for name in found.keys() & wanted}
+    for name in sorted(numbers.keys() & wanted - result.keys()):
+        result[name] = lattice.around(cells, numbers[name]) / several
+    return {name: result[name] for name in result.keys() & wanted}

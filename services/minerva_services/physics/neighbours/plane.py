@@ -1,4 +1,4 @@
-"""Pairs of points that are near each other, in a plane or on a torus: scipy's k-d tree."""
+"""Pairs of close points in a plane or on a torus, by scipy's k-d tree."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Pairs of points, each once: rows, the way from `one` to `other`, its length squared."""
+    """Pairs of points, each once: rows, displacement from `first` to `second`, squared distance."""
 
-    one: Rows
-    other: Rows
+    first: Rows
+    second: Rows
     dx: Numbers
     dy: Numbers
     squared: Numbers
 
-    def take(self, some: Rows) -> Pairs:
-        """Some of them."""
-        dx, dy, squared = self.dx[some], self.dy[some], self.squared[some]
-        return Pairs(self.one[some], self.other[some], dx, dy, squared)
+    def take(self, rows: Rows) -> Pairs:
+        """The pairs of these rows."""
+        dx, dy, squared = self.dx[rows], self.dy[rows], self.squared[rows]
+        return Pairs(self.first[rows], self.second[rows], dx, dy, squared)
 
 
 def tree() -> Any:
-    """scipy's k-d tree. Raises MisuseError where scipy is not installed."""
+    """scipy's k-d tree. Raises MisuseError if scipy is not installed."""
     try:
         spatial: Any = import_module("scipy.spatial")
     except ImportError:
@@ -43,18 +43,18 @@ def tree() -> Any:
 
 
 def near(x: Numbers, y: Numbers, radius: float, size: tuple[float, float] | None = None) -> Pairs:
-    """All pairs up to a radius apart; `size` are width and height of a periodic plane.
+    """All pairs within a radius; `size` is (width, height) of a periodic plane.
 
-    The radius is below half of both.
+    The radius must be below half of both.
     """
     points = np.column_stack((x, y))
     if size is not None:
         points %= size
-        points[points >= size] = 0.0  # a hair below 0 has become the far edge, which is 0
-    found = tree()(points, boxsize=size).query_pairs(radius, output_type="ndarray")
-    one, other = found[:, 0], found[:, 1]
-    way = points[other] - points[one]
+        points[points >= size] = 0.0  # a value just below 0 wraps to the far edge, which is 0
+    indices = tree()(points, boxsize=size).query_pairs(radius, output_type="ndarray")
+    first, second = indices[:, 0], indices[:, 1]
+    way = points[second] - points[first]
     if size is not None:
         way -= np.round(way / size) * size
     dx, dy = np.ascontiguousarray(way[:, 0]), np.ascontiguousarray(way[:, 1])
-    return Pairs(one, other, dx, dy, dx * dx + dy * dy)
+    return Pairs(first, second, dx, dy, dx * dx + dy * dy)

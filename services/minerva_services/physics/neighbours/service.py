@@ -1,4 +1,4 @@
-"""Neighbours: agents perceive one another through events, and no agent reads another."""
+"""Neighbours: agents perceive each other through events; no agent reads another's state."""
 
 from __future__ import annotations
 
@@ -10,53 +10,52 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
-from minerva_services.making import event_type
+from minerva_services.event_factory import event_type
 from minerva_services.physics.neighbours.lattice import HOODS, Lattice, counts
+from minerva_services.physics.neighbours.perception import individual, summary
 from minerva_services.physics.neighbours.plane import near, tree
-from minerva_services.physics.neighbours.spots import Names, Reader, Spots
-from minerva_services.physics.neighbours.telling import one_by_one, summary
+from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
 _KINDS = {"who": "text", "number": "int", "same": "int"}
 _REAL = ("dx", "dy", "distance", "apart_x", "apart_y")
 
 
 class Neighbours(Device, Generator, coupled=True):
-    """Looks at where agents are, and tells each who is near it, in the frame that follows.
+    """Finds each agent's neighbours in a view, and notifies it in the next frame.
 
-    The view has one figure for each agent, alone or within transformations, which carry among
-    them its coordinates, its id, and whatever else its neighbours can see of it:
-    `TMove(x, y)(PSpot(who=id, vx=...))`. Figures without an id are scenery. What an agent is told
-    is up to the data of the event type.
+    The view has one figure per agent, alone or within transformations; together they carry its
+    coordinates, its id and everything that neighbours can perceive: `TMove(x, y)(PSpot(who=id,
+    vx=...))`. Figures without an id are scenery. The data of the event type select what an agent
+    receives.
 
-    One event for each neighbour (the default), by agent and then by neighbour: `who`, `dx` and `dy`
-    (the way to it), `distance`, and whatever the neighbour shows.
+    One event per neighbour (the default), ordered by agent, then by neighbour: `who`, `dx` and `dy`
+    (the displacement to it), `distance`, and everything that the neighbour shows.
 
-    One event for each agent (`summary`), also for those who are alone: `number` of neighbours, the
-    means of `dx`, `dy`, `distance` and whatever they show, and the sums `apart_x` and `apart_y` of
-    the ways from those that are nearer than `apart`; means of nobody are 0.
+    One event per agent (`summary`), also for agents without neighbours: `number` of neighbours, the
+    means of `dx`, `dy`, `distance` and of everything shown, and `apart_x` and `apart_y`, the summed
+    displacements away from neighbours closer than `apart`; means over no neighbours are 0.
 
-    On a lattice (`grid`) likewise: `number`, `same` (those who show the same value of one name as
-    the agent itself), and means of whatever they show.
+    On a lattice (`grid`) likewise: `number`, `same` (neighbours that show the same value of one
+    name as the agent itself), and means of everything shown.
 
     Args:
-        event: the type of what agents are told.
+        event: the event type of notifications.
         draws: the visual event type of the views.
-        every: frames from one view to the next. With 1 agents hear in each frame where the others
-            were one frame ago; with 2 they look in one frame and move in the next.
-        radius: up to this distance somebody is near; on a lattice, cells that the neighbourhood
-            reaches.
+        every: frames between views. With 1, agents receive the previous frame's positions; with 2
+          they look in one frame and move in the next.
+        radius: maximum distance of a neighbour; on a lattice, the reach in cells.
         width: of a periodic plane, or in cells.
         height: of a periodic plane, or in cells.
-        periodic: whether opposite edges are one.
-        nearest: at most so many neighbours, the nearest first; 0: all within the radius.
-        summary: one event for each agent.
-        apart: the distance within which ways apart are summed up; 0: the radius.
+        periodic: whether opposite edges are connected.
+        nearest: maximum number of neighbours, nearest first; 0: all within the radius.
+        summary: one event per agent.
+        apart: distance within which displacements away are summed; 0: the radius.
         grid: agents are in cells, counted from 0.
         hood: moore or von neumann, the neighbourhood on a lattice.
-        same: the name by whose value agents on a lattice are the same.
-        x: the name of that coordinate in the view.
-        y: the name of that coordinate in the view.
-        who: the name of the id in the view.
+        same: the name whose values are compared on a lattice.
+        x: name of the x coordinate in the view.
+        y: name of the y coordinate in the view.
+        who: name of the id in the view.
 
     """
 
@@ -91,10 +90,10 @@ class Neighbours(Device, Generator, coupled=True):
         self._apart = apart or radius
         self._lattice = Lattice(width, height, radius, hood, periodic) if grid else None
         if not grid:
-            tree()  # better missed now than in the first frame
+            tree()  # a missing library must fail here, not in the first frame
         self._same = same
-        self._reader = Reader("neighbours", Names(x, y, who))
-        self._told: tuple[AnyEvent, ...] = ()
+        self._reader = SpotReader("neighbours", Names(x, y, who))
+        self._ready: tuple[AnyEvent, ...] = ()
         self._shown = -1
 
     def generates(self) -> tuple[str, ...]:
@@ -106,47 +105,49 @@ class Neighbours(Device, Generator, coupled=True):
         self._compare(self._type)
 
     def show(self, view: View) -> None:
-        """Reckon at once, while the others are still at the frame that shows this."""
+        """Compute immediately, in parallel with the members that still work on this frame."""
         spots = self._reader.read(view.scene)
-        self._told = self._events(spots) if spots is not None else ()
+        self._ready = self._events(spots) if spots is not None else ()
         self._shown = view.frame
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
-        return self._told if self._shown == tick.number - 1 else ()
+        return self._ready if self._shown == tick.number - 1 else ()
 
     def _events(self, spots: Spots) -> tuple[AnyEvent, ...]:
         if self._lattice is not None:
-            found = counts(spots, self._lattice, self._wanted, self._same)
-            return (self._made(spots, spots.ids, found),)
+            data = counts(spots, self._lattice, self._wanted, self._same)
+            return (self._made(spots, spots.ids, data),)
         pairs = near(spots.x, spots.y, self._radius, self._size)
         if self._summary:
-            found = summary(spots, pairs, self._wanted, self._apart)
-            return (self._made(spots, spots.ids, found),)
-        to, found = one_by_one(spots, pairs, self._wanted, self._nearest)
-        return (self._made(spots, spots.ids.take(to), found),) if len(to) else ()
+            data = summary(spots, pairs, self._wanted, self._apart)
+            return (self._made(spots, spots.ids, data),)
+        to, data = individual(spots, pairs, self._wanted, self._nearest)
+        return (self._made(spots, spots.ids.take(to), data),) if len(to) else ()
 
-    def _made(self, spots: Spots, receivers: Ids, found: Mapping[str, Any]) -> AnyEvent:
+    def _made(self, spots: Spots, receivers: Ids, data: Mapping[str, Any]) -> AnyEvent:
         try:
-            return self._type(receivers=receivers, **found)
+            return self._type(receivers=receivers, **data)
         except MisuseError as error:
             shown = ", ".join(spots.shown)
-            raise MisuseError(f"neighbours: {error}; what agents show is {shown}") from None
+            raise MisuseError(f"neighbours: {error}; agents show {shown}") from None
 
     def _compare(self, declared: EventType) -> None:
-        """Refuse data of other types than what is made of them. Raises MisuseError."""
+        """Check that the type declares data of the kinds that are produced. Raises MisuseError."""
         means = self._summary or self._lattice is not None
-        for one in declared.fields.all:
-            made = _KINDS.get(one.name, "real" if means or one.name in _REAL else one.type.kind)
-            if one.type.kind not in (made, "real" if made == "int" else made):
+        for field in declared.fields.all:
+            made = _KINDS.get(
+                field.name, "real" if means or field.name in _REAL else field.type.kind
+            )
+            if field.type.kind not in (made, "real" if made == "int" else made):
                 raise MisuseError(
-                    f"neighbours: {declared.name} wants {one.name} as {one.type}; neighbours makes"
-                    f" {made}"
+                    f"neighbours: {declared.name} declares {field.name} as {field.type};"
+                    f" neighbours produces {made}"
                 )
 
 
 def _check(every: int, radius: float, hood: str) -> None:
     if every < 1:
-        raise MisuseError(f"neighbours: every is {every}; expected a number of frames from 1")
+        raise MisuseError(f"neighbours: every is {every}; expected an integer >= 1 (frames)")
     if radius <= 0:
         raise MisuseError(f"neighbours: radius is {radius}; expected a number above 0")
     if hood not in HOODS:
@@ -155,16 +156,15 @@ def _check(every: int, radius: float, hood: str) -> None:
 
 def _check_nearest(nearest: int, together: bool) -> None:
     if nearest < 0:
-        raise MisuseError(f"neighbours: nearest is {nearest}; expected a number from 0")
+        raise MisuseError(f"neighbours: nearest is {nearest}; expected an integer >= 0")
     if nearest and together:
         raise MisuseError(
-            "neighbours: nearest is for one event for each neighbour; leave it out with summary"
-            " and grid"
+            "neighbours: nearest requires one event per neighbour; omit it with summary and grid"
         )
 
 
 def _plane(width: float, height: float, radius: float) -> tuple[float, float]:
-    """The size of a periodic plane."""
+    """Size of a periodic plane. Raises MisuseError if it is too small for the radius."""
     if min(width, height) <= 2 * radius:
         raise MisuseError(
             f"neighbours: width and height of a periodic plane are {width} and {height}; expected"

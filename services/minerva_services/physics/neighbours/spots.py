@@ -1,4 +1,4 @@
-"""What a view shows of agents: where each is, who it is, and what else can be seen of it."""
+"""What a view shows of agents: position, id and perceptible data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """How a view's symbols call the coordinates of an agent, and the agent itself."""
+    """Names of the coordinates and the id in a view's symbols."""
 
     x: str = "x"
     y: str = "y"
@@ -29,24 +29,24 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Spots:
-    """n agents in the order of the string; all arrays have the shape (n,)."""
+    """n agents in the order of the string; all arrays have shape (n,)."""
 
     ids: Ids
     x: Array
     y: Array
     shown: Mapping[str, Array]
-    """All values that the symbols of every agent carry, by name."""
+    """Values carried by the symbols of every agent, by name."""
 
     def __len__(self) -> int:
         return len(self.ids)
 
     def numbers(self) -> dict[str, Array]:
-        """What is shown and can be added up."""
-        return {name: one for name, one in self.shown.items() if one.dtype != object}
+        """The shown values that are numeric."""
+        return {name: array for name, array in self.shown.items() if array.dtype != object}
 
 
-class Reader:
-    """Reads views, and texts only where they are others than before."""
+class SpotReader:
+    """Reads views; decodes a column of ids only when it changed."""
 
     def __init__(self, service: str, names: Names) -> None:
         self._service = service
@@ -54,8 +54,8 @@ class Reader:
         self._ids: dict[int, tuple[Column, Ids]] = {}
 
     def read(self, view: Scene) -> Spots | None:
-        """The agents of a view, None where it shows none. Raises MisuseError."""
-        parts = [self._values(many) for many in self._in_columns(view)]
+        """The agents of a view, or None if it shows none. Raises MisuseError."""
+        parts = [self._values(columns) for columns in self._in_columns(view)]
         if not parts:
             return None
         known, self._ids = self._ids, {}
@@ -65,8 +65,8 @@ class Reader:
         return Spots(ids, shown[self._names.x], shown[self._names.y], shown)
 
     def _in_columns(self, view: Scene) -> Iterator[Columns]:
-        """All that stands for agents, in the order of the view."""
-        for columnar, pieces in groupby(view.pieces, lambda one: isinstance(one, Columns)):
+        """All columns that represent agents, in the order of the view."""
+        for columnar, pieces in groupby(view.pieces, lambda piece: isinstance(piece, Columns)):
             if columnar:
                 yield from filter(self._is_spots, cast("Iterator[Columns]", pieces))
             else:
@@ -79,43 +79,43 @@ class Reader:
             elif self._names.who in _names_in(shape):
                 yield merged(group)
 
-    def _is_spots(self, many: Columns) -> bool:
-        return many.count > 0 and self._names.who in _names_in(many.shape)
+    def _is_spots(self, columns: Columns) -> bool:
+        return columns.count > 0 and self._names.who in _names_in(columns.shape)
 
-    def _must_be_scenery(self, some: Scene) -> None:
-        for _, node in walk(some):
+    def _must_be_scenery(self, scene: Scene) -> None:
+        for _, node in walk(scene):
             if self._names.who in node.names:
                 raise MisuseError(
-                    f"{self._service}: {node.symbol} is not alone where it stands in a view;"
-                    " expected one figure for each agent, and transformations round it"
+                    f"{self._service}: {node.symbol} shares its subtree with other figures in the"
+                    " view; expected one figure per agent, within transformations"
                 )
 
-    def _values(self, many: Columns) -> dict[str, Column]:
-        found: dict[str, Column] = {}
-        for level in many.levels():
+    def _values(self, columns: Columns) -> dict[str, Column]:
+        values: dict[str, Column] = {}
+        for level in columns.levels():
             for name, column in zip(level.names, level.columns, strict=True):
-                if name in found:
-                    raise self._wrong(many, f"has {name} twice")
-                found[name] = column
+                if name in values:
+                    raise self._wrong(columns, f"has two values {name}")
+                values[name] = column
         for name in (self._names.x, self._names.y):
-            if name not in found or found[name].dtype.kind not in "fi":
-                raise self._wrong(many, f"has no number {name}")
-        if found[self._names.who].dtype != object:
-            raise self._wrong(many, f"has no text {self._names.who}")
-        return found
+            if name not in values or values[name].dtype.kind not in "fi":
+                raise self._wrong(columns, f"has no number {name}")
+        if values[self._names.who].dtype != object:
+            raise self._wrong(columns, f"has no text {self._names.who}")
+        return values
 
     def _who(self, texts: Column, known: dict[int, tuple[Column, Ids]]) -> Ids:
-        """The ids that a column of texts spells; a column is read once, while it is shown."""
+        """The ids in a column of texts; a column is decoded once while it is shown."""
         if texts.ids is not None:
             return texts.ids
-        before = known.get(id(texts))
-        made = before if before is not None else (texts, Ids.of(texts.list()))
-        self._ids[id(texts)] = made
-        return made[1]
+        cached = known.get(id(texts))
+        entry = cached if cached is not None else (texts, Ids.of(texts.list()))
+        self._ids[id(texts)] = entry
+        return entry[1]
 
-    def _wrong(self, many: Columns, why: str) -> MisuseError:
-        symbols = " around ".join(level.symbol for level in many.levels())
-        return MisuseError(f"{self._service}: what stands for an agent in a view, {symbols}, {why}")
+    def _wrong(self, columns: Columns, why: str) -> MisuseError:
+        symbols = " around ".join(level.symbol for level in columns.levels())
+        return MisuseError(f"{self._service}: the figure of an agent, {symbols}, {why}")
 
 
 def _names_in(shape: Shape) -> Iterator[str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.listing import event_types, names_in
+from minerva_services.options import event_types, names_in
 from minerva_services.views.sound.performance import Performance
 from minerva_services.views.sound.roles import roles
 from minerva_services.views.sound.tuning import Tuning

@@ -11,7 +11,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.outputs import check_output, write_output
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.listing import event_types
+from minerva_services.options import event_types
 from minerva_services.views.svg.document import svg_document
 from minerva_services.views.svg.files import numbered, prepare_folder, svg_path
 from minerva_services.views.svg.page import Page, frame_of

@@ -12,7 +12,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.listing import event_types
+from minerva_services.options import event_types
 
 if TYPE_CHECKING:
     from minerva_services.views.web.desk import Desk

@@ -11,7 +11,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.listing import event_types
+from minerva_services.options import event_types
 from minerva_services.views.window.beams import Scans
 from minerva_services.views.window.caption import caption
 from minerva_services.views.window.hands import Hands

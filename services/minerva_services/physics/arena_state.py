@@ -1,4 +1,4 @@
-"""What views put into an arena: what stays is not put there again, what is gone is taken out."""
+"""Synchronises an arena with views: adds what is new, removes what is gone."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ from collections.abc import Mapping, Sequence
 from minerva_services.physics.arena import Arena
 from minerva_services.physics.body import Odometer
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.geometry import Floor, PhysicalGeometry, Robot
+from minerva_services.physics.geometry import FloorPlan, PhysicalGeometry, Robot
 from minerva_services.physics.sweep import Point
 from minerva_services.physics.walls import wall_segments
 
 
-class Stage:
-    """An arena that is set as the views say.
+class ArenaState:
+    """An arena that follows the views.
 
-    Where a body is, is the arena's own truth: a view puts a new one, and moves none.
+    The arena is authoritative for poses: a view adds new bodies, but never moves existing ones.
 
     Attributes:
-        arena: what is set.
-        retired: what bodies had done that are no longer there.
+        arena: the arena.
+        retired: totals of bodies that were removed.
 
     """
 
     def __init__(self) -> None:
         self.arena = Arena()
         self.retired = Odometer()
-        self._floors: tuple[Floor, ...] = ()
+        self._floors: tuple[FloorPlan, ...] = ()
         self._markers: dict[str, Point] = {}
 
     def set(self, seen: PhysicalGeometry) -> None:
-        """Make the arena hold what a view holds.
+        """Update the arena to the contents of a view.
 
         Raises:
-            PhysicsError: something cannot stand where the view has it.
+            PhysicsError: something cannot stand where the view shows it.
 
         """
         self._set_floors(seen.floors)
@@ -41,13 +41,14 @@ class Stage:
         self._set_bodies(seen.robots)
 
     def total(self) -> Odometer:
-        """What all bodies have done, also those that are gone."""
+        """Totals over all bodies, including removed ones."""
         odometers = [self.arena.odometer(name) for name in self.arena.bodies]
-        driven = self.retired.driven_m + sum(one.driven_m for one in odometers)
-        return Odometer(driven, self.retired.collisions + sum(one.collisions for one in odometers))
+        driven = self.retired.driven_m + sum(odometer.driven_m for odometer in odometers)
+        collisions = sum(odometer.collisions for odometer in odometers)
+        return Odometer(driven, self.retired.collisions + collisions)
 
-    def _set_floors(self, floors: Sequence[Floor]) -> None:
-        if len(floors) == len(self._floors) and all(map(Floor.same_as, floors, self._floors)):
+    def _set_floors(self, floors: Sequence[FloorPlan]) -> None:
+        if len(floors) == len(self._floors) and all(map(FloorPlan.same_as, floors, self._floors)):
             return
         self.arena.remove_walls()
         for floor in floors:
@@ -74,8 +75,8 @@ class Stage:
                 self.arena.add_body(name, at.x, at.y, at.angle, robot.radius)
             elif self.arena.radius(name) != robot.radius:
                 raise PhysicsError(
-                    f"body {name!r} has a radius of {self.arena.radius(name):g} m and cannot"
-                    f" become one of {robot.radius:g} m"
+                    f"body {name!r} has a radius of {self.arena.radius(name):g} m that cannot"
+                    f" change to {robot.radius:g} m"
                 )
 
     def _retire(self, name: str) -> None:

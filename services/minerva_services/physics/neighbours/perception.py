@@ -1,4 +1,4 @@
-"""What agents are told of their neighbours in a plane: each of them, or a summary."""
+"""Data about neighbours in a plane: one row per neighbour, or a summary per agent."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _APART = frozenset(("apart_x", "apart_y"))
 _OWN = _APART | {"number", "dx", "dy", "distance"}
 
 
-def one_by_one(
+def individual(
     spots: Spots, pairs: Pairs, wanted: AbstractSet[str], nearest: int
 ) -> tuple[Rows, Data]:
-    """To whom (rows of the spots), and of one neighbour what is wanted.
+    """Receivers (rows of the spots) and the requested data of one neighbour each.
 
-    By agent, and then by neighbour; with `nearest` above 0 only so many, the nearest first.
+    Ordered by agent, then by neighbour; with `nearest` > 0 only that many, nearest first.
     """
-    to = np.concatenate((pairs.one, pairs.other))
-    about = np.concatenate((pairs.other, pairs.one))
-    # Not -dx, which would make a zero of another sign.
+    to = np.concatenate((pairs.first, pairs.second))
+    about = np.concatenate((pairs.second, pairs.first))
+    # 0.0 - x instead of -x avoids negative zeros.
     dx = np.concatenate((pairs.dx, 0.0 - pairs.dx))
     dy = np.concatenate((pairs.dy, 0.0 - pairs.dy))
     distance = np.sqrt(np.concatenate((pairs.squared, pairs.squared)))
@@ -36,21 +36,21 @@ def one_by_one(
         ordered = to[order]
         order = order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < nearest]
     about = about[order]
-    found: dict[str, Any] = {"dx": dx[order], "dy": dy[order], "distance": distance[order]}
+    data: dict[str, Any] = {"dx": dx[order], "dy": dy[order], "distance": distance[order]}
     if "who" in wanted:
-        found["who"] = spots.ids.take(about)
-    for name in spots.shown.keys() - found.keys():
-        found[name] = spots.shown[name][about]
-    return to[order], {name: found[name] for name in found.keys() & wanted}
+        data["who"] = spots.ids.take(about)
+    for name in spots.shown.keys() - data.keys():
+        data[name] = spots.shown[name][about]
+    return to[order], {name: data[name] for name in data.keys() & wanted}
 
 
 def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) -> Data:
-    """Of each agent's neighbours what is wanted: how many, means, and sums of the ways from them.
+    """The requested data of each agent's neighbours: number, means, and summed displacements.
 
-    `apart_x` and `apart_y` add up the ways from those that are nearer than `apart`.
+    `apart_x` and `apart_y` sum the displacements away from neighbours closer than `apart`.
     """
     count = len(spots)
-    number = np.bincount(pairs.one, minlength=count) + np.bincount(pairs.other, minlength=count)
+    number = np.bincount(pairs.first, minlength=count) + np.bincount(pairs.second, minlength=count)
     numbers = spots.numbers()
     sums: dict[str, NDArray[Any]] = {
         "dx": _summed(pairs, pairs.dx, -pairs.dx, count),
@@ -61,19 +61,19 @@ def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) 
         sums["distance"] = _summed(pairs, distance, distance, count)
     for name in numbers.keys() & (wanted - _OWN):
         values = numbers[name]
-        sums[name] = _summed(pairs, values[pairs.other], values[pairs.one], count)
+        sums[name] = _summed(pairs, values[pairs.second], values[pairs.first], count)
     several = np.maximum(number, 1)
-    found: dict[str, NDArray[Any]] = {name: values / several for name, values in sums.items()}
+    data: dict[str, NDArray[Any]] = {name: values / several for name, values in sums.items()}
     if wanted & _APART:
         close = pairs.take(np.flatnonzero(pairs.squared < apart * apart))
-        found["apart_x"] = _summed(close, -close.dx, close.dx, count)
-        found["apart_y"] = _summed(close, -close.dy, close.dy, count)
-    found["number"] = number
-    return {name: found[name] for name in found.keys() & wanted}
+        data["apart_x"] = _summed(close, -close.dx, close.dx, count)
+        data["apart_y"] = _summed(close, -close.dy, close.dy, count)
+    data["number"] = number
+    return {name: data[name] for name in data.keys() & wanted}
 
 
-def _summed(pairs: Pairs, to_one: Numbers, to_other: Numbers, count: int) -> Numbers:
-    """Sums over pairs, for each point."""
+def _summed(pairs: Pairs, to_first: Numbers, to_second: Numbers, count: int) -> Numbers:
+    """Sums over pairs for each point."""
     return np.add(
-        np.bincount(pairs.one, to_one, count), np.bincount(pairs.other, to_other, count)
+        np.bincount(pairs.first, to_first, count), np.bincount(pairs.second, to_second, count)
     ).astype(np.float64, copy=False)

@@ -1,7 +1,7 @@
-"""Events of a world's own types, made without the vocabulary that declares them.
+"""Factories for events of a world's own types, without importing its vocabulary.
 
-A type is looked up and compared once, when a service joins; after that, making an event is nothing
-but putting values in their places.
+A type is looked up and checked once, when a service joins; creating an event afterwards only
+arranges values.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from minerva_bus.world.services import WorldInfo
 
 
 def event_type(service: str, world: WorldInfo, name: str) -> EventType:
-    """The event type of a name in a world. Raises MisuseError, which names the service."""
+    """Look up an event type of the world. Raises MisuseError, naming the service."""
     known = world.vocabulary.events
     if name not in known:
         raise MisuseError(
@@ -34,43 +34,45 @@ def event_type(service: str, world: WorldInfo, name: str) -> EventType:
     return known[name]
 
 
-class Maker:
-    """Makes events of one type from values in the order of the names that it was made with."""
+class EventFactory:
+    """Creates events of one type from values in the order given to the constructor."""
 
     def __init__(self, service: str, world: WorldInfo, name: str, **data: Any) -> None:
-        """Data are annotations, as those of an event type: `dist=Metres`.
+        """`data` are annotations like those of an event type: `dist=Metres`.
 
-        Raises MisuseError where the world's type of that name has no place for them, or needs
-        others; a number in the world's vocabulary that has no unit takes any.
+        Raises MisuseError if the world's type lacks one of them or requires others; a number
+        without a unit in the vocabulary accepts any.
         """
         declared = event_type(service, world, name)
         _compare(service, declared, data)
         fields = declared.fields
         self._type = declared.name
         self._names = fields.names
-        self._rest: list[Value | None] = [one.default for one in fields.all]
-        self._places = tuple([fields.names.index(one) for one in data])
+        self._rest: list[Value | None] = [field.default for field in fields.all]
+        self._places = tuple([fields.names.index(name) for name in data])
         self._in_order = tuple(data) == fields.names
 
     def __call__(self, *values: Value, receivers: tuple[str, ...] = ()) -> Event:
-        """An event with these values, which must be in their final form, to these receivers."""
+        """An event with these values, already in their final form, for these receivers."""
         if not self._in_order:
             values = self._arranged(values)
         return Event(self._type, self._names, values, "", "", receivers)
 
     def many(self, columns: Sequence[NDArray[Any]], receiver: str) -> Events:
-        """Many events to one agent, with a column for each of the values; shape (n,) each."""
+        """Many events for one agent, one column per value; shape (n,) each."""
         count = len(columns[0])
-        given = [Column(column) for column in columns]
+        arranged = [Column(column) for column in columns]
         if not self._in_order:
-            mine = dict(zip(self._places, given, strict=True))
+            columns_by_place = dict(zip(self._places, arranged, strict=True))
             same = np.zeros(count, np.intp)
-            given = [
-                mine[place] if place in mine else Column.of([cast("Value", one)]).take(same)
-                for place, one in enumerate(self._rest)
+            arranged = [
+                columns_by_place[place]
+                if place in columns_by_place
+                else Column.of([cast("Value", default)]).take(same)
+                for place, default in enumerate(self._rest)
             ]
         to = Ids.of([receiver]).take(np.zeros(count, np.intp))
-        return Events(self._type, self._names, tuple(given), count, receivers=to)
+        return Events(self._type, self._names, tuple(arranged), count, receivers=to)
 
     def _arranged(self, values: tuple[Value, ...]) -> tuple[Value, ...]:
         arranged: list[Any] = self._rest.copy()
@@ -80,8 +82,8 @@ class Maker:
 
 
 def _compare(service: str, declared: EventType, data: dict[str, Any]) -> None:
-    """Refuse data that the declared type does not take. Raises MisuseError."""
-    fields = {one.name: one for one in declared.fields.all}
+    """Check that the declared type accepts the data. Raises MisuseError."""
+    fields = {field.name: field for field in declared.fields.all}
     for name, annotation in data.items():
         made = type_of(annotation)
         if name not in fields:
