@@ -28,6 +28,8 @@ Case = tuple[Callable[[], object], Callable[[], object]]
 def load(tree: str | None) -> Mapping[str, Case]:
     """The cases of a source tree, `None` for this one."""
     hidden = {name: sys.modules.pop(name) for name in list(sys.modules) if _is_ours(name)}
+    finders = list(sys.meta_path)  # A tree's own finder knows where its modules have moved.
+    sys.meta_path[:] = [f for f in finders if not _is_ours(getattr(f, "__module__", ""))]
     root = tree or str(Path(__file__).parents[1])
     sys.path.insert(0, root)
     try:
@@ -39,6 +41,7 @@ def load(tree: str | None) -> Mapping[str, Case]:
         for name in [name for name in sys.modules if _is_ours(name)]:
             del sys.modules[name]
         sys.modules.update(hidden)
+        sys.meta_path[:] = finders
 
 
 def _is_ours(name: str) -> bool:

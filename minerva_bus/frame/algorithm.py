@@ -325,8 +325,8 @@ class FrameAlgorithm(Attendance):
             return
         del self._parts[key]
         self._answered(member)
-        if reply.took and not reply.part:
-            self._distribution.took(reply.member, reply.took)
+        if reply.elapsed and not reply.part:
+            self._distribution.took(reply.member, reply.elapsed)
         self._merge(reply, changed)
         self._changed_by.update(dict.fromkeys(changed, reply.member))
         self._finish_if_done()

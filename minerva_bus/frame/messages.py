@@ -1,11 +1,17 @@
-"""What coordinator and members say to each other. PROTOCOL.md has the same on the wire."""
+"""Every message between coordinator and members, declared once: types, limits and meaning.
+
+To add a message: declare it here, add it to `FromMember` or `ToMember`, and handle it. To add a
+field to `Hello`: declare it, `OPTIONAL`. `python -m tools.protocol_tables --write` updates
+PROTOCOL.md.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
+from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.patch import Delta
 from minerva_bus.grammar.scene import Scene
@@ -18,6 +24,14 @@ Parts: TypeAlias = Mapping[str, Scene]
 Patches: TypeAlias = Mapping[str, Delta]
 SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 
+Sender: TypeAlias = Annotated[str, Mark.FROM_KEY]
+Names: TypeAlias = Annotated[tuple[str, ...], AtMost("names")]
+GeneratedEvents: TypeAlias = Annotated[tuple[AnyEvent, ...], Mark.GENERATED]
+Saved: TypeAlias = Mapping[str, Any] | None
+Received: TypeAlias = Annotated[bytes, Mark.LOCAL]
+
+_NO_FRAME: Final = AtLeast(-1)
+
 
 # --- from a member to the coordinator ---
 
@@ -26,26 +40,63 @@ SentBy: TypeAlias = Mapping[str, tuple[AnyEvent, ...]]
 class Hello:
     """Who a member is and what it can do; the answer to `Greet`."""
 
-    member: str
-    version: int
-    service: str = ""
-    kinds: tuple[AgentKind, ...] = ()
-    generates: tuple[str, ...] = ()
-    lockstep: bool = False
-    ahead: bool = False
-    orders: tuple[str, ...] = ()
-    draws: tuple[str, ...] = ()
-    coupled: bool = False
-    every: int = 0
-    rate: float = 0.0
-    topics: tuple[str, ...] = ()
-    publishes: tuple[str, ...] = ()
-    pid: int = 0
-    host: str = ""
-    people: bool = False
-    """Whether what it generates counts as sent by people, as norms see it."""
-    plain: bool = False
-    """Whether it declines columns and patches: it gets nodes, events and views one by one."""
+    WIRE: ClassVar = Wire("hello", ("from",), "who it is: a map, see below", "greet", keyed=True)
+
+    member: Sender
+    version: Annotated[int, Note("6")]
+    service: Annotated[str, Note("what it is, for people")] = ""
+    kinds: Annotated[
+        tuple[AgentKind, ...],
+        AtMost("kinds"),
+        Note(
+            "the kinds of agents that it evolves; names and types of attributes must be the world's"
+        ),
+    ] = ()
+    generates: Annotated[
+        Names, Note("the event types that it may send; another one breaks the protocol")
+    ] = ()
+    lockstep: Annotated[bool, Note("it is asked in every frame")] = False
+    ahead: Annotated[
+        bool,
+        Mark.OPTIONAL,
+        Note(
+            "it depends neither on the world nor on readings or orders: it is asked a frame ahead,"
+            " and does not listen to `tick`"
+        ),
+    ] = False
+    orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
+    people: Annotated[
+        bool,
+        Mark.OPTIONAL,
+        Note("norms treat the events that it generates as sent by people"),
+    ] = False
+    draws: Annotated[Names, Note("the visual event types whose views it wants")] = ()
+    coupled: Annotated[
+        bool,
+        Note("a device that must have carried out a view before the next frame's events"),
+    ] = False
+    every: Annotated[
+        int,
+        Note(
+            "> 0: the types that it draws have no data, and the coordinator generates them every"
+            " so many frames"
+        ),
+    ] = 0
+    rate: Annotated[
+        float,
+        AtLeast(0),
+        Mark.OPTIONAL,
+        Note("> 0: as `every`, but at most so many times a second, by the clock"),
+    ] = 0.0
+    topics: Annotated[Names, Note("the topics that it listens to")] = ()
+    publishes: Annotated[Names, Note("the topics on which it publishes")] = ()
+    pid: Annotated[int, Note("its process, for people; 0: none")] = 0
+    host: Annotated[str, Note("its machine, for people")] = ""
+    plain: Annotated[
+        bool,
+        Mark.OPTIONAL,
+        Note("it declines columns and patches, see [section 9](#members-that-decline-columns)"),
+    ] = False
 
     @property
     def ticks(self) -> bool:
@@ -59,101 +110,151 @@ class Hello:
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """The faces that it shows: agents, generator, device."""
-        faces = (
+        """Its roles among `agents`, `generator` and `device`."""
+        roles = (
             ("agents", self.kinds),
             ("generator", self.generates),
             ("device", self.draws),
         )
-        return tuple(name for name, shown in faces if shown)
+        return tuple(name for name, offered in roles if offered)
 
 
 @dataclass(frozen=True, slots=True)
 class TickReply:
-    """C^d(t) of a lockstep member, and what a successor of it would need to go on.
+    """C^d(t) of a lockstep member, and what a successor of it needs to continue.
 
-    `heard` are the bytes that it came as, for a journal.
+    `received` are the bytes that it came as, for a journal.
     """
 
-    member: str
+    WIRE: ClassVar = Wire(
+        "ticked",
+        ("from",),
+        "its events of the frame",
+        "tick",
+        max_bytes="message_bytes",
+        max_values="answer_values",
+        awaited=True,
+    )
+
+    member: Sender
     frame: int
-    events: tuple[AnyEvent, ...] = ()
-    saved: Mapping[str, Any] | None = None
-    heard: bytes = field(default=b"", compare=False, repr=False)
+    events: GeneratedEvents = ()
+    saved: Saved = None
+    received: Received = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class EvolveReply:
-    """What became of a host's fragments in a frame: only what differs from what was there.
+    """The result of evolving a host's fragments in a frame: only what differs from before.
 
-    `changed` maps a fragment to the string that replaces it, `patched` one in columns to what is
-    different in it; `views` a visual event type to the changed views by fragment; `emitted` an
-    agent, or a fragment in columns, to the events that it sent. `took` is how many seconds the
-    answer was waited for, and `heard` the bytes that it came as, as who waited has them: they do
-    not travel.
+    `changed` maps a fragment to the string that replaces it, `patched` one in columns to its
+    delta; `views` maps a visual event type to the changed views by fragment; `emitted` an agent,
+    or a fragment in columns, to the events that it sent. `elapsed` is how many seconds the
+    coordinator waited for the reply, and `received` the bytes that it came as.
     """
 
-    member: str
+    WIRE: ClassVar = Wire(
+        "evolved",
+        ("from",),
+        "what has changed",
+        "evolve",
+        max_bytes="message_bytes",
+        max_values="answer_values",
+        awaited=True,
+    )
+
+    member: Sender
     frame: int
     part: int = 0
     changed: Parts = field(default_factory=dict[str, Scene])
-    emitted: Mapping[str, tuple[AnyEvent, ...]] = field(
+    emitted: Annotated[SentBy, Mark.EMITTED] = field(
         default_factory=dict[str, tuple[AnyEvent, ...]]
     )
-    views: Mapping[str, Parts] = field(default_factory=dict[str, Parts])
-    patched: Patches = field(default_factory=dict[str, Delta])
-    view_patches: Mapping[str, Patches] = field(default_factory=dict[str, Patches])
-    took: float = 0.0
-    heard: bytes = field(default=b"", compare=False, repr=False)
+    views: Annotated[Mapping[str, Parts], Mark.VIEW] = field(default_factory=dict[str, Parts])
+    patched: Annotated[Patches, Within("changed")] = field(default_factory=dict[str, Delta])
+    view_patches: Annotated[Mapping[str, Patches], Within("views")] = field(
+        default_factory=dict[str, Patches]
+    )
+    elapsed: Annotated[float, Mark.LOCAL] = 0.0
+    received: Received = field(default=b"", compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Emitted:
     """Events of a free-running generator."""
 
-    member: str
-    events: tuple[AnyEvent, ...]
+    WIRE: ClassVar = Wire(
+        "emitted", ("from",), "events of a free-running generator", max_bytes="emitted_bytes"
+    )
+
+    member: Sender
+    events: GeneratedEvents
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
     """User code in a member raised; the member ends after this."""
 
-    member: str
-    frame: int
+    WIRE: ClassVar = Wire(
+        "failed",
+        ("from",),
+        "its own code failed. Of the problem ten lines are shown; the traceback goes to the log",
+    )
+
+    member: Sender
+    frame: Annotated[int, _NO_FRAME, Note("−1: none yet")]
     problem: str
     traceback: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Resync:
-    """An observer missed a view and asks for a whole one."""
+    """An observer missed a view and asks for a key view."""
 
-    member: str
+    WIRE: ClassVar = Wire("resync", ("from",), "an observer missed a view and wants a whole one")
+
+    member: Sender
     event_type: str
 
 
 @dataclass(frozen=True, slots=True)
 class Leaving:
-    """A member goes of its own will."""
+    """A member leaves of its own accord."""
 
-    member: str
+    WIRE: ClassVar = Wire("leaving", ("from",), "it leaves")
+
+    member: Sender
 
 
 @dataclass(frozen=True, slots=True)
 class Doing:
-    """How a member does meanwhile, in figures, for people who look."""
+    """A member's current metrics, for people who watch."""
 
-    member: str
-    figures: Figures
+    WIRE: ClassVar = Wire(
+        "doing",
+        ("from",),
+        "the member's metrics, for people who watch; whenever they have changed, at most once a"
+        " second",
+    )
+
+    member: Sender
+    figures: Annotated[Figures, AtMost("figures")]
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
     """A member's figures for the summary; the answer to `Stop`."""
 
-    member: str
-    figures: Figures
+    WIRE: ClassVar = Wire(
+        "report",
+        ("from",),
+        "for the summary; numbers of one name from several members are added",
+        "stop",
+        awaited=True,
+    )
+
+    member: Sender
+    figures: Annotated[Figures, AtMost("figures")]
 
 
 # --- from the coordinator to members ---
@@ -163,23 +264,31 @@ class Report:
 class Greet:
     """Asks a member for its `Hello`."""
 
+    WIRE: ClassVar = Wire("greet", ("to",), "send `hello`")
+
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """A member is in: the world it has joined and the frame that comes next."""
+    """A member has joined: its world, and the frame that comes next."""
+
+    WIRE: ClassVar = Wire("welcome", ("to",), "it has joined")
 
     world: str
     vocabulary: Vocabulary
-    seed: int
-    dt: float
-    frame: int
-    policy: str = "sequential"
-    saved: Mapping[str, Any] | None = None
+    seed: Annotated[int, AtLeast(-(1 << 63))]
+    dt: Annotated[float, Note("seconds of a frame")]
+    frame: Annotated[int, Note("the one that comes next or runs")]
+    policy: Annotated[str, Note("`sequential` or `literal`")] = "sequential"
+    saved: Annotated[Saved, Note("what a predecessor of this name saved last")] = None
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
     """A member may not join."""
+
+    WIRE: ClassVar = Wire(
+        "refused", ("to",), "it may not join, or has broken the protocol; it ends"
+    )
 
     reason: str
 
@@ -188,19 +297,27 @@ class Refused:
 class Sources:
     """Which members publish a sensor topic in step with the frames."""
 
+    WIRE: ClassVar = Wire(
+        "sources", ("to", "all"), "by topic, the members that publish it in step with the frames"
+    )
+
     publishers: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
 class TickRequest:
-    """Steps 1 and 2 of Table 2: frame t begins, what are its events?"""
+    """Steps 1 and 2 of Table 2: frame t begins; asks for its events."""
+
+    WIRE: ClassVar = Wire("tick", ("tick", "to"), "asks for the frame's events")
 
     frame: int
 
 
 @dataclass(frozen=True, slots=True)
 class Fragments:
-    """Fragments that a host lacks, and those that it need not keep any longer."""
+    """Fragments that a host lacks, and those that it no longer needs."""
+
+    WIRE: ClassVar = Wire("fragments", ("to",), "what to evolve from now on, and what no longer")
 
     given: Parts
     dropped: tuple[str, ...] = ()
@@ -213,35 +330,52 @@ class EvolveRequest:
     `only` restricts it to some agents: those that came to a host in the midst of a frame.
     """
 
+    WIRE: ClassVar = Wire(
+        "evolve", ("evolve", "to"), "evolves the fragments in `only`, or all where it is empty"
+    )
+
     frame: int
-    asked: tuple[str, ...]
+    asked: Annotated[tuple[str, ...], Note("members")]
     events: tuple[AnyEvent, ...] = ()
     visual: tuple[AnyEvent, ...] = ()
     part: int = 0
-    only: tuple[str, ...] = ()
+    only: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
-    A *key* view is whole: `skeleton` is the string with each fragment as a mere `A#name()`, and
+    A *key* view is complete: `skeleton` is the string with each fragment as a slot `A#name()`, and
     `parts` has every fragment's view. Others have the changed parts only, those in columns as
-    `patches` of what was there, and `sequence` tells whether one was missed.
+    `patches` of the previous ones; a gap in `sequence` shows that one was missed.
     """
 
-    frame: int
+    WIRE: ClassVar = Wire(
+        "view",
+        ("view", "to"),
+        "what to draw. The steps of `halted` agents do not count in this frame: a device carries"
+        " nothing out for them",
+    )
+
     event_type: str
+    frame: int
     sequence: int
-    parts: Parts
-    skeleton: Scene | None = None
-    patches: Patches = field(default_factory=dict[str, Delta])
-    halted: tuple[str, ...] = ()
+    parts: Annotated[Parts, Mark.VIEW]
+    skeleton: Annotated[Scene | None, Mark.SLOTS] = None
+    patches: Annotated[Patches, Within("parts")] = field(default_factory=dict[str, Delta])
+    halted: Annotated[tuple[str, ...], Note("ids")] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What people have sent for a generator's event types, to count in a frame."""
+    """Events that people have sent for a generator's event types, for a frame."""
+
+    WIRE: ClassVar = Wire(
+        "orders",
+        ("to",),
+        "what people have sent for a type that the member takes orders for, for this frame",
+    )
 
     frame: int
     events: tuple[AnyEvent, ...]
@@ -249,7 +383,9 @@ class Orders:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """Asks a publisher for its last readings once more: somebody came too late for them."""
+    """Asks a publisher to publish its last readings again, for a listener that joined late."""
+
+    WIRE: ClassVar = Wire("repeat", ("to",), "publish the last readings again, as they were")
 
     topic: str
 
@@ -258,29 +394,35 @@ class Repeat:
 class Stop:
     """The world ends."""
 
+    WIRE: ClassVar = Wire("stop", ("all", "to"), "the world ends")
+
     reason: str
 
 
-# --- for all who listen ---
+# --- for everyone who listens ---
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
     """A member's readings on one topic; `frame` is -1 from a free-running publisher."""
 
-    member: str
-    topic: str
-    frame: int
+    WIRE: ClassVar = Wire("readings", ("topic",), "what a publisher has measured")
+
+    member: Sender
+    topic: Annotated[str, Mark.FROM_KEY]
+    frame: Annotated[int, _NO_FRAME, Note("−1: from a free-running publisher")]
     readings: tuple[Reading, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class FrameRecord:
-    """What happened in a frame, for whoever watches: events in order, what became of agents.
+    """The result of a frame, for whoever watches: its events in order, and its changes.
 
-    `changed` has the strings that took the place of outermost agents; `digest` is that of the
-    string which the next frame begins with.
+    `changed` has the strings that replaced outermost agents; `digest` is that of the string with
+    which the next frame begins.
     """
+
+    WIRE: ClassVar = Wire("frame", ("record",), "what happened in a frame")
 
     frame: int
     events: tuple[AnyEvent, ...]

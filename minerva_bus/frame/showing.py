@@ -46,7 +46,7 @@ class Showing:
             self.parts = {one: view for one, view in self.parts.items() if one in alive}
             return self.key()
         return ViewShown(
-            frame, self.event_type, self.sequence, dict(changed), None, patches, halted
+            self.event_type, frame, self.sequence, dict(changed), None, patches, halted
         )
 
     def unpatched(self, view: ViewShown) -> ViewShown:
@@ -57,7 +57,7 @@ class Showing:
     def key(self) -> ViewShown:
         """The last view as a whole."""
         return ViewShown(
-            self.frame, self.event_type, self.sequence, dict(self.parts), self.skeleton,
+            self.event_type, self.frame, self.sequence, dict(self.parts), self.skeleton,
             halted=self.halted,
         )  # fmt: skip
 

@@ -194,11 +194,11 @@ def _plain_string(algorithm: FrameAlgorithm) -> list[Any]:
 
 def _plain_inputs(inputs: FrameInputs) -> list[Any]:
     ticked = [
-        [name, reply.heard or encode(reply)]
+        [name, reply.received or encode(reply)]
         for name, reply in inputs.ticked.items()
         if reply.events or reply.saved is not None
     ]
-    replies = [[reply.member, reply.heard or encode(reply)] for reply in inputs.replies]
+    replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]
     taken, waiting = _plain_events(inputs.taken), _plain_events(inputs.waiting)
     head = ["frame", inputs.frame, inputs.due, ticked, taken, inputs.layout]
     return [*head, replies, waiting, inputs.people, inputs.answers, inputs.left_out]

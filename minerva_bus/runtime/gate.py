@@ -29,9 +29,6 @@ _MOMENT: Final = 0.001
 _MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
 _SECONDS, _HELLOS, _ALL = "seconds", "hellos", "hellos of all"
 
-_ANSWERS: Final = (b"\xa6ticked", b"\xa7evolved", b"\xa6report")
-"""How messages begin that a frame may wait for, behind the mark of a list."""
-
 
 class _Allowance:
     """How much somebody may still say now; it fills up with time, to a second's worth."""
@@ -202,8 +199,3 @@ def _beyond(what: str, shown: tuple[str, ...] | list[str], confined: frozenset[s
         return ""
     allowed = ", ".join(sorted(confined))
     return f"its certificate is for the {what} {allowed}, not for {', '.join(beyond)}"
-
-
-def may_be_awaited(data: bytes, offset: int) -> bool:
-    """Whether a message, which begins behind so many bytes, is of those that a frame waits for."""
-    return data.startswith(_ANSWERS, offset + 1)

@@ -1,8 +1,7 @@
 """How much work a message is, before it is decoded.
 
-To decode a message costs time and memory for each of its values, of which a byte may be one, and
-nothing can be stopped that msgpack has begun. To count them costs little, builds nothing, and ends
-at the limit.
+Decoding costs time and memory for each value, of which a byte may be one, and a call of msgpack
+cannot be interrupted. Counting the values is cheap, allocates nothing and ends at the limit.
 """
 
 from __future__ import annotations
@@ -10,11 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.schema import Wire
 from minerva_bus.wire.limits import Limits, check
-
-ANSWERS: Final = frozenset({"ticked", "evolved"})
-LARGE: Final = frozenset({*ANSWERS, "emitted"})
-"""Messages that hold events or strings; all others are small."""
 
 _FIXED: Final = {
     0xCA: 5, 0xCB: 9, 0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9, 0xD0: 2, 0xD1: 3, 0xD2: 5, 0xD3: 9,
@@ -24,11 +20,11 @@ _LENGTHS: Final = {
     0xC4: (1, 2), 0xC5: (2, 3), 0xC6: (4, 5), 0xC7: (1, 3), 0xC8: (2, 4), 0xC9: (4, 6),
     0xD9: (1, 2), 0xDA: (2, 3), 0xDB: (4, 5),
 }  # fmt: skip
-"""Bytes of the length, and of the head, of binaries, extensions and texts."""
+"""Widths of the length and of the whole head of binaries, extensions and text."""
 
 
 def _step(first: int) -> int:
-    """Bytes up to the next value; 0: its length says it. What is in a list follows its head."""
+    """Bytes up to the next value; 0: a length field says it. A list's values follow its head."""
     if 0xA0 <= first < 0xC0:
         return 1 + (first & 31)
     return 0 if first in _LENGTHS else _FIXED.get(first, 1)
@@ -40,7 +36,7 @@ _TEXTS: Final = frozenset({*range(0xA0, 0xC0), 0xD9, 0xDA})
 
 
 def values_in(data: bytes, most: int) -> int:
-    """How many values msgpack bytes have; where more than `most`, one more."""
+    """The number of values in MessagePack data; `most + 1` where there are more than `most`."""
     place = count = 0
     end, steps = len(data), _STEPS
     while place < end and count <= most:
@@ -55,31 +51,41 @@ def _end(data: bytes, place: int) -> int:
     return head + int.from_bytes(data[place + 1 : place + 1 + width], "big")
 
 
-def name_in(data: bytes) -> str:
-    """The name that a message begins with; the empty text where it begins with none."""
-    head = _LISTS.get(data[0], 0) if data else 0
-    if not head or len(data) <= head or data[head] not in _TEXTS:
+def name_in(data: bytes, offset: int = 0) -> str:
+    """The text at the head of the list that begins at an offset; empty where there is none."""
+    place = offset + _LISTS.get(data[offset], 0) if len(data) > offset else 0
+    if place <= offset or len(data) <= place or data[place] not in _TEXTS:
         return ""
-    first = data[head]
-    skipped = _LENGTHS[first][1] if first in _LENGTHS else 1
-    size = _STEPS[first] or _end(data, head)
-    return data[head + skipped : head + size][:64].decode(errors="replace")
+    first = data[place]
+    begin = place + (_LENGTHS[first][1] if first in _LENGTHS else 1)
+    end = place + (_STEPS[first] or _end(data, place))
+    return data[begin:end][:64].decode(errors="replace")
 
 
-def check_weight(data: bytes, limits: Limits) -> None:
-    """Raise ProtocolError where a member's message is more work than it may be."""
-    name = name_in(data)
-    if len(data) > limits.message_bytes:
-        raise ProtocolError(f"{len(data)} bytes at once, over {limits.message_bytes}")
-    if not name and len(data) > limits.small_bytes:
+def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
+    """Raise ProtocolError where a member's message is larger than its declaration allows."""
+    size = len(data)
+    name = wire.name or name_in(data)
+    if size > limits.message_bytes:
+        raise ProtocolError(f"{size} bytes at once, over {limits.message_bytes}")
+    most = getattr(limits, wire.max_bytes)
+    if size > most and not name:
         raise ProtocolError("this is no msgpack list that begins with a message's name")
-    if name == "emitted":
-        check(name, len(data), limits.emitted_bytes, "bytes")
-    if name not in LARGE:
-        check(name or "a message", len(data), limits.small_bytes, "bytes")
-    most = limits.answer_values if name in ANSWERS else limits.values
-    if len(data) > most and (count := values_in(data, most)) > most:
+    check(name, size, most, "bytes")
+    most = getattr(limits, wire.max_values)
+    if size > most and (count := values_in(data, most)) > most:  # A value has at least one byte.
         raise ProtocolError(
-            f"{name} has at least {count} values, over {most}; send many events or agents in"
-            " columns, which are few values"
+            f"{name or 'a message'} has at least {count} values, over {most}; send many events or"
+            " agents in columns, which are few values"
         )
+
+
+def lightest(limits: Limits) -> int:
+    """Bytes up to which a message is within every limit: a value has at least one byte."""
+    return min(
+        limits.message_bytes,
+        limits.emitted_bytes,
+        limits.small_bytes,
+        limits.values,
+        limits.answer_values,
+    )

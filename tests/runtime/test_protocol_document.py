@@ -87,19 +87,18 @@ def table(title: str) -> dict[str, int]:
 
 
 def test_every_message_of_a_member_is_in_the_document_and_no_other() -> None:
-    told = {name: count for name, (count, _) in codec._FROM_MEMBER.items()}
+    told = {name: message.size for name, message in codec.FROM_MEMBER.items()}
     assert table("From a member, on `from/<member>`") == told
 
 
 def test_every_message_of_the_coordinator_is_in_the_document_and_no_other() -> None:
-    told = {name: count for name, (count, _) in codec._TO_MEMBER.items()}
+    told = {name: message.size for name, message in codec.TO_MEMBER.items()}
     assert table("From the coordinator") == told
 
 
 def test_whatever_can_be_written_is_in_the_document() -> None:
     everyone = table("For all who listen")
-    written = {name for name, _ in codec._WRITERS.values()}
-    assert written == codec._FROM_MEMBER.keys() | codec._TO_MEMBER.keys() | everyone.keys()
+    assert everyone == {name: message.size for name, message in codec.FOR_ALL.items()}
 
 
 def test_the_keys_of_a_hello() -> None:
@@ -212,7 +211,7 @@ def test_messages(said: str, data: bytes) -> None:
     plain = json.loads(said)
     assert msgpack.unpackb(data) == plain
     decoder = codec.Decoder(VOCABULARY)
-    if plain[0] in codec._FROM_MEMBER:
+    if plain[0] in codec.FROM_MEMBER:
         message: codec.m.Message = decoder.from_member("someone", data)
     else:
         message = decoder.to_member(data)

@@ -77,7 +77,7 @@ GARBAGE = {
     ),
     "a figure that is none": (
         msgpack.packb(["doing", {"mean": float("nan")}]),
-        "the figure mean must be a finite number or text, not nan",
+        "figures: mean must be a finite number or text, not nan",
     ),
     "what it does not make": (
         msgpack.packb(["emitted", [["eWish", [0.0, ""]]]]),

@@ -258,7 +258,7 @@ def test_a_view_that_comes_twice_or_late_is_not_shown_again():
     bus.run(3)
     before = list(shown(bus))
     for sequence in (1, 2, 3):
-        bus.alive["screen"].receive(m.ViewShown(0, "eShow", sequence, {}))
+        bus.alive["screen"].receive(m.ViewShown("eShow", 0, sequence, {}))
     bus.alive["screen"].show()
     assert shown(bus) == before
 

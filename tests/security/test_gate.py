@@ -4,10 +4,10 @@ import pytest
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.gate import MOST_NAMES, STRANGERS, Gate, may_be_awaited
+from minerva_bus.runtime.gate import MOST_NAMES, STRANGERS, Gate
 from minerva_bus.runtime.guard import LOOK_EVERY, NO_NAME, Guard, Security
 from minerva_bus.security.credentials import Rights
-from minerva_bus.wire.codec import encode
+from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import pack
@@ -69,8 +69,8 @@ def test_names_without_number_are_counted_as_one():
 )
 def test_what_a_frame_waits_for_is_known_by_how_it_begins(message, awaited):
     data = encode(message)
-    assert may_be_awaited(data, 0) == awaited
-    assert may_be_awaited(b"\x07\x08" + data, 2) == awaited
+    assert declaration(data).awaited == awaited
+    assert declaration(b"\x07\x08" + data, 2).awaited == awaited
 
 
 def test_without_certificates_all_may_do_all():

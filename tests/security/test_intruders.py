@@ -288,8 +288,9 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
         joined.member._send(kind("sensor", {"mean": float("nan")}))
-        assert "the figure mean must be a finite number" in joined.ends()
-    world.says("sensor │ broke the protocol: the figure mean must be a finite number or text")
+        assert "figures: mean must be a finite number" in joined.ends()
+    problem = f"{kind.WIRE.name}: figures: mean must be a finite number or text"
+    world.says(f"sensor │ broke the protocol: {problem}")
     assert refused(world, "sensor") > before
     goes_on(world)
 

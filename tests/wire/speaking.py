@@ -111,7 +111,7 @@ def to_member(vocabulary):
         st.builds(m.Fragments, parts, few),
         st.builds(m.EvolveRequest, numbers, few, some, some, numbers, few),
         st.builds(
-            m.ViewShown, numbers, names(), numbers, views, st.none() | strings.map(with_slots)
+            m.ViewShown, names(), numbers, numbers, views, st.none() | strings.map(with_slots)
         ),
         st.builds(m.Orders, numbers, some),
         st.builds(m.Repeat, names()),

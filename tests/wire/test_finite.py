@@ -114,7 +114,7 @@ def test_a_message_with_a_number_that_is_none_is_refused(read, plain):
 @pytest.mark.parametrize("name", ["doing", "report"])
 @pytest.mark.parametrize("odd", [*ODD, None, [1.0]])
 def test_a_figure_is_a_finite_number_or_a_text(name, odd):
-    with pytest.raises(ProtocolError, match="the figure mean must be a finite number or text"):
+    with pytest.raises(ProtocolError, match="figures: mean must be a finite number or text"):
         DECODER.from_member("a", msgpack.packb([name, {"mean": odd}]))
     figures = {"mean": 0.5, "count": 1, "on": True, "how": "well"}
     assert DECODER.from_member("a", msgpack.packb([name, figures])).figures == figures

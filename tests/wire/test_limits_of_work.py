@@ -84,12 +84,12 @@ TOO_MUCH = {
     "answer": (pack(["ticked", 0, [], {"x": [0] * 200}]), "ticked has at least 201 values, over 200"),
     "doing": (pack(["doing", {"a": 1, "b": 2, "c": 3}]), "doing has 3 figures, over 2"),
     "report": (pack(["report", {"a": 1, "b": 2, "c": 3}]), "report has 3 figures, over 2"),
-    "kinds": (hello(kinds=[kind("AX"), kind("AY"), kind("AZ")]), "a hello has 3 kinds, over 2"),
+    "kinds": (hello(kinds=[kind("AX"), kind("AY"), kind("AZ")]), "hello has 3 kinds, over 2"),
     "attributes": (
-        hello(kinds=[kind("AX", 2), kind("AY", 2)]), "a hello has 4 attributes of kinds, over 3"
+        hello(kinds=[kind("AX", 2), kind("AY", 2)]), "hello has 4 attributes of kinds, over 3"
     ),
     **{
-        f"names in {key}": (hello(**{key: ["a", "b", "c"]}), f"a hello has 3 names in {key}, over 2")
+        f"names in {key}": (hello(**{key: ["a", "b", "c"]}), f"hello has 3 names in {key}, over 2")
         for key in ("generates", "orders", "draws", "topics", "publishes")
     },
     "a long hello": (hello(service="x" * 600), "hello has .* bytes, over 600"),

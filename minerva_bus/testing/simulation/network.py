@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import Any, Final
 
-from minerva_bus.runtime.gate import may_be_awaited
 from minerva_bus.testing.simulation.links import Link, Weather
 from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.sessions import Declared, Query, Session, matches
 from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
+from minerva_bus.wire.codec import declaration
 from minerva_bus.wire.epochs import stamp
 
 LEASE: Final = 3.0
@@ -279,7 +279,7 @@ class Network:
         link.hub.hear(key, data)
         self._spread(link.hub, link, key, data, droppable=False)
         echoes = self.timeline.now < self.echoes_until.get(link.client.process.name, 0.0)
-        if echoes and may_be_awaited(data, _STAMP):
+        if echoes and declaration(data, _STAMP).awaited:
             chance = self.timeline.stream(f"echoes of {link.client.process.name}")
             self.timeline.after(chance.uniform(*ECHO), lambda: self._echo(key, data))
 

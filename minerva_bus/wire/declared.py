@@ -1,0 +1,170 @@
+"""Encoders and decoders of messages, compiled from their declarations (minerva_bus.frame.schema).
+
+A message is compiled once, when it is first met; what is left to do for each one of it is to call
+a function for each field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields
+from functools import cache
+from operator import attrgetter
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import msgpack
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame.schema import Mark, Wire
+from minerva_bus.wire.fields import DeclaredField, FieldCodec, Write, field_codec
+from minerva_bus.wire.plain import as_map
+from minerva_bus.wire.values import Reader
+
+Encode = Callable[[Any], bytes]
+Decode = Callable[[Reader, tuple[str, ...], list[Any]], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class MessageCodec:
+    """A message's declaration and what follows from it.
+
+    `items` are the fields with an item of their own, in order; `size` is the number of items after
+    the name. `decode` takes the values of the fields that the key holds, and the message as a list
+    with its name.
+    """
+
+    wire: Wire
+    fields: tuple[DeclaredField, ...]
+    items: tuple[DeclaredField, ...]
+    size: int
+    encode: Encode
+    decode: Decode
+
+
+@cache
+def message_codec(message: type[Any]) -> MessageCodec:
+    """The codec of a declared message. Raises TypeError where its declaration is wrong."""
+    wire: Wire = message.WIRE
+    declared = declared_fields(message)
+    items = tuple(of for of in declared if of.travels and not of.host)
+    codecs = {of.name: field_codec(of) for of in declared if of.travels}
+    encode, decode = _encoder(wire, declared, codecs), _decoder(message, declared, codecs)
+    if wire.keyed:
+        decode = _keyed_decoder(message, declared, codecs)
+    size = 1 if wire.keyed else len(items)
+    return MessageCodec(wire, declared, items, size, encode, decode)
+
+
+def by_name(messages: Iterable[type[Any]]) -> Mapping[str, MessageCodec]:
+    """The codecs of some messages by the names that these have on the wire."""
+    codecs = map(message_codec, messages)
+    return {codec.wire.name: codec for codec in codecs}
+
+
+def declared_fields(message: type[Any]) -> tuple[DeclaredField, ...]:
+    """The fields of a message: those that the key holds, those that travel, and local ones.
+
+    Raises TypeError for another order, by which a message cannot be made of its items.
+    """
+    hints = get_type_hints(message, include_extras=True)
+    declared = tuple(_declared(message.WIRE.name, of, hints[of.name]) for of in fields(message))
+    ranks = [0 if of.has(Mark.FROM_KEY) else 1 if of.travels else 2 for of in declared]
+    if ranks != sorted(ranks):
+        raise TypeError(f"{message.__name__}: fields of the key come first, local ones last")
+    return declared
+
+
+def _declared(message: str, of: Field[Any], hint: Any) -> DeclaredField:
+    marks: tuple[object, ...] = ()
+    if get_origin(hint) is Annotated:
+        hint, *extras = get_args(hint)
+        marks = tuple(extras)
+    default = None if of.default is MISSING else of.default
+    return DeclaredField(message, of.name, hint, marks, default)
+
+
+# --- to bytes ---
+
+
+def _encoder(
+    wire: Wire, declared: Sequence[DeclaredField], codecs: Mapping[str, FieldCodec]
+) -> Encode:
+    """An encoder: all attributes in one call, then only those written that are not plain yet."""
+    names = [of.name for of in declared if of.travels and not of.host]
+    pack, name = msgpack.packb, wire.name
+    if not names:
+        data = pack([name])
+        return lambda _: data
+    if len(names) == 1:
+        get, write_one = attrgetter(*names), codecs[names[0]].write
+        if write_one is None:
+            return lambda message: pack((name, get(message)))
+        return lambda message: pack((name, write_one(get(message))))
+    values = _values(names, declared, codecs)
+    if wire.keyed:
+        return lambda message: pack([name, dict(zip(names, values(message), strict=True))])
+    return lambda message: pack([name, *values(message)])
+
+
+def _values(
+    names: Sequence[str], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
+) -> Callable[[Any], list[Any]]:
+    """A function from a message to the plain data of several items."""
+    get = attrgetter(*names)
+    alone: list[tuple[int, Write]] = []
+    hosts: list[tuple[int, Write, attrgetter[Any]]] = []
+    for place, name in enumerate(names):
+        write, guests = codecs[name].write, [of.name for of in declared if of.host == name]
+        if write is not None and guests:
+            hosts.append((place, write, attrgetter(name, *guests)))
+        elif write is not None:
+            alone.append((place, write))
+
+    def values(message: Any) -> list[Any]:
+        plain = list(get(message))
+        for place, write in alone:
+            plain[place] = write(plain[place])
+        for place, write, both in hosts:
+            plain[place] = write(*both(message))
+        return plain
+
+    return values
+
+
+# --- from plain data ---
+
+
+def _decoder(
+    make: type[Any], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
+) -> Decode:
+    travelling = [of for of in declared if of.travels]
+    items = [of.name for of in travelling if not of.host]
+    plan = [(1 + items.index(of.host or of.name), codecs[of.name].read) for of in travelling]
+    if len(plan) == 1:
+        ((place, read),) = plan
+        return lambda reader, key, plain: make(*key, read(reader, plain[place]))
+    return lambda reader, key, plain: make(
+        *key, *[read(reader, plain[place]) for place, read in plan]
+    )
+
+
+def _keyed_decoder(
+    make: type[Any], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
+) -> Decode:
+    """A decoder of a map; it passes over keys that it does not know, which a later one may add."""
+    travelling = [of for of in declared if of.travels]
+    plan = [(of.name, codecs[of.name].read, of.has(Mark.OPTIONAL), of.default) for of in travelling]
+
+    def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
+        given = as_map(plain[1], f"the item of {plain[0]}")
+        values: list[Any] = []
+        for name, read, optional, default in plan:
+            if name in given:
+                values.append(read(reader, given[name]))
+            elif optional:
+                values.append(default)
+            else:
+                raise ProtocolError(f"{plain[0]} needs {name!r}")
+        return make(*key, *values)
+
+    return decode

@@ -1,0 +1,383 @@
+"""How the fields of messages travel, by their declared types.
+
+A type that a message may declare has an entry in `_CODECS`, which says how its values are written
+to plain data, how they are read and checked, and what PROTOCOL.md calls them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias, TypeVar, cast
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Within
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.wire.alphabet import plain_kind, plain_vocabulary, read_kind, read_vocabulary
+from minerva_bus.wire.columns import is_patch, plain_patch
+from minerva_bus.wire.limits import check
+from minerva_bus.wire.plain import (
+    as_bool,
+    as_int,
+    as_list,
+    as_map,
+    as_number,
+    as_scalar,
+    as_text,
+    name_of,
+)
+from minerva_bus.wire.readings import plain_reading, read_reading
+from minerva_bus.wire.values import Reader, plain_event, plain_scene
+from minerva_bus.world.readings import Reading
+
+_T = TypeVar("_T")
+_ADVICE: Final = "send those of one type in columns"
+_NO_PATCHES: Final[m.Patches] = {}
+
+Read: TypeAlias = Callable[[Reader, Any], Any]
+Write: TypeAlias = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FieldCodec:
+    """How one field travels: `read` checks plain data, `write` makes it; `None`: it is plain.
+
+    `text` is its type in PROTOCOL.md. `write` is given the values of the fields `Within` this one
+    as well.
+    """
+
+    text: str
+    read: Read
+    write: Write | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredField:
+    """A field of a message: its name, the type that it travels by, and its marks."""
+
+    message: str
+    name: str
+    type: Any
+    marks: tuple[object, ...] = ()
+    default: Any = None
+    what: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "what", f"{self.message}: {self.name}")
+
+    def has(self, mark: Mark) -> bool:
+        """Whether the field bears a mark."""
+        return mark in self.marks
+
+    @property
+    def note(self) -> str:
+        """What PROTOCOL.md says about it."""
+        return next((mark.text for mark in self.marks if isinstance(mark, Note)), "")
+
+    @property
+    def least(self) -> int | None:
+        """The least value of a number."""
+        return next((mark.value for mark in self.marks if isinstance(mark, AtLeast)), None)
+
+    @property
+    def host(self) -> str:
+        """The field in whose item it travels; empty: it has its own."""
+        return next((mark.field for mark in self.marks if isinstance(mark, Within)), "")
+
+    @property
+    def travels(self) -> bool:
+        """Whether its value is in the message."""
+        return not (self.has(Mark.FROM_KEY) or self.has(Mark.LOCAL))
+
+    def check_count(self, reader: Reader, count: int) -> None:
+        """Raise ProtocolError where a list or map has more values than its limit allows."""
+        for mark in self.marks:
+            if isinstance(mark, AtMost):
+                unit = mark.limit if mark.limit == self.name else f"{mark.limit} in {self.name}"
+                check(self.message, count, getattr(reader.limits, mark.limit), unit)
+
+
+def field_codec(declared: DeclaredField) -> FieldCodec:
+    """The codec of a field. Raises TypeError for a type that does not travel."""
+    make = _CODECS.get(declared.type)
+    if make is None:
+        raise TypeError(f"{declared.what}: {declared.type} does not travel in messages")
+    return make(declared)
+
+
+# --- numbers, text, lists of text ---
+
+
+def _int(of: DeclaredField) -> FieldCodec:
+    what, least = of.what, of.least or 0
+
+    def read(_: Reader, plain: Any) -> int:
+        return plain if type(plain) is int and plain >= least else as_int(plain, what, least)
+
+    return FieldCodec("int", read)
+
+
+def _float(of: DeclaredField) -> FieldCodec:
+    what, least = of.what, of.least
+
+    def read(_: Reader, plain: Any) -> float:
+        value = as_number(plain, what)
+        if least is not None and value < least:
+            raise ProtocolError(f"{what} must be a number from {least}, not {value!r}")
+        return value
+
+    return FieldCodec("number", read)
+
+
+def _bool(of: DeclaredField) -> FieldCodec:
+    return FieldCodec("bool", lambda _, plain: as_bool(plain, of.what))
+
+
+def _text(of: DeclaredField) -> FieldCodec:
+    what = of.what
+    return FieldCodec("text", lambda _, plain: as_text(plain, what))
+
+
+def _bytes(of: DeclaredField) -> FieldCodec:
+    def read(_: Reader, plain: Any) -> bytes:
+        if not isinstance(plain, bytes):
+            raise ProtocolError(f"{of.what} must be binary, not {name_of(plain)}")
+        return plain
+
+    return FieldCodec("binary", read)
+
+
+def _texts(of: DeclaredField) -> FieldCodec:
+    what = of.what
+
+    def read(reader: Reader, plain: Any) -> tuple[str, ...]:
+        items = as_list(plain, what)
+        of.check_count(reader, len(items))
+        return tuple([as_text(item, what) for item in items])
+
+    return FieldCodec("[text]", read, list)
+
+
+# --- maps of plain values ---
+
+
+def _saved(of: DeclaredField) -> FieldCodec:
+    def read(_: Reader, plain: Any) -> Mapping[str, Any] | None:
+        return None if plain is None else as_map(plain, of.what)
+
+    return FieldCodec("{text: any} or nil", read)
+
+
+def _figures(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> m.Figures:
+        figures = as_map(plain, of.what)
+        of.check_count(reader, len(figures))
+        return {
+            name: as_scalar(value, f"{of.what}: {name[:40]}") for name, value in figures.items()
+        }
+
+    return FieldCodec("{text: finite number, text or bool}", read, dict)
+
+
+def _text_lists(of: DeclaredField) -> FieldCodec:
+    texts = _texts(of)
+
+    def read(reader: Reader, plain: Any) -> Mapping[str, tuple[str, ...]]:
+        return {name: texts.read(reader, item) for name, item in as_map(plain, of.what).items()}
+
+    def write(lists: Mapping[str, tuple[str, ...]]) -> Any:
+        return {name: list(texts) for name, texts in lists.items()}
+
+    return FieldCodec("{text: [text]}", read, write)
+
+
+# --- kinds and vocabularies ---
+
+
+def _kinds(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> tuple[AgentKind, ...]:
+        kinds = as_list(plain, of.what)
+        of.check_count(reader, len(kinds))
+        attributes = sum(len(cast("list[Any]", kind[1])) for kind in kinds if _has_fields(kind))
+        check(of.message, attributes, reader.limits.fields, "attributes of kinds")
+        return tuple([read_kind(kind) for kind in kinds])
+
+    def write(kinds: tuple[AgentKind, ...]) -> Any:
+        return [plain_kind(kind) for kind in kinds]
+
+    return FieldCodec("[kind]", read, write)
+
+
+def _has_fields(kind: Any) -> bool:
+    return isinstance(kind, list) and len(cast("list[Any]", kind)) > 1 and isinstance(kind[1], list)
+
+
+def _vocabulary(_: DeclaredField) -> FieldCodec:
+    return FieldCodec("vocabulary", lambda _, plain: read_vocabulary(plain), plain_vocabulary)
+
+
+# --- events ---
+
+
+def _write_events(events: tuple[AnyEvent, ...]) -> Any:
+    return [plain_event(event) for event in events] if events else events
+
+
+def _single(plain: Any, what: str) -> list[list[Any]]:
+    """The events of a list that are not in columns."""
+    items = [cast("list[Any]", item) for item in as_list(plain, what) if isinstance(item, list)]
+    return [item for item in items if len(item) != 6]
+
+
+def _events(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> tuple[AnyEvent, ...]:
+        return reader.events(plain)
+
+    def read_generated(reader: Reader, plain: Any) -> tuple[AnyEvent, ...]:
+        if plain != []:  # Most replies to a tick have none.
+            _check_generated(of, reader, plain)
+        return reader.events(plain)
+
+    return FieldCodec("[event]", read_generated if of.has(Mark.GENERATED) else read, _write_events)
+
+
+def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
+    """Raise ProtocolError for more single events than a generator may send in a message.
+
+    Each costs the coordinator a hundred times what a row of columns costs.
+    """
+    limits, single = reader.limits, _single(plain, of.what)
+    check(of.message, len(single), limits.single_events, "single events", _ADVICE)
+    full = [item for item in single if len(item) == 5]
+    receivers = sum(len(cast("list[Any]", item[4])) for item in full if isinstance(item[4], list))
+    check(of.message, receivers, limits.receivers, "receivers of single events", _ADVICE)
+    conditions = {item[2] for item in full if isinstance(item[2], str)}
+    characters = sum(map(len, conditions))
+    check(of.message, characters, limits.conditions, "characters of conditions")
+
+
+def _events_by_sender(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> m.SentBy:
+        senders = as_map(plain, of.what)
+        if of.has(Mark.EMITTED) and senders:
+            count = sum(len(_single(events, of.what)) for events in senders.values())
+            check(of.message, count, reader.limits.host_events, "single events", _ADVICE)
+        return {name: reader.events(events) for name, events in senders.items()}
+
+    def write(senders: m.SentBy) -> Any:
+        return {name: _write_events(events) for name, events in senders.items()} if senders else {}
+
+    return FieldCodec("{id: [event]}", read, write)
+
+
+# --- strings, whole or patched ---
+
+
+def _write_parts(parts: m.Parts, patches: m.Patches = _NO_PATCHES) -> dict[str, Any]:
+    plain: dict[str, Any] = {}
+    if parts:
+        plain = {name: plain_scene(scene) for name, scene in parts.items()}
+    if patches:
+        plain.update((name, plain_patch(patch)) for name, patch in patches.items())
+    return plain
+
+
+def _parts(of: DeclaredField) -> FieldCodec:
+    what, view = of.what, of.has(Mark.VIEW)
+
+    def read(reader: Reader, plain: Any) -> m.Parts:
+        scene = reader.view if view else reader.scene
+        parts = as_map(plain, what)
+        if not parts:
+            return {}
+        return {name: scene(part) for name, part in parts.items() if not is_patch(part)}
+
+    return FieldCodec("{id: string}", read, _write_parts)
+
+
+def _patches(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> m.Patches:
+        parts = as_map(plain, of.what)
+        if not parts:
+            return {}
+        return {name: reader.columns.patch(part) for name, part in parts.items() if is_patch(part)}
+
+    return FieldCodec("{id: patch}", read)
+
+
+def _views(of: DeclaredField) -> FieldCodec:
+    parts = _parts(of)
+
+    def read(reader: Reader, plain: Any) -> Mapping[str, m.Parts]:
+        return {name: parts.read(reader, view) for name, view in as_map(plain, of.what).items()}
+
+    def write(views: Mapping[str, m.Parts], patches: Mapping[str, m.Patches]) -> Any:
+        if not views:
+            return {}
+        return {
+            name: _write_parts(view, patches.get(name, _NO_PATCHES)) for name, view in views.items()
+        }
+
+    return FieldCodec("{event type: {id: string}}", read, write)
+
+
+def _view_patches(of: DeclaredField) -> FieldCodec:
+    patches = _patches(of)
+
+    def read(reader: Reader, plain: Any) -> Mapping[str, m.Patches]:
+        views = {name: patches.read(reader, v) for name, v in as_map(plain, of.what).items()}
+        return {name: view for name, view in views.items() if view}
+
+    return FieldCodec("{event type: {id: patch}}", read)
+
+
+def _skeleton(of: DeclaredField) -> FieldCodec:
+    def read(reader: Reader, plain: Any) -> Scene | None:
+        if plain is None:
+            return None
+        return reader.skeleton(plain) if of.has(Mark.SLOTS) else reader.scene(plain)
+
+    def write(scene: Scene | None) -> Any:
+        return None if scene is None else plain_scene(scene)
+
+    return FieldCodec("string or nil", read, write)
+
+
+# --- readings ---
+
+
+def _readings(of: DeclaredField) -> FieldCodec:
+    def read(_: Reader, plain: Any) -> tuple[Reading, ...]:
+        return tuple([read_reading(reading) for reading in as_list(plain, of.what)])
+
+    def write(readings: tuple[Reading, ...]) -> Any:
+        return [plain_reading(reading) for reading in readings]
+
+    return FieldCodec("[reading]", read, write)
+
+
+_CODECS: Final[dict[Any, Callable[[DeclaredField], FieldCodec]]] = {
+    int: _int,
+    float: _float,
+    bool: _bool,
+    str: _text,
+    bytes: _bytes,
+    tuple[str, ...]: _texts,
+    m.Saved: _saved,
+    m.Figures: _figures,
+    Mapping[str, tuple[str, ...]]: _text_lists,
+    tuple[AgentKind, ...]: _kinds,
+    Vocabulary: _vocabulary,
+    tuple[AnyEvent, ...]: _events,
+    m.SentBy: _events_by_sender,
+    m.Parts: _parts,
+    m.Patches: _patches,
+    Mapping[str, m.Parts]: _views,
+    Mapping[str, m.Patches]: _view_patches,
+    Scene | None: _skeleton,
+    tuple[Reading, ...]: _readings,
+}
