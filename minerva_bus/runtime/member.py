@@ -26,7 +26,6 @@ from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.own_threads import OwnThreads
 from minerva_bus.runtime.restraint import Restraint
 from minerva_bus.runtime.session import not_let_in
-from minerva_bus.runtime.shortcut import nothing_to, says_nothing, tick
 from minerva_bus.runtime.system import REAL, System, Timer, run_through
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.codec import Decoder, encode
@@ -340,17 +339,8 @@ class BusMember:
 
     def _heard_first(self, data: bytes) -> None:
         body = self._of_my_coordinator(data)
-        if body is None:
-            return
-        message = tick(body) if self.participant.world is not None else None
-        if message is None:
+        if body is not None:
             self._heard(self._first, body)
-            return
-        for answer in self.participant.receive(message):
-            if says_nothing(answer, message.frame):
-                self._answers.put(self._stamp + nothing_to(body))
-            else:
-                self._send(answer)
 
     def _heard_aside(self, item: Heard) -> bool:
         key = item.key
