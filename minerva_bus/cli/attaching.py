@@ -15,7 +15,6 @@ from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
 from minerva_bus.frame.participant import Anew, Participant
 from minerva_bus.launch.interrupts import end_signals
-from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import (
     AGENTS,
@@ -26,10 +25,12 @@ from minerva_bus.launch.specs import (
     find_world,
     load,
 )
+from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.member import BACK_WITHIN, BusMember
 from minerva_bus.runtime.session import REACHED_WITHIN, end_at_once
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device
 

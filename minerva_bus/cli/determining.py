@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
+from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.running import run_world
 from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, MisuseError
@@ -135,7 +136,7 @@ def _run(path: Path, frames: int, layout: Layout, record: Path) -> None:
     (record.parent / OMITTED).write_text(json.dumps(omitted), encoding="utf-8")
     in_process = layout.runs_in_process(file)
     laid = laid_out(file, layout, omitted, frames, record)
-    run_world(laid, time.monotonic(), in_process=in_process, json_too=False, quiet=True)
+    run_world(laid, time.monotonic(), RunOptions(in_process=in_process, quiet=True))
 
 
 def main() -> None:

@@ -1,21 +1,26 @@
-"""Options that several commands have."""
+"""Options that several commands share, and groups of options."""
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from typing import Annotated, Any, Final, get_origin, get_type_hints
 
 import typer
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.settings.overrides import OPTIONS, Overrides
 
 UNKNOWN_TOO: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
-"""Of a command that takes a world's or a service's own options, too (`words.options_of`)."""
+"""For a command that also takes options of a world or a service (`words.options_of`)."""
 
 
 def _choose_keys(keys: str) -> None:
     from minerva_bus.cli.places import choose_keys
 
-    choose_keys(keys)  # None too: a process may give several commands, one after another.
+    choose_keys(keys)  # Also if there are none: tests run several commands in one process.
 
 
 def _choose_force(force: bool) -> bool:
@@ -42,43 +47,140 @@ Keys = Annotated[
     typer.Option(
         envvar="MINERVA_KEYS",
         callback=_choose_keys,
-        help="For tls/ endpoints: folder of your keys, or your certificate in it, NAME.pem.",
+        help="For tls/ endpoints: folder with your keys, or your certificate in it, NAME.pem.",
     ),
 ]
-World = Annotated[str, typer.Option(help="Name of the world, where several run.")]
+World = Annotated[str, typer.Option(help="Name of the world, if several run.")]
 KeepTrying = Annotated[
     float | None,
     typer.Option(
         min=0.0,
-        help="Seconds to look for a world out of sight; default: 600, on its own machine 5.",
+        help="Seconds to try to reconnect; default: 600, on the world's machine 5.",
     ),
 ]
 Views = Annotated[
     list[str] | None,
     typer.Option("--view", help="Add a view: svg, or svg:path=FILE,every=N; may be repeated."),
 ]
-Listen = Annotated[str, typer.Option(help="Where to listen, such as tls/0.0.0.0:7447.")]
-RunKeys = Annotated[
-    str, typer.Option("--keys", help="Folder of those who may come in from elsewhere (tls/).")
-]
-Routers = Annotated[
-    list[str] | None, typer.Option(help="A Zenoh router to join, tls/HOST:PORT; may be repeated.")
-]
-Insecure = Annotated[
-    bool, typer.Option("--insecure", help="Let in whoever can reach it, without certificates.")
-]
-Audit = Annotated[
-    bool, typer.Option("--audit", help="With --keys: name and count what Zenoh itself drops.")
-]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", help="PROCESS.KEY=VALUE of a process.")
+    list[str] | None,
+    typer.Option("--set", help="PROCESS.KEY=VALUE: set a key of a process; may be repeated."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on standard output.")]
-Quiet = Annotated[bool, typer.Option(help="Say only what goes wrong.")]
+Quiet = Annotated[bool, typer.Option(help="Print errors only.")]
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """How `minerva run` runs a world and what it prints."""
+
+    in_process: Annotated[
+        bool, typer.Option(help="Run all members in one process, without a bus.")
+    ] = False
+    json: Json = False
+    quiet: Quiet = False
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Report how the time of a frame is spent.")
+    ] = False
+    profile_member: Annotated[
+        str, typer.Option(help="Profile this member's code; writes a page WORLD-MEMBER.html.")
+    ] = ""
+    traceback: Annotated[
+        bool, typer.Option("--traceback", help="Show full tracebacks of errors in a member's code.")
+    ] = False
+
+
+# --- groups of options ---
+
+Parameter = inspect.Parameter
+
+
+class Takes:
+    """The settings that a command takes as options, by name, in the order of its help."""
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+
+    def parameters(self) -> list[Parameter]:
+        """A parameter for each option."""
+        return [_keyword(name, None, self._annotation(name)) for name in self.names]
+
+    def _annotation(self, name: str) -> Any:
+        if name in _LISTS:
+            return _LISTS[name]
+        setting = OPTIONS[name]
+        python: Any = list[str] if setting.kind.repeats else setting.kind.python
+        flag = f"{setting.flag}/--no-{setting.flag[2:]}" if python is bool else setting.flag
+        return Annotated[python | None, typer.Option(flag, help=setting.help.replace("`", ""))]
+
+    def collect(self, values: dict[str, Any]) -> Overrides:
+        """The settings that were given, taken out of the values of all parameters."""
+        given = {name: values.pop(name) for name in self.names}
+        lists = [tuple(given.pop(name, None) or ()) for name in _LISTS]
+        for name, value in given.items():
+            if OPTIONS[name].kind.repeats and value is not None:
+                given[name] = tuple(value)
+        return Overrides(None, *lists, **given)
+
+
+_LISTS: Final[dict[str, Any]] = {"set_": Settings, "view": Views}
+
+
+def _keyword(name: str, default: Any, annotation: Any) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+class _Fields:
+    """The options that the fields of a dataclass declare."""
+
+    def __init__(self, cls: type[Any]) -> None:
+        self._cls = cls
+
+    def parameters(self) -> list[Parameter]:
+        hints = get_type_hints(self._cls, include_extras=True)
+        return [_keyword(each.name, each.default, hints[each.name]) for each in fields(self._cls)]
+
+    def collect(self, values: dict[str, Any]) -> Any:
+        return self._cls(**{each.name: values.pop(each.name) for each in fields(self._cls)})
+
+
+def _group(annotation: Any) -> Takes | _Fields | None:
+    if get_origin(annotation) is Annotated and isinstance(annotation.__metadata__[0], Takes):
+        return annotation.__metadata__[0]
+    is_group = isinstance(annotation, type) and hasattr(annotation, "__dataclass_fields__")
+    return _Fields(annotation) if is_group else None
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """Let a command take many options as few parameters.
+
+    A parameter `Annotated[Overrides, Takes(...)]` stands for the options of settings, one that is
+    annotated with a dataclass for an option of each field.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    parameters: list[Parameter] = []
+    groups: dict[str, Takes | _Fields] = {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        group = _group(hints[name])
+        if group is None:
+            parameters.append(_keyword(name, parameter.default, hints[name]))
+        else:
+            groups[name] = group
+            parameters += group.parameters()
+
+    @wraps(command)
+    def collected(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group.collect(values)
+        command(**values)
+
+    collected.__dict__["__signature__"] = inspect.Signature(parameters)
+    collected.__annotations__ = {each.name: each.annotation for each in parameters}
+    return collected
 
 
 def chosen(name: str, world: str) -> str:
-    """The world that a command's only word or its --world names. Raises MisuseError for two."""
+    """The world named by the argument or by --world. Raises MisuseError if they differ."""
     if name and world and name != world:
         raise MisuseError(f"which world: {name!r} or --world {world!r}? Give one of them")
     return name or world

@@ -15,10 +15,10 @@ from minerva_bus.cli.places import client
 from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.replaying import read_replay, recomputed
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.swapping import Swap, replay_swapped
+from minerva_bus.settings.overrides import Overrides
 
 
 def replay_record(

@@ -8,46 +8,42 @@ import sys
 import typer
 
 from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
+from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.promised import say_summary
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.interrupts import end_signals
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import Overrides
 
 
 def read_world(world: str, overrides: Overrides) -> WorldFile:
-    """The world file of a path or an installed name. Raises WorldFileError and SceneError."""
+    """Read the world file of a path or an installed name. Raises WorldFileError and SceneError."""
     return read_world_file(find_world(world), overrides)
 
 
-def run_world(
-    file: WorldFile,
-    began: float,
-    *,
-    in_process: bool,
-    json_too: bool,
-    quiet: bool,
-    profiling: Profiling = NOTHING,
-    traceback: bool = False,
-) -> None:
-    """Run a world and print its summary; exits with 1 where it failed and 130 on Ctrl-C."""
-    if in_process and profiling != NOTHING:
-        raise MisuseError("--profile and --profile-member look at the bus: not with --in-process")
+def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
+    """Run a world and print its summary; exits with 1 if it failed and with 130 on Ctrl-C.
+
+    `began` is when the program started, on the monotonic clock, seconds.
+    """
+    profiling = Profiling(options.profile, options.profile_member)
+    if options.in_process and profiling != NOTHING:
+        raise MisuseError("--profile and --profile-member measure the bus: omit --in-process")
     profiling.check(file)
     as_json = file.watch.log_format == "json"
-    quiet = quiet or (json_too and not as_json and not sys.stderr.isatty())
-    console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=traceback)
+    quiet = options.quiet or (options.json and not as_json and not sys.stderr.isatty())
+    console = Console(quiet=quiet, json=as_json, world=file.world.name, traceback=options.traceback)
     failure = ""
     try:
-        if in_process:
+        if options.in_process:
             for number in end_signals():
                 signal.signal(number, signal.default_int_handler)
             summary = Alone(file, console, began).run()
@@ -63,7 +59,7 @@ def run_world(
             raise
         console.problem(str(error))
         raise typer.Exit(WRONG) from None
-    _print_summary(summary, console, as_json or json_too)
+    _print_summary(summary, console, as_json or options.json)
     if summary.ended in ("interrupted", "terminated"):
         raise typer.Exit(INTERRUPTED)
     if failure:
@@ -71,7 +67,7 @@ def run_world(
 
 
 def _print_summary(summary: Summary, console: Console, as_json: bool) -> None:
-    """Print a summary; for people, one without its coordinator's part is no more than its cause."""
+    """Print a summary; without the coordinator's part, as text only the cause of the end."""
     if not summary.digest:
         console.problem(summary.ended)
     if as_json:

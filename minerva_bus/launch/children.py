@@ -10,7 +10,7 @@ from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.border import security
+from minerva_bus.launch.access import security
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import Keeping, find_past, next_epoch
 from minerva_bus.launch.profiling import Profiling, profile_of, sampled
@@ -102,9 +102,9 @@ class Shift:
             listen=file.bus.listen,
             deadlines=file.deadlines,
             shared=work.shared,
-            routers=file.bus.border.routers,
-            limits=file.bus.border.limits,
-            security=security(file.bus.border, file.world.name, started),
+            routers=file.access.routers,
+            limits=file.access.limits,
+            security=security(file.access, file.world.name, started),
             keep=work.profile,
             epoch=next_epoch(past, system.time()),
             algorithm=algorithm,

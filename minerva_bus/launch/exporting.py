@@ -14,29 +14,21 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
-from minerva_bus.errors import BusError, MinervaError, MisuseError
+from minerva_bus.errors import BusError, MinervaError
 from minerva_bus.launch.health import Health, live, ready
 from minerva_bus.runtime.totals import read_totals
+from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status import read_status
 from minerva_bus.world.operator import WorldStatus
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-PORT: Final = 9464
 KEPT_AWAKE: Final = 2.0
 """Seconds between questions for the totals, which are counted only while somebody asks."""
 
 Ask = Callable[..., Mapping[str, Any]]
 Check = Callable[[WorldStatus | None, str], Health]
-
-
-def address(listen: str) -> tuple[str, int]:
-    """Host and port of HOST:PORT. Raises MisuseError."""
-    host, colon, port = listen.rpartition(":")
-    if not colon or not host or not port.isdecimal() or int(port) > 65535:
-        raise MisuseError(f"{listen!r} is no address; expected HOST:PORT, such as 127.0.0.1:{PORT}")
-    return host.strip("[]"), int(port)
 
 
 class Exporter:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from minerva_bus.launch.keeping import RecordSettings
-from minerva_bus.launch.watching import WatchSettings
-from minerva_bus.launch.worldfile import BusSettings, Process, WorldFile
+from minerva_bus.launch.access import Access
+from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.services import Device, Generator, Service
 
 
@@ -91,7 +91,8 @@ def laid_out(
         ),
         rate=0.0,
         processes=processes,
-        bus=BusSettings(patience=file.bus.patience, shared_memory=file.bus.shared_memory),
+        bus=BusSettings(shared_memory=file.bus.shared_memory),
+        access=Access(),
         record=RecordSettings(str(record)),
         watch=WatchSettings(),
     )

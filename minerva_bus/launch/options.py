@@ -1,4 +1,4 @@
-"""A world's own options: the table [options], `--name value` instead of it, and `${name}`."""
+"""The options of a world: the table [options], `--name value` on the command line, `${name}`."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any, cast
 
 from minerva_bus.errors import WorldFileError, nearest
-from minerva_bus.launch.overrides import toml_value
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
+from minerva_bus.launch.typed import toml_value
+from minerva_bus.settings.kinds import fits, phrase_of
 
 
 def read_options(
     table: Table, path: Path, given: Mapping[str, str], completed_by: str
 ) -> dict[str, Any]:
-    """The options of a world file, with what a command line says instead of some.
+    """The options of a world file, with those given on the command line in their place.
 
     `completed_by` names a function that completes them ("": none). Raises WorldFileError.
     """
@@ -25,7 +26,7 @@ def read_options(
         if key not in options:
             raise WorldFileError(
                 f"{path.stem} has no option --{key}{nearest(key, list(options))}; it has"
-                f" {', '.join('--' + one for one in options) or 'none'}"
+                f" {', '.join(f'--{name}' for name in options) or 'none'}"
             )
         options[key] = _like(key, text, options[key])
     if completed_by:
@@ -37,7 +38,7 @@ def read_options(
 
 
 def beside(value: Any, folder: Path) -> Any:
-    """A text that names a file in the world file's folder stands for that file."""
+    """The full path of a text that names a file in `folder`; any other value unchanged."""
     if isinstance(value, str) and value and "\n" not in value and len(value) < 1000:
         path = folder / value
         return str(path) if path.is_file() else value
@@ -45,25 +46,22 @@ def beside(value: Any, folder: Path) -> Any:
 
 
 def _like(key: str, given: str, default: Any) -> Any:
-    """A command line's text as a value of the same type as the world file's."""
+    """The value of a text on the command line, of the same type as its default."""
     if isinstance(default, str):
         path = Path(given)
         return str(path.resolve()) if given and path.is_file() else given
     value = toml_value(given)
-    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not type(default):
-        kind = type(default).__name__
-        wanted = {"int": "a whole number", "float": "a number", "bool": "true or false"}
-        shown = wanted.get(kind, f"a {kind} as in TOML")
-        raise WorldFileError(f"--{key} must be {shown}, not {given!r}")
-    return value
+    python = cast("type[Any]", type(default))
+    if not (fits(value, python) if phrase_of(python) else isinstance(value, python)):
+        phrase = phrase_of(python) or f"a {python.__name__} as in TOML"
+        raise WorldFileError(f"--{key} must be {phrase}, not {given!r}")
+    return float(value) if python is float else value
 
 
 def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
-    """A value with `${option}` replaced, as what it is where it stands alone.
+    """A value with `${option}` replaced; an option that stands alone keeps its type.
 
-    Raises WorldFileError where there is no such option.
+    Raises WorldFileError for an unknown option.
     """
     if isinstance(value, list):
         return [filled(item, options, path) for item in cast("list[Any]", value)]
@@ -75,13 +73,13 @@ def filled(value: Any, options: Mapping[str, Any], path: Path) -> Any:
     alone = re.fullmatch(r"\$\{(\w+)\}", value)
     if alone:
         return _option(alone.group(1), options, path)
-    return re.sub(r"\$\{(\w+)\}", lambda found: str(_option(found.group(1), options, path)), value)
+    return re.sub(r"\$\{(\w+)\}", lambda match: str(_option(match.group(1), options, path)), value)
 
 
 def _option(name: str, options: Mapping[str, Any], path: Path) -> Any:
     if name not in options:
         raise WorldFileError(
-            f"{path}: ${{{name}}} is no option{nearest(name, list(options))};"
+            f"{path}: ${{{name}}} is not an option{nearest(name, list(options))};"
             " declare it under [options]"
         )
     return options[name]

@@ -1,24 +1,23 @@
-"""How long a frame waits for members, and what then, as a world file says it."""
+"""How long a frame waits for members, in [bus] or for one process."""
 
 from __future__ import annotations
 
 from minerva_bus.launch.table import Table
-from minerva_bus.runtime.waiting import THEN, Patience
+from minerva_bus.runtime.waiting import Patience
+from minerva_bus.settings.declaring import settings_of
+from minerva_bus.settings.tables import PatienceSettings
 
-KEYS = ("soft", "hard", "late")
+KEYS = tuple(settings_of(PatienceSettings))
 
 
-def read_patience(table: Table, plain: Patience) -> Patience:
-    """What `soft` and `hard`, in seconds, and `late` say; `plain` is what is not said.
+def read_patience(table: Table, defaults: PatienceSettings | None = None) -> PatienceSettings:
+    """The settings of a table; `defaults` are those of [bus]. Raises WorldFileError."""
+    settings = table.read(PatienceSettings, defaults)
+    if settings.soft > settings.hard:
+        table.wrong("soft", f"must not be over hard, {settings.hard:g}")
+    return settings
 
-    Raises WorldFileError.
-    """
-    others = [one for one in THEN if one != plain.then]
-    patience = Patience(
-        table.number("soft", plain.soft, 0.05),
-        table.number("hard", plain.hard, 0.1),
-        table.choice("late", (plain.then, *others)),
-    )
-    if patience.soft > patience.hard:
-        table.wrong("soft", f"must not be over hard, {patience.hard:g}")
-    return patience
+
+def patience(settings: PatienceSettings) -> Patience:
+    """The patience with a member that these settings describe."""
+    return Patience(settings.soft, settings.hard, settings.late)

@@ -1,4 +1,4 @@
-"""The tables [process.NAME] of a world file, and the views that a command line adds."""
+"""The tables [process.NAME] of a world file, and the views that the command line adds."""
 
 from __future__ import annotations
 
@@ -7,95 +7,91 @@ import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.options import beside
-from minerva_bus.launch.overrides import Overrides, read_view
-from minerva_bus.launch.patience import KEYS, read_patience
+from minerva_bus.launch.patience import KEYS, patience, read_patience
 from minerva_bus.launch.specs import bind, find_agents, find_service
 from minerva_bus.launch.table import Table
+from minerva_bus.launch.typed import by_process, read_view
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.runtime.waiting import Patience
+from minerva_bus.settings.tables import ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.world.services import Service
 
-MOST_PROCESSES: Final = 1000
-"""Of one sort."""
 
-
-def read_processes(top: Table, path: Path, given: Overrides) -> tuple[Process, ...]:
-    """The processes of a world file, in its order, and after them the views that are wanted.
+def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
+    """The processes of a world file, in its order, and after them the views of the command line.
 
     Raises WorldFileError.
     """
-    reader = _Reader(top, path, given.coordinator_only)
-    table, settings = top.table("process"), given.by_process()
-    found: list[Process] = []
+    reader = _Reader(top, path)
+    table, settings = top.table("process"), by_process(top.overrides.settings)
+    processes: list[Process] = []
     for name in list(table.data):
-        found += reader.processes(name, table.table(name), settings.pop(name, {}))
-    for view in given.views:
+        processes += reader.processes(name, table.table(name), settings.pop(name, {}))
+    for view in top.overrides.views:
         spec, name, options = read_view(view)
         cls = find_service(spec, path.parent)
         make = reader.maker(name, cls, options | settings.pop(name, {}))
-        found.append(Process(name, make, on_failure="ignore"))
+        processes.append(Process(name, make, on_failure="ignore"))
     if settings:
         name = next(iter(settings))
-        known = [process.name for process in found]
+        known = [process.name for process in processes]
         raise WorldFileError(f"--set: there is no process {name!r}{nearest(name, known)}")
-    return tuple(found)
+    return tuple(processes)
 
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Reads one table [process.NAME] after the other."""
+    """Reads the tables [process.NAME], one at a time."""
 
     top: Table
     path: Path
-    elsewhere: bool
 
     def processes(self, name: str, table: Table, settings: dict[str, Any]) -> list[Process]:
-        """The processes of one table: as many as it wants, or one."""
+        """The processes of one table, with the `settings` of the command line."""
         table.data.update(settings)
         checked = table.named(name, "a process")
-        count = table.whole("processes", 1, 1, MOST_PROCESSES)
+        own = table.read(ProcessSettings)
         plain = Process(
             checked,
-            on_failure=table.choice("on_failure", ("restart", "stop", "ignore")),
-            restarts=table.whole("restarts", 5),
-            elsewhere=table.truth("elsewhere", False) or self.elsewhere,
-            speaks_for=table.texts("speaks_for"),
+            on_failure=own.on_failure,
+            restarts=own.restarts,
+            elsewhere=own.elsewhere,
+            speaks_for=own.speaks_for,
             patience=self._patience(table),
         )
+        count = own.processes
         names = [checked] if count == 1 else [f"{checked}-{i + 1}" for i in range(count)]
-        agents, command = table.texts("agents"), table.texts("command")
-        service = table.text("service")
-        if sum(map(bool, (agents, command, service))) != 1:
+        if sum(map(bool, (own.agents, own.command, own.service))) != 1:
             raise WorldFileError(
                 f"{self.path}: [process.{name}] needs exactly one of service, agents and command"
             )
-        if agents and plain.speaks_for:
+        if own.agents and own.speaks_for:
             table.wrong("speaks_for", "is for generators: agents speak for themselves")
         folder = self.path.parent
-        if service:
+        if own.service:
             options = {key: beside(value, folder) for key, value in table.rest().items()}
             with table.loading("service"):
-                cls = find_service(service, folder)
-            makers = {one: self.maker(one, cls, options) for one in names}
+                cls = find_service(own.service, folder)
+            makers = {each: self.maker(each, cls, options) for each in names}
             return [
-                replace(plain, name=one, make_service=make, alike=names[0])
-                for one, make in makers.items()
+                replace(plain, name=each, make_service=make, alike=names[0])
+                for each, make in makers.items()
             ]
         table.done()
-        if command and shutil.which(command[0], path=self._path()) is None:
-            table.wrong("command", f"names {command[0]!r}, which is no program")
+        if own.command and shutil.which(own.command[0], path=self._path()) is None:
+            table.wrong("command", f"names {own.command[0]!r}, which is not a program")
         with table.loading("agents"):
-            classes = tuple(cls for spec in agents for cls in find_agents(spec, folder))
-        plain = replace(plain, agents=classes, command=command, folder=folder)
-        return [replace(plain, name=one, alike=names[0]) for one in names]
+            classes = tuple(cls for spec in own.agents for cls in find_agents(spec, folder))
+        plain = replace(plain, agents=classes, command=own.command, folder=folder)
+        return [replace(plain, name=each, alike=names[0]) for each in names]
 
     def _path(self) -> str:
         return os.pathsep.join([str(self.path.parent), os.environ.get("PATH", os.defpath)])
@@ -103,22 +99,22 @@ class _Reader:
     def maker(
         self, name: str, cls: type[Service], options: dict[str, Any]
     ) -> Callable[[], Service]:
-        """What makes the service of a process."""
+        """The factory of a process's service."""
         return bind(cls, options, f"{self.path.name}: [process.{name}]")
 
     def _patience(self, table: Table) -> Patience | None:
-        """The patience with a process, where it is not that with all."""
+        """The patience with a process; None: that with all members."""
         if not any(key in table for key in KEYS):
             return None
-        return read_patience(table, read_patience(self.top.table("bus"), Patience()))
+        return patience(read_patience(table, read_patience(self.top.table("bus"))))
 
 
 def check_members(
     processes: Iterable[Process], vocabulary: Vocabulary, path: Path
 ) -> list[Participant]:
-    """Let each member say hello to the world once, before anything is started.
+    """Check the hello of each member before any process starts.
 
-    Of the processes of one table the first speaks for all: they differ in their names only.
+    The processes of one table differ only in their names, so the first one stands for all.
     Raises WorldFileError.
     """
     seen: set[str] = set()

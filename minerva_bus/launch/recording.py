@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Protocol
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
-from minerva_bus.launch.keeping import ALL
 from minerva_bus.launch.resuming import Resumed, differing, option_text
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.kinds import ALL
 
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description

@@ -19,7 +19,6 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.replaying import ReplayAlgorithm
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.resuming import (
     completed,
@@ -31,6 +30,7 @@ from minerva_bus.launch.resuming import (
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.profile import MeasuringCoordinator
 from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import checked_name
 from minerva_bus.wire.plain import as_int
 from minerva_bus.wording import frames_up_to
@@ -127,7 +127,7 @@ def read_replay(
 
 
 def _name(overrides: Overrides, told: Description) -> str:
-    return checked_name(overrides.name or f"{told.world.name}-replay", "a world")
+    return checked_name(overrides.values.get("name") or f"{told.world.name}-replay", "a world")
 
 
 def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> Difference:
@@ -147,7 +147,7 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
 def world_file_of(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
     """The world file that a record's code comes with."""
     found = find_file(world, told, f"minerva replay {path} WORLD")
-    file = read_world_file(found, replace(completed(given, told), name=""))
+    file = read_world_file(found, completed(given, told))
     what = differing_vocabulary(file.world, told.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")

@@ -20,12 +20,12 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import HALTED, Checkpoint, LastView
 from minerva_bus.frame.description import World
 from minerva_bus.frame.endings import GIVEN_UP
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of
@@ -107,22 +107,21 @@ def find_file(world: str, told: Description, wanted: str) -> Path:
     raise WorldFileError(f"the record's world file{where} is not here: name it, {wanted}")
 
 
-def completed(given: Overrides, told: Description) -> Overrides:
-    """What a command line says, and where it says nothing, what the record says.
+def completed(overrides: Overrides, told: Description) -> Overrides:
+    """The settings of the command line, over those of the record.
 
-    A view that is asked for decides about the rate by itself.
+    A requested view chooses its own rate.
     """
     world = told.world
-    watched = given.rate is None and given.views
-    return replace(
-        given,
-        options={**_options(told), **given.options},
-        name=given.name or world.name,
-        seed=world.seed if given.seed is None else given.seed,
-        frames=world.frames if given.frames is None else given.frames,
-        until=world.until if given.until is None else given.until,
-        rate=told.rate if given.rate is None and not watched else given.rate,
+    recorded = Overrides(
+        _options(told),
+        name=world.name,
+        seed=world.seed,
+        frames=world.frames,
+        until=world.until,
+        rate=None if overrides.views else told.rate,
     )
+    return overrides.over(recorded)
 
 
 def _options(told: Description) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""From what a world file or a command line names to classes: services, agents, any attribute."""
+"""Load what a world file or a command line names: services, agents, attributes of modules."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import Any, cast, get_type_hints
 from minerva_bus.blame import report
 from minerva_bus.errors import MinervaError, WorldFileError, nearest
 from minerva_bus.grammar.printer import value_text
+from minerva_bus.settings.kinds import fits, phrase_of
 from minerva_bus.source import place_of
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
@@ -23,23 +24,23 @@ SERVICES, AGENTS, WORLDS = "minerva.services", "minerva.agents", "minerva.worlds
 
 
 def load(spec: str, folder: Path | None = None) -> Any:
-    """The attribute that `module:attribute` names; modules beside the world file are found too.
+    """The attribute that `module:attribute` names; the world file's `folder` is searched, too.
 
     Raises WorldFileError.
     """
     module_name, _, attribute = spec.partition(":")
     if not module_name or not attribute:
-        raise WorldFileError(f"{spec!r} names nothing; expected module:attribute")
+        raise WorldFileError(f"{spec!r} names no attribute; expected module:attribute")
     if folder is not None and str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     module = _import(module_name, spec)
-    found: Any = module
+    value: Any = module
     for part in attribute.split("."):
-        if not hasattr(found, part):
+        if not hasattr(value, part):
             public = [name for name in dir(module) if not name.startswith("_")]
             raise WorldFileError(f"{module_name} has no {attribute}{nearest(attribute, public)}")
-        found = getattr(found, part)
-    return found
+        value = getattr(value, part)
+    return value
 
 
 def _import(name: str, spec: str) -> Any:
@@ -50,8 +51,7 @@ def _import(name: str, spec: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is not None and name.split(".")[0] == error.name.split(".")[0]:
             raise WorldFileError(
-                f"{spec!r}: there is no module {name}; it must be installed or lie beside the"
-                " world file"
+                f"{spec!r}: there is no module {name}; install it, or put it beside the world file"
             ) from None
         place = place_of(error)
         shown = "\n" + "\n".join(place.lines()) if place is not None else ""
@@ -63,13 +63,13 @@ def _import(name: str, spec: str) -> Any:
 
 
 def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
-    """What the function that a world file names, `module:function`, returns for its options.
+    """Call the function that a world file names, `module:function`, with its options.
 
-    Raises WorldFileError, and any other MinervaError that the function raises.
+    Raises WorldFileError, and any MinervaError that the function raises.
     """
     function = load(spec, path.parent)
     if not callable(function):
-        raise WorldFileError(f"{path}: {spec} is no function")
+        raise WorldFileError(f"{path}: {spec} is not a function")
     try:
         return function(options)
     except MinervaError:
@@ -80,24 +80,24 @@ def called(spec: str, options: Mapping[str, Any], path: Path) -> Any:
 
 @cache
 def entries(group: str) -> Mapping[str, EntryPoint]:
-    """What is installed under an entry point group, by name."""
+    """The installed entry points of a group, by name."""
     return {entry.name: entry for entry in entry_points(group=group)}
 
 
 def find_service(spec: str, folder: Path | None = None) -> type[Service]:
     """The service class of an installed name or a `module:Class`. Raises WorldFileError."""
-    found = load(spec, folder) if ":" in spec else _installed(SERVICES, spec)
-    if not inspect.isclass(found) or not issubclass(found, Service):
-        raise WorldFileError(f"{spec!r} is no Generator or Device class")
-    return found
+    cls = load(spec, folder) if ":" in spec else _installed(SERVICES, spec)
+    if not inspect.isclass(cls) or not issubclass(cls, Service):
+        raise WorldFileError(f"{spec!r} is not a Generator or Device class")
+    return cls
 
 
 def find_agents(spec: str, folder: Path | None = None) -> list[type[Agent]]:
     """The agent class of an installed name or a `module:Class`. Raises WorldFileError."""
-    found = load(spec, folder) if ":" in spec else _installed(AGENTS, spec)
-    if not inspect.isclass(found) or not issubclass(found, Agent) or not hasattr(found, "kind"):
-        raise WorldFileError(f"{spec!r} is no Agent class with a symbol")
-    return [found]
+    cls = load(spec, folder) if ":" in spec else _installed(AGENTS, spec)
+    if not inspect.isclass(cls) or not issubclass(cls, Agent) or not hasattr(cls, "kind"):
+        raise WorldFileError(f"{spec!r} is not an Agent class with a symbol")
+    return [cls]
 
 
 def _installed(group: str, name: str) -> Any:
@@ -119,8 +119,9 @@ def find_world(spec: str) -> Path:
     known = entries(WORLDS)
     if spec in known:
         module, _, name = known[spec].value.partition(":")
-        found = importlib.util.find_spec(module)
-        for folder in (found.submodule_search_locations or ()) if found is not None else ():
+        package = importlib.util.find_spec(module)
+        folders = package.submodule_search_locations if package is not None else None
+        for folder in folders or ():
             if (Path(folder) / name).is_file():
                 return Path(folder) / name
         raise WorldFileError(f"the world {spec!r} is installed without its file {name}")
@@ -133,7 +134,7 @@ def find_world(spec: str) -> Path:
 
 
 def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable[[], Service]:
-    """A maker of the service with these options, checked against its constructor.
+    """A factory of the service with these options, checked against its constructor.
 
     Raises WorldFileError for an unknown option or one of a wrong type.
     """
@@ -154,16 +155,8 @@ def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable
 
 
 def _check_option(owner: str, name: str, value: Any, hint: Any) -> None:
-    if hint in (int, float, str, bool):
-        fits = isinstance(value, hint) and isinstance(value, bool) == (hint is bool)
-        if not fits and not (hint is float and isinstance(value, int)):
-            wanted = {
-                int: "a whole number",
-                float: "a number",
-                str: "a text",
-                bool: "true or false",
-            }
-            raise WorldFileError(f"{owner}: {name} must be {wanted[hint]}, not {_shown(value)}")
+    if not fits(value, hint):
+        raise WorldFileError(f"{owner}: {name} must be {phrase_of(hint)}, not {_shown(value)}")
 
 
 def _shown(value: Any) -> str:
@@ -176,7 +169,7 @@ def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service
     except MinervaError as error:
         raise WorldFileError(f"{owner}: {error}") from error
     except (TypeError, ValueError) as error:
-        if _is_installed(cls):  # Its options are documented: no need to look into its code.
+        if _is_installed(cls):  # Its options are documented, so its code need not be shown.
             raise WorldFileError(f"{owner}: {error}") from error
         raise WorldFileError(f"{owner}: {cls.__name__}: {report(error)}") from error
     except (Exception, SystemExit) as error:
@@ -184,6 +177,6 @@ def _make(cls: type[Service], options: Mapping[str, Any], owner: str) -> Service
 
 
 def _is_installed(cls: type[Service]) -> bool:
-    """Whether a class is of a package whose services have names of their own."""
+    """Whether a class belongs to a package with installed services."""
     package = cls.__module__.partition(".")[0]
-    return any(one.value.partition(".")[0] == package for one in entries(SERVICES).values())
+    return any(each.value.partition(".")[0] == package for each in entries(SERVICES).values())

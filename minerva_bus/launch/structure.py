@@ -1,4 +1,4 @@
-"""What a world file says without any of the code that it names: `minerva check --no-code`."""
+"""The structure of a world file, read without running the code it names: `check --no-code`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.options import filled, read_options
 from minerva_bus.launch.reading import open_tables
 from minerva_bus.launch.table import Table
+from minerva_bus.settings.kinds import TEXT, TEXTS
 
 WORLD_CODE: Final = ("vocabulary", "scene", "defaults", "notes")
 PROCESS_CODE: Final = ("service", "agents", "command")
@@ -20,9 +21,9 @@ PROCESS_CODE: Final = ("service", "agents", "command")
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """The processes of a world file, its string where it is written there, and what it would run.
+    """The processes of a world file, its string if the file has it, and the code it would run.
 
-    `code` has the module:attribute names and commands of the file, in their order.
+    `code` lists the module:attribute names and commands of the file, in their order.
     """
 
     processes: tuple[str, ...]
@@ -31,29 +32,31 @@ class Structure:
 
 
 def structure_of(path: Path) -> Structure:
-    """Check a world file as far as that needs no code. Raises WorldFileError and SceneError."""
+    """Check what needs no code of a world file. Raises WorldFileError and SceneError."""
     top = open_tables(path)
     world, processes = top.table("world"), top.table("process")
     tables = [processes.table(name) for name in processes.data]
     if not tables:
-        raise WorldFileError(f"{path}: no [process.NAME]: nobody would run this world")
-    code = [*_named(world, WORLD_CODE), *(one for t in tables for one in _named(t, PROCESS_CODE))]
+        raise WorldFileError(f"{path}: no [process.NAME]: no process would run this world")
+    code = [*_named(world, WORLD_CODE)]
+    for table in tables:
+        code += _named(table, PROCESS_CODE)
     return Structure(tuple(processes.data), _string(top, path), tuple(code))
 
 
 def _named(table: Table, keys: tuple[str, ...]) -> Iterator[str]:
     for key in keys:
         if key == "command":
-            yield from [" ".join(table.texts(key))] if key in table else []
+            yield from [" ".join(table.get(key, TEXTS, ()))] if key in table else []
         elif key in table:
-            yield from table.texts(key)
+            yield from table.get(key, TEXTS, ())
 
 
 def _string(top: Table, path: Path) -> Scene | None:
-    """The string in L(M); None where code makes it, or completes the options that are in it."""
+    """The string in L(M); None if code makes it, or completes its options."""
     world = top.table("world")
     if "string" not in world or "defaults" in world:
         return None
     options = read_options(top.table("options"), path, {}, "")
-    text = Table(filled(world.data, options, path), "world", "", str(path)).text("string")
+    text = Table(filled(world.data, options, path), "world", "", str(path)).get("string", TEXT, "")
     return parse(text, f"{path}: world.string")

@@ -17,13 +17,14 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.keeping import RecordSettings
-from minerva_bus.launch.overrides import Overrides, typed_options
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.specs import AGENTS, bind, entries, find_agents, find_service, load
+from minerva_bus.launch.typed import typed_options
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.settings.tables import RecordSettings
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator
 

@@ -5,89 +5,109 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from typing import Any, Final, NoReturn, cast
+from typing import Any, NoReturn, TypeVar
 
 from minerva_bus.errors import MisuseError, SceneError, WorldFileError, nearest
+from minerva_bus.settings.declaring import Setting, settings_of
+from minerva_bus.settings.kinds import TABLE, Kind
+from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
 from minerva_bus.wire.keys import checked_name
 
-MOST: Final = (1 << 63) - 1
-"""The greatest whole number that messages carry."""
+S = TypeVar("S")
 
 
 class Table:
-    """One table of a world file; `done` complains of keys that nobody asked for."""
+    """One table of a world file, below the settings of a command line.
 
-    def __init__(self, data: Mapping[str, Any], name: str, text: str, source: str) -> None:
+    A value of the command line replaces that of the file; both are converted by the kind of their
+    setting. Errors name the option, or the line and column of the key. `done` rejects unknown keys.
+    """
+
+    def __init__(
+        self,
+        data: Mapping[str, Any],
+        name: str,
+        text: str,
+        source: str,
+        overrides: Overrides = AS_WRITTEN,
+    ) -> None:
         self.data = dict(data)
         self.name = name
         self._text = text
         self._source = source
-        self._asked: list[str] = []
+        self.overrides = overrides
+        self._known: list[str] = []
+        self._tables: dict[str, Table] = {}
 
     def __contains__(self, key: str) -> bool:
         return key in self.data
 
-    def text(self, key: str, default: str = "") -> str:
-        """A text."""
-        return self._get(key, str, default, "a text")
+    def get(self, key: str, kind: Kind, default: Any) -> Any:
+        """The value of a key of the file, converted. Raises WorldFileError."""
+        self._known.append(key)
+        if key not in self.data:
+            return default
+        try:
+            return kind.convert(self.data[key])
+        except MisuseError as error:
+            self.wrong(key, str(error))
 
-    def whole(self, key: str, default: int, least: int = 0, most: int = MOST) -> int:
-        """A whole number, not under `least` nor over `most`."""
-        value = self._get(key, int, default, "a whole number")
-        if value < least:
-            self.wrong(key, f"must be at least {least}")
-        if value > most:
-            self.wrong(key, f"must be at most {most}")
+    def read(self, cls: type[S], defaults: S | None = None) -> S:
+        """The settings that a dataclass declares, of the file and the command line.
+
+        The whole file reads each setting from its own table, a table reads all from itself.
+        `defaults` replaces the declared defaults. Raises WorldFileError.
+        """
+        return cls(**{
+            name: self._home(setting)._setting(setting, getattr(defaults, name, setting.default))
+            for name, setting in settings_of(cls).items()
+        })  # fmt: skip
+
+    def _home(self, setting: Setting) -> Table:
+        return self if self.name else self.table(setting.table)
+
+    def _setting(self, setting: Setting, default: Any) -> Any:
+        # The file is converted first, so that a mistake in it is found with any command line.
+        value = self.get(setting.key, setting.kind, default) if setting.key else default
+        if setting.option in self.overrides.values:
+            try:
+                value = setting.given(self.overrides.values[setting.option])
+            except MisuseError as error:
+                raise WorldFileError(str(error)) from None
         return value
 
-    def number(self, key: str, default: float, least: float = 0.0) -> float:
-        """A number, not under `least`."""
-        value = self._get(key, (int, float), default, "a number")
-        if not least <= value < float("inf"):
-            self.wrong(key, f"must be a number from {least:g}")
-        return float(value)
-
-    def truth(self, key: str, default: bool) -> bool:
-        """True or false."""
-        return self._get(key, bool, default, "true or false")
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """A list of texts, or one text alone."""
-        value = self._get(key, (list, str), [], "a list of texts")
-        items = [value] if isinstance(value, str) else cast("list[Any]", value)
-        if not all(isinstance(item, str) for item in items):
-            self.wrong(key, "must be a list of texts")
-        return tuple(items)
-
-    def choice(self, key: str, choices: tuple[str, ...]) -> str:
-        """One of some texts; the first where it is not given."""
-        value = self.text(key, choices[0])
-        if value not in choices:
-            self.wrong(key, f"must be one of {', '.join(choices)}{nearest(value, list(choices))}")
-        return value
+    def wrong_setting(self, cls: type[Any], name: str, problem: str) -> NoReturn:
+        """Raise WorldFileError about a setting, where its value was given: option or line."""
+        setting = settings_of(cls)[name]
+        if setting.option in self.overrides.values:
+            raise WorldFileError(f"{setting.flag} {problem}")
+        self._home(setting).wrong(setting.key, problem)
 
     def named(self, name: str, what: str) -> str:
-        """A name that something of this table has, where it is one that the bus can carry."""
+        """A name that the bus can carry. Raises WorldFileError."""
         try:
             return checked_name(name, what)
         except MisuseError as error:
             raise WorldFileError(f"{self._source}: {error}") from None
 
     def table(self, key: str) -> Table:
-        """A table within this one; empty where it is not given."""
-        data = self._get(key, dict, {}, "a table")
-        name = f"{self.name}.{key}" if self.name else key
-        return Table(cast("dict[str, Any]", data), name, self._text, self._source)
+        """A table within this one; empty if it is absent."""
+        if key not in self._tables:
+            data = self.get(key, TABLE, {})
+            name = f"{self.name}.{key}" if self.name else key
+            self._tables[key] = Table(data, name, self._text, self._source, self.overrides)
+        return self._tables[key]
+
+    def put(self, key: str, value: Any) -> None:
+        """Replace the value of a key, for example with its options filled in."""
+        self.data[key] = value
+        self._tables.pop(key, None)
 
     def rest(self) -> dict[str, Any]:
-        """All that has not been asked for yet."""
-        left = {key: value for key, value in self.data.items() if key not in self._asked}
-        self._asked += left
+        """The keys that nothing has read yet, with their values."""
+        left = {key: value for key, value in self.data.items() if key not in self._known}
+        self._known += left
         return left
-
-    def asked(self, key: str) -> None:
-        """A key that is read elsewhere."""
-        self._asked.append(key)
 
     def place(self, key: str) -> str:
         """Where a key stands, for messages: file, line and name."""
@@ -96,27 +116,27 @@ class Table:
         return f"{self._source}{line}: {self.name}.{key}"
 
     def done(self) -> None:
-        """Complain of unknown keys."""
+        """Raise WorldFileError if the table has an unknown key."""
         for key in self.data:
-            if key not in self._asked:
-                known = ", ".join(self._asked)
+            if key not in self._known:
+                known = ", ".join(self._known)
                 where = f"[{self.name}]" if self.name else "a world file"
-                self.wrong(key, f"is unknown{nearest(key, self._asked)}; {where} has {known}")
+                self.wrong(key, f"is unknown{nearest(key, self._known)}; {where} has {known}")
 
     @contextmanager
     def loading(self, key: str) -> Generator[None]:
-        """What a key names is looked for: who misses it is told where the name stands."""
+        """Name the place of a key in errors of importing what it names."""
         try:
             yield
         except WorldFileError as error:
             text, _, place = str(error).partition("\n")
-            if place:  # In a module: the line there says more than the one here.
+            if place:  # It has a line in a module, which says more than the line in this file.
                 full = f"{self.name}.{key}" if self.name else key
                 raise WorldFileError(f"{self._source}: {full}: {text}\n{place}") from error
             self._raise(key, f": {text}")
 
     def wrong(self, key: str, problem: str) -> NoReturn:
-        """Raise WorldFileError about a key, with its line and a caret."""
+        """Raise WorldFileError about a key of the file, with its line and a caret."""
         self._raise(key, f" {problem}")
 
     def _raise(self, key: str, problem: str) -> NoReturn:
@@ -140,10 +160,3 @@ class Table:
         pattern = rf"^[ \t]*(\[([\w.]*\.)?)?(?P<key>\"?{re.escape(key)}\"?)\s*[=\].]"
         match = re.compile(pattern, re.M).search(self._text, start)
         return match.start("key") if match else -1
-
-    def _get(self, key: str, wanted: Any, default: Any, name: str) -> Any:
-        self._asked.append(key)
-        value = self.data.get(key, default)
-        if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
-            self.wrong(key, f"must be {name}")
-        return value

@@ -9,7 +9,7 @@
     agents = "meadow:Fox"
     processes = 2
 
-docs/worlds.md has every key, and launch/reading.py reads them.
+settings/tables.py declares every key, docs/worlds.md lists them, and launch/reading.py reads them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from typing import Any
 
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.border import Border
-from minerva_bus.launch.keeping import RecordSettings
-from minerva_bus.launch.watching import WatchSettings
+from minerva_bus.launch.access import Access
 from minerva_bus.runtime.waiting import Deadlines, Patience
+from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Service
 
@@ -33,10 +32,9 @@ from minerva_bus.world.services import Service
 class Process:
     """One process of a world, and what happens when it fails: restart, stop or ignore.
 
-    `elsewhere`: the world waits for it, but it is started on another machine, by hand or by
-    whatever runs things there: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and
-    `#id`s of agents in whose name a generator may send events. `alike`: the first of the processes
-    that the same table describes.
+    `elsewhere`: the world waits for it, but it is started on another machine, by hand or by a
+    service manager: `minerva attach WORLD --process NAME`. `speaks_for`: kinds and `#id`s of agents
+    in whose name a generator may send events. `alike`: the first process of the same table.
     """
 
     name: str
@@ -52,47 +50,37 @@ class Process:
     patience: Patience | None = None
 
     def participant(self) -> Participant:
-        """The member that this process is."""
+        """The member that this process runs."""
         service = self.make_service() if self.make_service is not None else None
         return Participant(self.name, service, self.agents)
 
 
 @dataclass(frozen=True, slots=True)
-class BusSettings:
-    """Where the coordinator listens and how long a frame waits for a member, seconds.
-
-    `shared_memory`: large messages between processes of the world file do not go through sockets;
-    None: where the initial string is large, and where there is room for it. `border`: who may come
-    from elsewhere. `journal`: the folder of the journal from which the world goes on whenever it
-    was stopped ("": among what runs here, for as long as it runs).
-    """
-
-    listen: str = "tcp/127.0.0.1:0"
-    patience: Patience = field(default_factory=Patience)
-    shared_memory: bool | None = None
-    border: Border = field(default_factory=Border)
-    journal: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class WorldFile:
-    """All that a world file says, checked; `notes` are what people should know of it."""
+    """A world file with the settings of the command line, checked.
+
+    `patience` is that with all members, a process may have its own. `notes` are lines to print at
+    the start.
+    """
 
     path: Path
     world: World
     rate: float
     processes: tuple[Process, ...]
-    bus: BusSettings
+    bus: BusSettings = field(default_factory=BusSettings)
+    access: Access = field(default_factory=Access)
+    patience: Patience = field(default_factory=Patience)
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     notes: tuple[str, ...] = ()
-    record: RecordSettings = field(default_factory=lambda: RecordSettings())
+    record: RecordSettings = field(default_factory=RecordSettings)
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
 
     @property
     def deadlines(self) -> Deadlines:
         """How long a frame waits for each member."""
-        own = {one.name: one.patience for one in self.processes if one.patience is not None}
-        elsewhere = frozenset(one.name for one in self.processes if one.elsewhere)
-        on_failure = {one.name: one.on_failure for one in self.processes}
-        return Deadlines(self.bus.patience, own, elsewhere, on_failure)
+        processes = self.processes
+        own = {each.name: each.patience for each in processes if each.patience is not None}
+        elsewhere = frozenset(process.name for process in processes if process.elsewhere)
+        on_failure = {process.name: process.on_failure for process in processes}
+        return Deadlines(self.patience, own, elsewhere, on_failure)

@@ -10,8 +10,9 @@ from itertools import product
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.overrides import Overrides, toml_value
 from minerva_bus.launch.resuming import option_text
+from minerva_bus.launch.typed import toml_value
+from minerva_bus.settings.overrides import Overrides
 
 MOST: Final = 1_000_000
 SEED: Final = "seed"
@@ -44,18 +45,13 @@ class Grid:
         return product(*self.values.values())
 
     def overrides(self, combination: Combination, given: Overrides) -> Overrides:
-        """What a combination says instead of the world file, beside what was given for all."""
+        """The settings of a combination, over those given for all runs."""
         pairs = dict(zip(self.keys, combination, strict=True))
         seed = pairs.pop(SEED, None)
         settings = [f"{key}={value}" for key, value in pairs.items() if "." in key]
         options = {key: value for key, value in pairs.items() if "." not in key}
-        return Overrides(
-            options={**given.options, **options},
-            settings=(*given.settings, *settings),
-            seed=given.seed if seed is None else int(seed),
-            rate=0.0,
-            frames=given.frames,
-        )
+        number = None if seed is None else int(seed)
+        return Overrides(options, tuple(settings), seed=number, rate=0.0).over(given)
 
 
 def parse_grid(settings: Sequence[str]) -> Grid:

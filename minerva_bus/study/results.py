@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.launch.overrides import toml_value
 from minerva_bus.launch.resuming import option_text
+from minerva_bus.launch.typed import toml_value
 from minerva_bus.outputs import replacing
 from minerva_bus.study.grid import Combination
 

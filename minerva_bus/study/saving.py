@@ -9,7 +9,7 @@ from typing import Any
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.grammar.printer import text
 from minerva_bus.grammar.scene import Scene, scene_of
-from minerva_bus.launch.overrides import toml_value
+from minerva_bus.launch.typed import toml_value
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import check_output, write_output
 

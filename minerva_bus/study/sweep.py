@@ -12,8 +12,8 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.crew import Crew, Result, Task
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import Journal, no_line
@@ -40,8 +40,8 @@ class Sweep:
             "keys": list(self.grid.keys),
             "options": dict(self.given.options),
             "settings": list(self.given.settings),
-            "seed": self.given.seed,
-            "frames": self.given.frames,
+            "seed": self.given.values.get("seed"),
+            "frames": self.given.values.get("frames"),
         }
 
     @property

@@ -20,12 +20,12 @@ from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
-from minerva_bus.launch.watching import WatchSettings
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.profile import MeasuringCoordinator
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.settings.tables import WatchSettings
 from minerva_bus.study.outcome import Outcome
 
 LOCAL = "tcp/127.0.0.1:0"

@@ -98,7 +98,7 @@ def test_the_world_itself_is_right(folder):
         ('event = "eStep"', 'evnt = "eStep"', "did you mean 'event'?"),
         ('event = "eStep"', 'event = "eStop"', "eStop"),
         ('agents = "words:Walker"', "", "needs exactly one of service, agents and command"),
-        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is no program"),
+        ('agents = "words:Walker"', 'command = ["no-such-program"]', "which is not a program"),
         ("[process.walkers]", "[process.coordinator]", "the name coordinator is taken"),
         ("[process.walkers]", '[bus]\nlisten = "here"\n[process.walkers]', "is no endpoint"),
     ],

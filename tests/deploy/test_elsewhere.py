@@ -8,8 +8,8 @@ from urllib.error import HTTPError
 
 import pytest
 
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.settings.overrides import Overrides
 from tests.runtime.running import Run, World, eventually, here, write_world
 
 pytest.importorskip("prometheus_client")

@@ -10,9 +10,9 @@ import pytest
 
 from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.targets import parse_targets
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.trial import prepared, run_trial
 from minerva_bus.world.rng import stream
 

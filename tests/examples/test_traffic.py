@@ -11,9 +11,9 @@ from minerva_bus import Frame, evolve
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.stimuli import Begin
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 from tests.runtime.running import here, minerva, summary
 
 FOLDER = Path(__file__).parents[2] / "examples" / "traffic"

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.log.checkpoints import Kept
@@ -14,6 +13,7 @@ from minerva_bus.log.description import Description
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 
 ROOT = Path(__file__).parents[2]
 WORLDS = {

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.log import channels as c
 from minerva_bus.log.errors import RecordError
@@ -24,6 +23,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.log.recovering import recover, recovered_name
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 from tests.log.recorded_runs import (
     CHECKPOINTS,
     ROOT,

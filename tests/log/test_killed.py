@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.replaying import recomputed
 from minerva_bus.launch.resuming import read_resumed
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.info import info_of
 from minerva_bus.log.reader import Record
+from minerva_bus.settings.overrides import Overrides
 from tests.log.recorded_runs import ROOT
 from tests.runtime.running import environment
 
@@ -31,13 +31,12 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.launch.recording import recording
-from minerva_bus.launch.overrides import Overrides
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.launch.keeping import RecordOverrides
 
 _, world, path, flush, durable = sys.argv
-how = RecordOverrides("", float(flush), durable == "yes")
-file = read_world_file(Path(world), Overrides(record=path, recording=how))
+how = {"flush": float(flush), "durable": durable == "yes"}
+file = read_world_file(Path(world), Overrides(record=path, **how))
 algorithm = FrameAlgorithm(file.world)
 record = recording(file, algorithm, print)
 

@@ -12,8 +12,6 @@ import pytest
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
-from minerva_bus.launch.keeping import RecordOverrides
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.recording import recording
 from minerva_bus.log import backlog
@@ -23,6 +21,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.log.recorder import Recorder
 from minerva_bus.log.sensing import Dropped, decode_sensed, encode_readings, shown_readings
 from minerva_bus.log.writer import RecordWriter
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.readings import plain_reading
 from minerva_bus.world.readings import (
@@ -144,7 +143,7 @@ def test_what_comes_over_the_bus_is_what_comes_in_one_process(tmp_path):
 def settings(folder, world, **given):
     path = write_world(folder, frames=3)
     path.write_text(path.read_text().replace("seed = 7", f"seed = 7\n{world}"))
-    return read_world_file(path, Overrides(recording=RecordOverrides(**given))).record
+    return read_world_file(path, Overrides(**given)).record
 
 
 @pytest.mark.parametrize(
@@ -153,8 +152,8 @@ def settings(folder, world, **given):
         ('record = {file = "a.mcap", topics = true}', {}, ("*",)),
         ('record = {file = "a.mcap", topics = ["scan", "image"]}', {}, ("scan", "image")),
         ('record = {file = "a.mcap", topics = false}', {}, ()),
-        ('record = {file = "a.mcap"}', {"topics": "all"}, ("*",)),
-        ('record = "a.mcap"', {"topics": "scan, image"}, ("scan", "image")),
+        ('record = {file = "a.mcap"}', {"record_topics": "all"}, ("*",)),
+        ('record = "a.mcap"', {"record_topics": "scan, image"}, ("scan", "image")),
     ],
 )
 def test_which_topics_are_recorded_is_said(tmp_path, world, given, topics):

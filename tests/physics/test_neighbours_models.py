@@ -14,9 +14,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.order import Order
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,9 +12,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 
 
 @pytest.fixture

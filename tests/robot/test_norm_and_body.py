@@ -10,9 +10,9 @@ from errands import FILE
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.grammar.scene import agents
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.settings.overrides import Overrides
 
 STEP = 0.08
 """Metres that a robot drives in a frame: w is a frame ahead of the body between two frames."""

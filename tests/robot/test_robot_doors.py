@@ -16,8 +16,8 @@ from minerva_agents.robot.occupancy import FREE, OCCUPIED, OccupancyMap
 from minerva_agents.robot.options import RobotOptions
 from minerva_agents.robot.world import scene
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.settings.overrides import Overrides
 
 ROBOT = Path(minerva_agents.robot.__file__).with_name("robot.toml")
 

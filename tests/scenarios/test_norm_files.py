@@ -4,9 +4,9 @@ import pytest
 from street import eFine
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.norms import plain_norm, read_norms
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.values import Reader
 from minerva_bus.world.norms import Norm, Then
@@ -103,10 +103,13 @@ def test_a_record_has_them(tmp_path):
             'applies = "ARunnr"\nwhen = "x > 1"',
             "unknown agent kind or process ARunnr; did you mean",
         ),
-        ('applies = "steps"\nwhen = "x > 1"', "names steps, which is no agent"),
+        ('applies = "steps"\nwhen = "x > 1"', "names steps, which is not an agent"),
         ('when = "x > 1"\nthen = "forbid"', "norm.n.then must be one of refuse, sanction, count"),
-        ('when = "x > 1"\nthen = "sanction"', "norm.n.then is a sanction: event says which one"),
-        ('when = "x > 1"\nthen = "count"\nevent = "eFine"', "norm.n.event follows where then is"),
+        (
+            'when = "x > 1"\nthen = "sanction"',
+            "norm.n.then is a sanction: `event` must name its event",
+        ),
+        ('when = "x > 1"\nthen = "count"\nevent = "eFine"', "norm.n.event is sent only if"),
         ('when = "x > 1"\nevent = "eFin"', "norm.n.event is unknown: eFin; did you mean 'eFine'"),
         (
             'when = "x > 1"\nevent = "eFine"',
@@ -116,7 +119,7 @@ def test_a_record_has_them(tmp_path):
             'when = "x > 1"\nevent = "eFine"\ndata = { amount = "much" }',
             "street.toml:19:1: norm.n.data is wrong: eFine: amount must be",
         ),
-        ('when = "x > 1"\ndata = { amount = 1 }', "norm.n.data belongs to an event"),
+        ('when = "x > 1"\ndata = { amount = 1 }', "norm.n.data is for an event"),
         ("where = [1, 2, 3]", "must be a condition, or the corners"),
         ('where = [1, 2, "x", 3]', "must be a condition, or the corners"),
         ("where = [0, 0, 1, nan]", "must be a condition, or the corners"),
@@ -126,7 +129,7 @@ def test_a_record_has_them(tmp_path):
         ('when = "x > 1"\nper = 0', "norm.n.per must be at least 1"),
         (
             'when = "x > 1"\nwhenn = "x > 1"',
-            "has on, applies, when, where, most, per, then, event, data, in_force",
+            "has applies, on, when, where, most, per, then, event, data, in_force",
         ),
         ('when = "x > 1"\nin_force = 1', "norm.n.in_force must be true or false"),
     ],

@@ -26,12 +26,11 @@ from secured import (
 )
 
 from minerva_bus.errors import BusError
-from minerva_bus.launch.border import BorderOverrides
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.audit import DEEDS, TOO_LARGE, Audit, Denied, read_ruling
 from minerva_bus.runtime.gate import STRANGERS
 from minerva_bus.runtime.session import open_client
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import Keys as WorldKeys
 
 # --- lines of a log, as Zenoh 1.10.2 has written them ---
@@ -210,20 +209,20 @@ def test_what_a_key_is_for(key, told):
 
 def test_an_audit_needs_keys(tmp_path):
     path = write_world(tmp_path)
-    with pytest.raises(BusError, match=r"an audit is of those who come in by keys: .*--keys"):
-        read_world_file(path, Overrides(border=BorderOverrides(audit=True)))
+    with pytest.raises(BusError, match=r"an audit is about members with keys: .*--keys"):
+        read_world_file(path, Overrides(audit=True))
     path = write_world(tmp_path, bus="audit = true\n")
-    with pytest.raises(BusError, match="an audit is of those who come in by keys"):
+    with pytest.raises(BusError, match="an audit is about members with keys"):
         read_world_file(path)
 
 
 def test_an_audit_is_asked_for_in_the_world_file_or_on_the_command_line(tmp_path):
     own = 'listen = "tls/127.0.0.1:0"\nkeys = "keys"\n'
     path = write_world(tmp_path, bus=own)
-    assert not read_world_file(path).bus.border.audit
-    asked = Overrides(border=BorderOverrides(audit=True))
-    assert read_world_file(path, asked).bus.border.audit
-    assert read_world_file(write_world(tmp_path, bus=f"{own}audit = true\n")).bus.border.audit
+    assert not read_world_file(path).access.audit
+    asked = Overrides(audit=True)
+    assert read_world_file(path, asked).access.audit
+    assert read_world_file(write_world(tmp_path, bus=f"{own}audit = true\n")).access.audit
 
 
 # --- a world ---

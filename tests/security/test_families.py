@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus.errors import BusError, KeysError
-from minerva_bus.launch.border import Border, security
+from minerva_bus.launch.access import Access, security
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import Rights, covers, overlap, rights_of
@@ -163,7 +163,7 @@ def test_a_folder_in_which_a_name_is_two_s_lets_nobody_in(folder, tmp_path):
 def test_no_family_has_names_of_a_world_s_own_processes(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
     tmp_path.chmod(0o700)
-    border = Border(folder.folder)
+    border = Access(folder.folder)
     assert security(border, "w", ["hosts", "lone-a", "hostsy"]) is not None
     with pytest.raises(KeysError, match=r"hosts-\* lets others speak as hosts-2, a process that"):
         security(border, "w", ["steps", "hosts-2"])

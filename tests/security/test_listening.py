@@ -9,17 +9,17 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import write_world
 
 from minerva_bus.errors import BusError, KeysError, WorldFileError
-from minerva_bus.launch.border import BorderOverrides, local_endpoint, security
-from minerva_bus.launch.overrides import Overrides
+from minerva_bus.launch.access import local_endpoint, security
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.security.keys import Keys
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
 
 
 def border(path, listen="", **given):
-    found = read_world_file(path, Overrides(listen=listen, border=BorderOverrides(**given)))
-    return found.bus.border
+    found = read_world_file(path, Overrides(listen=listen, **given))
+    return found.access
 
 
 @pytest.mark.parametrize(
@@ -100,12 +100,12 @@ def test_the_coordinator_needs_to_know_who_was_revoked(tmp_path, monkeypatch):
 def test_the_socket_of_this_machine_is_its_owner_s_alone(tmp_path, monkeypatch):
     place = tmp_path / "r"
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(place))
-    with pytest.raises(BusError, match="cannot hold what runs here"):
+    with pytest.raises(BusError, match="cannot use .* for running worlds"):
         local_endpoint("w")
     place.mkdir(mode=0o700)
     assert local_endpoint("w") == f"unixsock-stream/{place}/w.sock"
     with pytest.raises(BusError, match="too long for a socket"):
         local_endpoint("w" * 64 + "/" + "x" * 64)
     place.chmod(0o755)
-    with pytest.raises(BusError, match="is open to others"):
+    with pytest.raises(BusError, match="is accessible to other users"):
         local_endpoint("w")

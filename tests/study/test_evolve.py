@@ -12,9 +12,9 @@ import pytest
 
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError
-from minerva_bus.launch.overrides import Overrides
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import load
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.judging import judged
 from minerva_bus.study.trial import prepared, run_trial
 from tests.study.ponds import pond

@@ -12,7 +12,7 @@ import pytest
 
 from minerva_bus.cli.main import app
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.launch.overrides import Overrides
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.comparison import draw_comparison, shown
 from minerva_bus.study.grid import parse_grid
 from minerva_bus.study.journal import Journal
@@ -96,7 +96,7 @@ def test_combinations_say_options_settings_and_the_seed():
     made = grid.overrides(("elm", "2", "1"), Overrides({"vigour": "1"}, frames=7))
     assert made.options == {"vigour": "1", "wood": "elm"}
     assert made.settings == ("buds.processes=2",)
-    assert (made.seed, made.frames, made.rate) == (1, 7, 0.0)
+    assert made.values == {"seed": 1, "frames": 7, "rate": 0.0}
 
 
 # --- the journal ---

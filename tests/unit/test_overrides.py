@@ -3,8 +3,9 @@
 import pytest
 
 from minerva_bus.errors import WorldFileError
-from minerva_bus.launch.overrides import Overrides, read_view, toml_value, typed_options
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.typed import by_process, read_view, toml_value, typed_options
+from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.services import Generator
 
 MODULE = """
@@ -49,14 +50,14 @@ def test_what_is_said_holds_instead(path):
 
 
 def test_settings_are_sorted_by_process():
-    given = Overrides(settings=("a.x=1", "b.x=true", "a.y=two words", "a.x=2"))
-    assert given.by_process() == {"a": {"x": 2, "y": "two words"}, "b": {"x": True}}
+    given = ("a.x=1", "b.x=true", "a.y=two words", "a.x=2")
+    assert by_process(given) == {"a": {"x": 2, "y": "two words"}, "b": {"x": True}}
 
 
 @pytest.mark.parametrize("setting", ["a=1", "a.b", "a"])
 def test_a_setting_names_a_process_and_a_key(setting):
     with pytest.raises(WorldFileError, match=r"expected PROCESS.KEY=VALUE"):
-        Overrides(settings=(setting,)).by_process()
+        by_process((setting,))
 
 
 @pytest.mark.parametrize(("text", "view"), [

@@ -6,8 +6,8 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from minerva_bus.launch.overrides import toml_value
 from minerva_bus.launch.toml import MAX_KEY_PARTS, TomlError, read_toml
+from minerva_bus.launch.typed import toml_value
 
 
 @pytest.mark.parametrize(

@@ -9,21 +9,18 @@ import typer
 
 from minerva_bus.cli.options import (
     UNKNOWN_TOO,
-    Audit,
     Connect,
     Force,
-    Insecure,
     Json,
     Keys,
-    Listen,
     Quiet,
-    Routers,
-    RunKeys,
-    Views,
+    Takes,
     World,
+    grouped,
 )
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.cli.words import options_of
+from minerva_bus.settings.overrides import Overrides
 
 app = typer.Typer()
 
@@ -68,23 +65,20 @@ def recover(
 
 
 @app.command(context_settings=UNKNOWN_TOO)
+@grouped
 def replay(
     context: typer.Context,
+    overrides: Annotated[
+        Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure", "audit")
+    ],
     file: Record,
     world: Annotated[
         str, typer.Argument(help="Its world file, or an installed world, if it has moved.")
     ] = "",
-    view: Views = None,
     begin: Annotated[int, typer.Option("--from", help="Begin with this frame.")] = 0,
     speed: Annotated[
         float, typer.Option(help="1: in real time; 2: twice as fast; 0: as fast as it goes.")
     ] = 1.0,
-    name: Annotated[str, typer.Option(help="Run under another name than WORLD-replay.")] = "",
-    listen: Listen = "",
-    connect: Routers = None,
-    keys: RunKeys = "",
-    insecure: Insecure = False,
-    audit: Audit = False,
     recompute: Annotated[
         bool, typer.Option("--recompute", help="Run the agents again: is each frame the same?")
     ] = False,
@@ -112,12 +106,15 @@ def replay(
     with uncollected():
         from minerva_bus.cli.recording import show_frames
         from minerva_bus.cli.replaying import recompute_record, replay_record, replay_with
-        from minerva_bus.launch.border import BorderOverrides
-        from minerva_bus.launch.overrides import Overrides
         from minerva_bus.launch.swapping import Swap
 
     if no_code:
-        given = {"--swap": swap, "--recompute": recompute, "--view": view, "WORLD": world}
+        given = {
+            "--swap": swap,
+            "--recompute": recompute,
+            "--view": overrides.views,
+            "WORLD": world,
+        }
         for option in [one for one, value in given.items() if value]:
             context.fail(f"{option} needs code: not with --no-code; minerva plot draws without")
         show_frames(file, begin, json)
@@ -125,8 +122,8 @@ def replay(
     words = context.args
     if world.startswith("--"):
         words, world = [world, *words], ""
-    played = {"--view": bool(view), "--from": begin != 0, "--speed": speed != 1.0}
-    for option in [one for one, given in played.items() if given and (swap or recompute)]:
+    played = {"--view": bool(overrides.views), "--from": begin != 0, "--speed": speed != 1.0}
+    for option in [name for name, given in played.items() if given and (swap or recompute)]:
         context.fail(f"{option} is for playing, not for --{'swap' if swap else 'recompute'}")
     if swap and recompute:
         context.fail("--swap and --recompute are two things: ask for one of them")
@@ -136,8 +133,6 @@ def replay(
         context.fail(f"{words[0] if words else '--record'} goes with --swap")
     if recompute:
         raise typer.Exit(recompute_record(file, world, json))
-    border = BorderOverrides(tuple(connect or ()), keys, insecure, audit)
-    overrides = Overrides(views=tuple(view or ()), name=name, listen=listen, border=border)
     code = replay_record(
         file, world, overrides, BEGAN, begin=begin, speed=speed, json_too=json, quiet=quiet
     )

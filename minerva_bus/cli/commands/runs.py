@@ -9,99 +9,54 @@ import typer
 
 from minerva_bus.cli.options import (
     UNKNOWN_TOO,
-    Audit,
     Connect,
     Force,
-    Insecure,
     Json,
     KeepTrying,
     Keys,
-    Listen,
-    Quiet,
-    Routers,
-    RunKeys,
-    Settings,
-    Views,
+    RunOptions,
+    Takes,
     World,
+    grouped,
 )
 from minerva_bus.cli.startup import BEGAN, uncollected
 from minerva_bus.cli.words import options_of
 from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.settings.overrides import Overrides
 
 app = typer.Typer()
 
 
 @app.command(context_settings=UNKNOWN_TOO)
+@grouped
 def run(
     context: typer.Context,
+    overrides: Annotated[
+        Overrides,
+        Takes(
+            *("seed", "rate", "frames", "view", "set_", "name", "until"),
+            *("record", "record_topics", "flush", "durable", "journal"),
+            *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
+            *("metrics", "log_format"),
+        ),
+    ],
+    options: RunOptions,
     world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")] = "",
-    seed: Annotated[int | None, typer.Option(help="Seed of all chance.")] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Frames per second; 0: as fast as it goes.")
-    ] = None,
-    frames: Annotated[int | None, typer.Option(help="End after so many frames; 0: never.")] = None,
-    view: Views = None,
-    set_: Settings = None,
-    name: Annotated[str, typer.Option(help="Run under another name.")] = "",
-    until: Annotated[
-        str | None, typer.Option(help="End when every agent has sent this event; '': never.")
-    ] = None,
     record_video: Annotated[
-        str, typer.Option(help="Make a film of it, .mp4 or .gif, frame by frame.")
+        str, typer.Option(help="Write a video of all frames to this file, .mp4 or .gif.")
     ] = "",
-    record: Annotated[str, typer.Option(help="Record the run in this file, .mcap.")] = "",
-    record_topics: Annotated[
-        str, typer.Option(help="Record sensor data, too: all, or topics such as scan,image.")
-    ] = "",
-    flush: Annotated[
-        float | None, typer.Option(help="Seconds after which a record reaches the disk.")
-    ] = None,
-    durable: Annotated[
-        bool, typer.Option("--durable", help="A frame counts once its record is on the disk.")
-    ] = False,
     resume: Annotated[
-        Path | None, typer.Option(help="Go on where this record ends; WORLD may be left out.")
+        Path | None, typer.Option(help="Resume at the end of this record; WORLD may be omitted.")
     ] = None,
-    journal: Annotated[
-        str, typer.Option(help="Keep the journal in this folder, and go on from one that is there.")
-    ] = "",
-    listen: Listen = "",
-    connect: Routers = None,
-    keys: RunKeys = "",
-    insecure: Insecure = False,
-    audit: Audit = False,
-    coordinator_only: Annotated[
-        bool, typer.Option(help="Start no members: they are attached from elsewhere.")
-    ] = False,
-    metrics: Annotated[
-        str, typer.Option(help="Serve /metrics, /live and /ready at HOST:PORT.")
-    ] = "",
-    log_format: Annotated[str, typer.Option(help="How log lines are written: text or json.")] = "",
-    in_process: Annotated[bool, typer.Option(help="All in one process, without a bus.")] = False,
-    json: Json = False,
-    quiet: Quiet = False,
-    profile: Annotated[
-        bool, typer.Option("--profile", help="Show at the end where the time of a frame goes.")
-    ] = False,
-    profile_member: Annotated[
-        str, typer.Option(help="Sample this member's code; a page WORLD-MEMBER.html shows it.")
-    ] = "",
     force: Force = False,
-    traceback: Annotated[
-        bool, typer.Option("--traceback", help="Show all frames of an error in a member's code.")
-    ] = False,
 ) -> None:
-    """Run a world. A world's own options, as its [options] say, are options here too.
+    """Run a world. The world's own options, declared in its [options], are options here too.
 
-    The world `robot` has --map FILE.yaml, --objective NAME, --planner random|astar, --robots N
-    and more.
+    For example, the world `robot` has --map FILE.yaml, --objective NAME, --planner random|astar
+    and --robots N.
     """
     with uncollected():
         from minerva_bus.cli.running import read_world, run_world
-        from minerva_bus.launch.border import BorderOverrides
-        from minerva_bus.launch.keeping import RecordOverrides
-        from minerva_bus.launch.overrides import Overrides
-        from minerva_bus.launch.profiling import Profiling
         from minerva_bus.launch.resuming import read_resumed
 
         words = context.args
@@ -109,52 +64,23 @@ def run(
             words, world = [world, *words], ""
         if not world and resume is None:
             context.fail("run what? Name a world file, an installed world or --resume FILE")
-        overrides = Overrides(
-            options=options_of(words),
-            settings=tuple(set_ or ()),
-            views=_with_video(view or [], record_video),
-            until=until,
-            record=record,
-            name=name,
-            seed=seed,
-            rate=rate,
-            frames=frames,
-            journal=journal,
-            listen=listen,
-            border=BorderOverrides(tuple(connect or ()), keys, insecure, audit),
-            recording=RecordOverrides("", flush, durable or None, record_topics),
-            metrics=metrics,
-            log_format=log_format,
-            coordinator_only=coordinator_only,
-        )
-        file = (
-            read_world(world, overrides)
-            if resume is None
-            else read_resumed(resume, world, overrides)
-        )
-    run_world(
-        file,
-        BEGAN,
-        in_process=in_process,
-        json_too=json,
-        quiet=quiet,
-        profiling=Profiling(profile, profile_member),
-        traceback=traceback,
-    )
+        views = _with_video(list(overrides.views), record_video)
+        given = Overrides(options_of(words), overrides.settings, views, **overrides.values)
+        file = read_world(world, given) if resume is None else read_resumed(resume, world, given)
+    run_world(file, BEGAN, options)
 
 
 def _with_video(views: list[str], video: str) -> tuple[str, ...]:
-    """The views that are wanted, one of which makes the film: sprites, if none is named."""
+    """The requested views, one of which writes the video: sprites unless another one can."""
     if not video:
         return tuple(views)
     if "," in video:
-        raise MinervaError(f"--record-video {video}: a name without commas, please")
-    films = [i for i, one in enumerate(views) if one.partition(":")[0] in ("sprites", "opengl")]
-    if not films:
-        return (*views, f"sprites:video={video}")
-    filmed = views[films[0]]
-    views[films[0]] = f"{filmed}{',' if ':' in filmed else ':'}video={video}"
-    return tuple(views)
+        raise MinervaError(f"--record-video {video}: the file name must not contain a comma")
+    for at, view in enumerate(views):
+        if view.partition(":")[0] in ("sprites", "opengl"):
+            views[at] = f"{view}{',' if ':' in view else ':'}video={video}"
+            return tuple(views)
+    return (*views, f"sprites:video={video}")
 
 
 @app.command()

@@ -65,7 +65,7 @@ def evolve(
     from minerva_bus.cli.evolving import Wanted, evolve_world, read_fitness
     from minerva_bus.cli.running import read_world
     from minerva_bus.launch.console import Console
-    from minerva_bus.launch.overrides import Overrides
+    from minerva_bus.settings.overrides import Overrides
     from minerva_bus.study.evolution import Plan
     from minerva_bus.study.saving import Given
     from minerva_bus.study.trial import prepared
@@ -111,8 +111,8 @@ def sweep(
     """
     from minerva_bus.cli.sweeping import sweep_world
     from minerva_bus.launch.console import Console
-    from minerva_bus.launch.overrides import Overrides
     from minerva_bus.launch.specs import find_world
+    from minerva_bus.settings.overrides import Overrides
     from minerva_bus.study.grid import parse_grid
     from minerva_bus.study.sweep import Sweep
     from minerva_bus.study.workers import how_many

@@ -35,7 +35,8 @@ from minerva_bus import (
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import walk
-from minerva_bus.launch.worldfile import BusSettings, Process, WorldFile
+from minerva_bus.launch.worldfile import Process, WorldFile
+from minerva_bus.settings.tables import BusSettings
 from minerva_bus.world.order import Order
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_bus.world.services import Emit

@@ -1,0 +1,134 @@
+"""Access to a world from other machines: certificates, routers, audit and limits."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from minerva_bus.errors import BusError, KeysError
+from minerva_bus.launch.runtime_folder import runtime_folder
+from minerva_bus.launch.table import Table
+from minerva_bus.runtime.endpoints import check_endpoint, check_listening
+from minerva_bus.runtime.guard import LOCAL_KIND, Security
+from minerva_bus.security.credentials import Rights, family_start, rights_of
+from minerva_bus.settings.kinds import whole
+from minerva_bus.settings.tables import BusSettings
+from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.limits import DEFAULT, Limits
+
+MAX_PATH_BYTES: Final = 100
+"""Of a socket's path: systems accept 104 to 108, and Zenoh creates a lock file beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Which remote members may join, and how much any member may send.
+
+    `keys` is the folder of certificates (None: remote members cannot join), `routers` are Zenoh
+    routers that the coordinator joins. `audit`: messages that Zenoh drops are logged and counted.
+    """
+
+    keys: Path | None = None
+    routers: tuple[str, ...] = ()
+    limits: Limits = DEFAULT
+    audit: bool = False
+
+
+def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
+    """The access rules of a world, checked; `folder` has its world file.
+
+    Raises WorldFileError, and BusError for a world that would admit anybody.
+    """
+    keys = Path(bus.keys) if "keys" in top.overrides.values else folder / bus.keys
+    keys = keys if bus.keys else None
+    check_listening(bus.listen, keys=keys is not None, insecure=bus.insecure)
+    for router in bus.connect:
+        endpoint = check_endpoint(router)
+        if not (endpoint.secured or endpoint.local or bus.insecure):
+            raise BusError(
+                f"{router} is not a secured link: join tls/{endpoint.host}:{endpoint.port} with"
+                " --keys FOLDER, or insist with --insecure"
+            )
+        check_listening(router, keys=keys is not None, insecure=bus.insecure)
+    secured = any(check_endpoint(endpoint).secured for endpoint in (bus.listen, *bus.connect))
+    if keys is not None and not secured:
+        raise BusError(
+            f"keys are for secured links, and {bus.listen} is not one;"
+            " listen at tls/0.0.0.0:7447 (--listen)"
+        )
+    if bus.audit and keys is None:
+        raise BusError(
+            "an audit is about members with keys: name their folder (--keys), and listen at"
+            " tls/0.0.0.0:7447 (--listen)"
+        )
+    return Access(keys, bus.connect, _limits(top.table("limits")), bus.audit)
+
+
+_LEAST: Final = {
+    "message_bytes": 1024,
+    "messages": 1,
+    "bytes": 1024,
+    "values": 100,
+    "answer_values": 1000,
+    "single_events": 1,
+    "events": 1,
+}
+"""The limits that a world file may set, and the least value of each."""
+
+
+def _limits(table: Table) -> Limits:
+    values = {
+        name: table.get(name, whole(least), getattr(DEFAULT, name))
+        for name, least in _LEAST.items()
+    }
+    return replace(DEFAULT, **values)
+
+
+def security(access: Access, world: str, started: Iterable[str] = ()) -> Security | None:
+    """What secures the coordinator's session. Raises KeysError, and BusError for the local socket.
+
+    Local processes connect through a socket in a folder that only its owner can open. No family of
+    certificates may contain the name of a process that the world has `started`.
+    """
+    if access.keys is None:
+        return None
+    from minerva_bus.security.keys import Keys
+
+    keys = Keys(access.keys)
+    own = keys.credentials(COORDINATOR)
+    _check_families(keys.rights(), started)
+    return Security(own, local_endpoint(world), keys.rights, keys.stamp, access.audit)
+
+
+def _check_families(rights: Mapping[str, Rights], started: Iterable[str]) -> None:
+    for member in started:
+        granted = rights_of(member, rights)
+        if granted is not None and family_start(granted.name) and not granted.revoked:
+            raise KeysError(
+                f"{granted.name} lets others speak as {member}, a process that the world starts:"
+                " rename either of them"
+            )
+
+
+def local_endpoint(world: str) -> str:
+    """The endpoint at which local processes reach a secured world. Raises BusError."""
+    folder = runtime_folder()
+    path = str((folder / f"{world}.sock").absolute())
+    if len(os.fsencode(path)) > MAX_PATH_BYTES:
+        raise BusError(
+            f"{path} is too long for a socket ({MAX_PATH_BYTES} bytes); set MINERVA_RUNTIME_DIR to"
+            " a folder with a shorter path"
+        )
+    try:
+        status = folder.stat()
+    except OSError as error:
+        raise BusError(f"cannot use {folder} for running worlds: {error.strerror}") from None
+    if status.st_uid != os.getuid() or status.st_mode & 0o077:
+        raise BusError(
+            f"{folder} is accessible to other users, who could join the world through it; chmod 700"
+            " it, or set MINERVA_RUNTIME_DIR to another folder"
+        )
+    return f"{LOCAL_KIND}/{path}"

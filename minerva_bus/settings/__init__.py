@@ -1,0 +1,1 @@
+"""The settings of a world: declared once, read from a world file and a command line."""

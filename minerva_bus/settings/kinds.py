@@ -1,0 +1,179 @@
+"""Kinds of values that settings take: one typed conversion for world files and command lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, cast
+
+from minerva_bus.errors import MisuseError, nearest
+
+MAX_WHOLE: Final = (1 << 63) - 1
+"""The greatest whole number that a message can carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A type with its limits.
+
+    `convert` returns a checked value, or raises MisuseError with what the value must be. `phrase`
+    describes the kind in documents; `python` is the type of one value on a command line, and
+    `repeats` whether the option may be given more than once.
+    """
+
+    phrase: str
+    convert: Callable[[Any], Any]
+    python: type = str
+    repeats: bool = False
+
+
+def _checked(value: Any, types: tuple[type, ...], phrase: str) -> Any:
+    # A bool is an int in Python, but `frames = true` is a mistake.
+    if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+        raise MisuseError(f"must be {phrase}")
+    return value
+
+
+def _text(value: Any) -> str:
+    return _checked(value, (str,), "a text")
+
+
+def _boolean(value: Any) -> bool:
+    return _checked(value, (bool,), "true or false")
+
+
+def _texts(value: Any) -> tuple[str, ...]:
+    if isinstance(value, str):
+        return (value,)
+    if not isinstance(value, list | tuple):
+        raise MisuseError("must be a list of texts")
+    items = cast("list[Any] | tuple[Any, ...]", value)
+    if not all(isinstance(item, str) for item in items):
+        raise MisuseError("must be a list of texts")
+    return tuple(items)
+
+
+def _table(value: Any) -> dict[str, Any]:
+    return _checked(value, (dict,), "a table")
+
+
+def single(what: str) -> Kind:
+    """One text, or a list with at most one; `what` it is, for messages."""
+
+    def convert(value: Any) -> str:
+        texts = _texts(value)
+        if len(texts) > 1:
+            raise MisuseError(f"must be one {what}")
+        return "".join(texts)
+
+    return Kind(what, convert)
+
+
+def address(text: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT. Raises MisuseError."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or int(port) > 65535:
+        raise MisuseError(f"{text!r} is not an address; expected HOST:PORT, such as 127.0.0.1:9464")
+    return host.strip("[]"), int(port)
+
+
+def _address(value: Any) -> str:
+    text = _text(value)
+    if text:
+        try:
+            address(text)
+        except MisuseError as error:
+            raise MisuseError(f"must be HOST:PORT: {error}") from None
+    return text
+
+
+def _topics(value: Any) -> tuple[str, ...]:
+    if isinstance(value, bool):
+        return (ALL,) if value else ()
+    if value in (ALL, "all"):
+        return (ALL,)
+    topics = [topic.strip() for topic in value.split(",")] if isinstance(value, str) else value
+    from minerva_bus.wire.keys import checked_name
+
+    try:
+        return tuple([checked_name(topic, "a topic") for topic in _texts(topics)])
+    except MisuseError as error:
+        raise MisuseError(f"must be all or a list of topics: {error}") from None
+
+
+ALL: Final = "*"
+"""In place of topics: all of them."""
+
+TEXT: Final = Kind("text", _text)
+BOOLEAN: Final = Kind("boolean", _boolean, bool)
+TEXTS: Final = Kind("list of texts", _texts, repeats=True)
+TABLE: Final = Kind("table", _table)
+ADDRESS: Final = Kind("address", _address)
+TOPICS: Final = Kind("list of topics", _topics)
+ANY: Final = Kind("any value", lambda value: value)
+
+
+def whole(least: int = 0, most: int = MAX_WHOLE) -> Kind:
+    """Whole numbers from `least` to `most`."""
+
+    def convert(value: Any) -> int:
+        number = _checked(value, (int,), "a whole number")
+        if number < least:
+            raise MisuseError(f"must be at least {least}")
+        if number > most:
+            raise MisuseError(f"must be at most {most}")
+        return number
+
+    limit = f"{least:,} to {most:,}" if most < MAX_WHOLE else f"{least:,}"
+    phrase = f"whole number from {limit}" if least > -MAX_WHOLE else "whole number, 64 bits"
+    return Kind(phrase, convert, int)
+
+
+def number(least: float = 0.0, unit: str = "") -> Kind:
+    """Finite numbers from `least`, in a unit: `seconds`."""
+    of_unit = f" of {unit}" if unit else ""
+
+    def convert(value: Any) -> float:
+        checked = _checked(value, (int, float), "a number")
+        if not least <= checked < float("inf"):
+            raise MisuseError(f"must be a number{of_unit} from {least:g}")
+        return float(checked)
+
+    return Kind(f"{unit or 'number'} from {least:g}", convert, float)
+
+
+def choice(*words: str) -> Kind:
+    """One of these words."""
+
+    def convert(value: Any) -> str:
+        word = _text(value)
+        if word not in words:
+            close = nearest(word, list(words))
+            raise MisuseError(f"must be one of {', '.join(words)}{close}")
+        return word
+
+    return Kind(", ".join(f'`"{word}"`' for word in words), convert)
+
+
+_BY_TYPE: Final = {
+    bool: (BOOLEAN, "true or false"),
+    int: (whole(-MAX_WHOLE - 1), "a whole number"),
+    float: (number(float("-inf")), "a number"),
+    str: (TEXT, "a text"),
+}
+
+
+def phrase_of(python: Any) -> str:
+    """What a value of a Python type is called in messages: `a whole number`; "" if unknown."""
+    return _BY_TYPE[python][1] if python in _BY_TYPE else ""
+
+
+def fits(value: Any, python: Any) -> bool:
+    """Whether a value of TOML can be passed where this Python type is declared."""
+    if python not in _BY_TYPE:
+        return True
+    try:
+        _BY_TYPE[python][0].convert(value)
+    except MisuseError:
+        return False
+    return True

@@ -1,0 +1,64 @@
+"""The upper layer of the settings: what a command line sets in place of a world file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from minerva_bus.settings.declaring import Setting, by_option, check_known
+from minerva_bus.settings.tables import TABLES
+
+OPTIONS: Final[Mapping[str, Setting]] = by_option(*TABLES)
+"""The settings that have an option on the command line, by its name."""
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Overrides:
+    """Settings of a command line: they replace those of the world file.
+
+    `options` are the world's own options as text, `settings` texts PROCESS.KEY=VALUE, `views`
+    texts such as `svg:every=5`. `values` are the other settings that were given, by the names of
+    their options: `Overrides(seed=3, record="run.mcap")`; None means not given. Values are
+    converted when a world file is read. Raises MisuseError for a name that is no setting.
+    """
+
+    options: Mapping[str, str]
+    settings: tuple[str, ...]
+    views: tuple[str, ...]
+    values: Mapping[str, Any]
+
+    def __init__(
+        self,
+        options: Mapping[str, str] | None = None,
+        settings: tuple[str, ...] = (),
+        views: tuple[str, ...] = (),
+        **values: Any,
+    ) -> None:
+        check_known(values, OPTIONS)
+        given = {name: value for name, value in values.items() if _given(name, value)}
+        for name, value in (
+            ("options", dict(options or {})),
+            ("settings", tuple(settings)),
+            ("views", tuple(views)),
+            ("values", given),
+        ):
+            object.__setattr__(self, name, value)
+
+    def over(self, lower: Overrides) -> Overrides:
+        """These settings, and those of a lower layer that are not given here."""
+        return Overrides(
+            {**lower.options, **self.options},
+            (*lower.settings, *self.settings),
+            (*lower.views, *self.views),
+            **{**lower.values, **self.values},
+        )
+
+
+def _given(name: str, value: Any) -> bool:
+    """Whether a value replaces that of the world file: an empty text may not."""
+    return value is not None and value != () and (value != "" or OPTIONS[name].empty)
+
+
+AS_WRITTEN: Final = Overrides()
+"""No setting is replaced."""

@@ -1,0 +1,412 @@
+"""Every setting of a world file and of `minerva run`, declared once.
+
+The reader of world files, the options of the command line, their help and the tables in docs/
+follow from these declarations. To add a setting, add a field here and use it; then run `python -m
+tools.settings_tables` to update the documents.
+
+Nothing heavy is imported here, because `minerva --help` reads this module.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from minerva_bus.runtime.waiting import THEN, Patience
+from minerva_bus.settings.declaring import setting
+from minerva_bus.settings.kinds import (
+    ADDRESS,
+    ANY,
+    BOOLEAN,
+    MAX_WHOLE,
+    TABLE,
+    TOPICS,
+    choice,
+    number,
+    single,
+    whole,
+)
+
+MODULE: Final = '`"module:function"`'
+MAX_PROCESSES: Final = 1000
+"""Processes of one table [process.NAME]."""
+
+_world = partial(setting, "world")
+_bus = partial(setting, "bus")
+_process = partial(setting, "process.NAME")
+_norm = partial(setting, "norm.NAME")
+_PATIENCE: Final = Patience()
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """What the world is, independent of where it runs."""
+
+    string: str = _world(
+        "",
+        "The initial string *w₀*, with `${option}` replaced.",
+        more="Give either `string` or `scene`. Separate symbols with `·` or `.`; between primitives"
+        " a blank is enough (`PWall PFloor`).",
+        shown=" ",
+    )
+    scene: str = _world(
+        "",
+        "A function that takes the options and returns *w₀* as a `Scene` or a text.",
+        form=MODULE,
+        shown=" ",
+    )
+    vocabulary: str = _world(
+        "",
+        "A `Vocabulary`: the symbols and event types of the world.",
+        form='`"module:attribute"`',
+        shown="required",
+    )
+    defaults: str = _world(
+        "",
+        "A function that takes the options and returns them completed.",
+        more="It is called once, before anything else uses the options.",
+        form=MODULE,
+    )
+    notes: str = _world(
+        "",
+        "A function that takes the options and returns a list of lines to print at the start.",
+        form=MODULE,
+    )
+    name: str = _world(
+        "",
+        "Name of the world on the bus.",
+        option="name",
+        more="1 to 64 letters, digits and `_ . ~ -`. A machine runs one world of a name at a time.",
+        shown="the file's name without `.toml`",
+    )
+    seed: int = _world(0, "Seed of all random numbers.", whole(-MAX_WHOLE - 1), option="seed")
+    rate: float = _world(
+        0.0,
+        "Frames per second; 0: as fast as possible.",
+        option="rate",
+        more="With 0, an idle world (no lockstep generator, no waiting event) runs ten frames per"
+        " second and continues at once when an event arrives.",
+    )
+    real_time: bool = _world(
+        False,
+        "An external process, such as a robot, makes each frame last `dt`.",
+        more="Frames that take more than a tenth longer are late, as with a `rate`. Late frames are"
+        " logged with the member that answered last, with exponential back-off, and counted in the"
+        " summary, in `minerva top` and in the metrics.",
+    )
+    dt: float = _world(
+        0.1,
+        "Simulated seconds per frame.",
+        number(1e-9),
+        form="number above 0",
+        shown="1/rate, or 0.1 if the rate is 0",
+    )
+    frames: int = _world(0, "Stop after this many frames; 0: no limit.", option="frames")
+    order: tuple[str, ...] = _world(
+        (),
+        "The order relation of events (the paper's 4.2.2), the first type first.",
+        more="Types that are not listed come last, by name.",
+        form="list of event types",
+    )
+    people: tuple[str, ...] = _world(
+        (),
+        "Event types that people may send although a generator makes them.",
+        more="People use `minerva pub`, windows and pages; see below.",
+        form="list of event types",
+    )
+    policy: str = _world(
+        "sequential",
+        "How to read equation 3 if an agent receives several events in a frame, or none.",
+        choice("sequential", "literal"),
+        more="See [The letter of equation 3](#the-letter-of-equation-3).",
+    )
+    until: str = _world(
+        "",
+        "Stop when every agent that can send this event has sent it; '': never.",
+        single("event type"),
+        option="until",
+        empty=True,
+    )
+    give_up: str = _world(
+        "",
+        "The event by which an agent reports that it cannot reach `until`.",
+        single("event type"),
+        more="It is logged, and the world ends when every agent has sent one of the two. The"
+        " summary names the agents that gave up, with the data of their events.",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSettings:
+    """Where a run is recorded ("": nowhere), and how often the record is flushed, seconds.
+
+    `durable`: a frame counts once it is on the disk. `topics` are the sensor topics to record;
+    `*` means all.
+    """
+
+    path: str = _world(
+        "",
+        "Record the run in this file, .mcap.",
+        key="record",
+        option="record",
+        more='A table `{ file = "FILE.mcap", topics = [...] }` also records sensor topics'
+        " (`true`: all); see [records.md](records.md).",
+        form="file .mcap, or a table",
+    )
+    topics: tuple[str, ...] = _world(
+        (),
+        "Also record sensor topics: all, or a list such as scan,image.",
+        TOPICS,
+        key="",
+        option="record_topics",
+        form="list of topics",
+    )
+    flush: float = _world(
+        2.0,
+        "Flush the record to disk at this interval, seconds.",
+        number(unit="seconds"),
+        option="flush",
+    )
+    durable: bool = _world(
+        False, "Complete a frame only after its record is on disk.", option="durable"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """Where the coordinator listens, whom it admits, and where it keeps its journal."""
+
+    listen: str = _bus(
+        "tcp/127.0.0.1:0",
+        "Listen at this endpoint, such as tls/0.0.0.0:7447.",
+        option="listen",
+        more="Port 0: any free port. `tls/` admits remote members with a certificate; see"
+        " [security.md](security.md).",
+        form="endpoint",
+    )
+    keys: str = _bus(
+        "",
+        "Folder with the certificates of remote members (tls/).",
+        option="keys",
+        more="A relative path is relative to the world file; on the command line, to the current"
+        " folder.",
+        form="folder",
+    )
+    audit: bool = _bus(
+        False,
+        "With --keys: log and count the messages that Zenoh drops.",
+        option="audit",
+        more="See [security.md](security.md#audit).",
+    )
+    connect: tuple[str, ...] = _bus(
+        (),
+        "Join a Zenoh router, tls/HOST:PORT; may be repeated.",
+        option="connect",
+        form="endpoint, or a list of them",
+        shown="none",
+    )
+    insecure: bool = _bus(
+        False,
+        "Admit any member that can reach the endpoint, without certificates.",
+        key="",
+        option="insecure",
+    )
+    journal: str = _bus(
+        "",
+        "Keep the journal in this folder, and resume from one that is there.",
+        option="journal",
+        more="See [When the coordinator dies](#when-the-coordinator-dies).",
+        form="folder",
+        shown=" ",
+    )
+    shared_memory: bool | None = _bus(
+        None,
+        "Send messages of 1 MB or more between local processes through `/dev/shm`.",
+        BOOLEAN,
+        more="The coordinator and each process need 64 MB of it.",
+        form="boolean",
+        shown="true if the initial string has 4 MB of numbers in columns and `/dev/shm` has room",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PatienceSettings:
+    """How long a frame waits for a member, in [bus] or for one process, seconds."""
+
+    soft: float = _bus(
+        _PATIENCE.soft,
+        "Log that a frame waits for a member after this time, and what will happen next.",
+        number(0.05, "seconds"),
+    )
+    hard: float = _bus(
+        _PATIENCE.hard, "Time after which `late` is applied.", number(0.1, "seconds")
+    )
+    late: str = _bus(
+        _PATIENCE.then,
+        "What happens to a member that does not answer in time.",
+        choice(*THEN),
+        more="`restart`: kill it and start it again (an attached member is disconnected); `skip`:"
+        " continue the frame without it, and its agents do not evolve; `wait`: wait without limit;"
+        " `stop`: stop the world.",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class WatchSettings:
+    """Where metrics are served, HOST:PORT ("": nowhere), and the format of log lines."""
+
+    metrics: str = setting(
+        "metrics",
+        "",
+        "Serve /metrics, /live and /ready at HOST:PORT.",
+        ADDRESS,
+        key="listen",
+        option="metrics",
+        form='`"HOST:PORT"`',
+    )
+    log_format: str = setting(
+        "log",
+        "text",
+        "Format of log lines: text or json.",
+        choice("text", "json"),
+        key="format",
+        option="log_format",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSettings:
+    """One table [process.NAME]."""
+
+    agents: tuple[str, ...] = _process(
+        (),
+        "The agent kinds that the process evolves and shows.",
+        form='`"module:Class"`, an installed name, or a list of them',
+        shown=" ",
+    )
+    service: str = _process(
+        "",
+        "A generator or a device.",
+        more="Every other key of the table is an argument of its constructor; see"
+        " [services.md](services.md).",
+        form='`"module:Class"` or an installed name',
+        shown=" ",
+    )
+    command: tuple[str, ...] = _process(
+        (),
+        "A program that implements [PROTOCOL.md](../PROTOCOL.md).",
+        more="It reads the world's name, the endpoint and its own name from `MINERVA_WORLD`,"
+        " `MINERVA_CONNECT` and `MINERVA_NAME`. It runs in the folder in which `minerva run` was"
+        " called; the world file's folder is not searched.",
+        shown=" ",
+    )
+    processes: int = _process(
+        1,
+        "Number of processes: `NAME-1`, `NAME-2`, ...",
+        whole(1, MAX_PROCESSES),
+        more="Agents are distributed among the processes that offer their kind.",
+    )
+    on_failure: str = _process(
+        "restart",
+        "What happens when it fails: restart it while the frame waits, stop the world, or ignore"
+        " the failure.",
+        choice("restart", "stop", "ignore"),
+    )
+    elsewhere: bool = _process(
+        False,
+        "Start no members; attach them from other machines.",
+        option="coordinator_only",
+        more="The world waits for the process; start it with `minerva attach WORLD --process NAME`"
+        " on its machine. `--coordinator-only` sets this for every process; see"
+        " [fleet.md](fleet.md).",
+    )
+    restarts: int = _process(
+        5,
+        "Consecutive failures after which the world stops.",
+        more="The delay before each restart grows (0.05 s, 0.1 s, ... 5 s). The count starts again"
+        " after 30 s without a failure.",
+    )
+    speaks_for: tuple[str, ...] = _process(
+        (),
+        "The agents in whose name a generator may send events.",
+        more="Events of other generators have no sender; an event with one violates the protocol."
+        " See [security.md](security.md#in-whose-name).",
+        form='kind, `"#ID"`, or a list of them',
+        shown=" ",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class NormSettings:
+    """One table [norm.NAME]; docs/norms.md explains them."""
+
+    applies: tuple[str, ...] = _norm(
+        (),
+        "The agent kinds that the norm is about.",
+        more="With `on` also names of processes, and `people`, see below.",
+        form="agent kinds",
+        shown="all",
+    )
+    on: tuple[str, ...] = _norm(
+        (),
+        "The events that the norm is about; none of them visual.",
+        more="Without it, the norm is about states of agents.",
+        form="event types",
+        shown="none",
+    )
+    when: str = _norm("", "The condition that is forbidden.", form="condition", shown="always")
+    where: object = _norm(
+        "",
+        "The area in which it is forbidden.",
+        ANY,
+        more="The corners are those of a rectangle for the attributes `x` and `y`.",
+        form="condition, or `[x0, y0, x1, y1]`",
+        shown="anywhere",
+    )
+    most: int = _norm(0, "Number of violations that are allowed in `per` frames.")
+    per: int = _norm(1, "Length of the period for `most`, in frames.", whole(1))
+    then: str = _norm(
+        "refuse",
+        "`refuse` rejects it; `sanction` allows it and sends `event`; `count` only counts it.",
+        choice("refuse", "sanction", "count"),
+    )
+    event: str = _norm(
+        "",
+        "The event that the violator receives in the next frame.",
+        more="Required for a sanction, allowed for a refusal.",
+        form="event type",
+    )
+    data: object = _norm(
+        None,
+        "The data of the event.",
+        TABLE,
+        more="A field called `norm` gets the norm's name unless set here.",
+        shown="`{}`",
+    )
+    in_force: bool = _norm(
+        True,
+        "false: the norm is checked, but not applied.",
+        more='`in_force = "${norms}"` makes it an option.',
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PlacementSettings:
+    """The table [placement], without its rules for agent kinds."""
+
+    agents_per_host: int = setting(
+        "placement", 0, "Maximum number of agents per host; 0: no limit."
+    )
+
+
+TABLES: Final = (
+    WorldSettings,
+    RecordSettings,
+    BusSettings,
+    PatienceSettings,
+    WatchSettings,
+    ProcessSettings,
+    NormSettings,
+    PlacementSettings,
+)
