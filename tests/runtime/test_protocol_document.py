@@ -126,7 +126,7 @@ def test_the_limits_that_a_world_file_sets(tmp_path: Path) -> None:
     file.write_text(f'{WORLD}[process.a]\ncommand = ["true"]\n[limits]\n{limits}\n')
     sys.path.insert(0, str(tmp_path))
     try:
-        read = asdict(read_world_file(file).bus.border.limits)
+        read = asdict(read_world_file(file).access.limits)
     finally:
         sys.path.remove(str(tmp_path))
         sys.modules.pop("counting", None)

@@ -100,7 +100,7 @@ def test_the_coordinator_needs_to_know_who_was_revoked(tmp_path, monkeypatch):
 def test_the_socket_of_this_machine_is_its_owner_s_alone(tmp_path, monkeypatch):
     place = tmp_path / "r"
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(place))
-    with pytest.raises(BusError, match="cannot use .* for running worlds"):
+    with pytest.raises(BusError, match=r"cannot use .* for running worlds"):
         local_endpoint("w")
     place.mkdir(mode=0o700)
     assert local_endpoint("w") == f"unixsock-stream/{place}/w.sock"
