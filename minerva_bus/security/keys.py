@@ -56,7 +56,7 @@ class Keys:
 
     def init(self, hosts: Iterable[str] = (), days: int = AUTHORITY_DAYS) -> Issued:
         """Make the authority, and the coordinator's certificate. Raises KeysError."""
-        if self._path(_AUTHORITY, "pem").exists():
+        if self._has(_AUTHORITY):
             raise KeysError(f"{self.folder} has an authority already (minerva keys list)")
         if days < 1:
             raise KeysError(f"--days must be a whole number from 1, not {days}")
@@ -112,14 +112,13 @@ class Keys:
 
     def issued(self) -> Mapping[str, Issued]:
         """All certificates of the folder but the authority's, by file. Raises KeysError."""
-        path = self._path(_AUTHORITY, "pem")
-        if not path.exists():
+        if not self._has(_AUTHORITY):
             raise KeysError(
                 f"{self.folder} has no authority, ca.pem; minerva keys init makes one, or it has"
                 " not been copied with the keys"
             )
-        authority, revoked = read_certificate(path), frozenset[int]()
-        if self._path(_REVOKED, "pem").exists():  # Members need not have it: the world does.
+        authority, revoked = read_certificate(self._path(_AUTHORITY, "pem")), frozenset[int]()
+        if self._has(_REVOKED):  # Members need not have it: the world does.
             revoked = read_revoked(self._path(_REVOKED, "pem"), authority)
         others = [
             one for one in self.folder.glob("*.pem") if one.stem not in (_AUTHORITY, _REVOKED)
@@ -131,7 +130,7 @@ class Keys:
 
         Raises KeysError, too where it cannot be known who was revoked, or who is meant by a name.
         """
-        if not self._path(_REVOKED, "pem").exists():
+        if not self._has(_REVOKED):
             raise KeysError(
                 f"{self.folder} lacks crl.pem: without it, whoever was revoked would be let in"
             )
@@ -166,6 +165,20 @@ class Keys:
         return tuple([(one.name, one.stat().st_mtime_ns) for one in files])
 
     # --- parts ---
+
+    def _has(self, name: str) -> bool:
+        """Whether the folder has a certificate or list of this name.
+
+        Raises KeysError where the folder cannot be read: a missing certificate would be another
+        problem, with another remedy.
+        """
+        try:
+            return self._path(name, "pem").exists()
+        except OSError as error:
+            raise KeysError(
+                f"{self.folder} cannot be read: {error.strerror}; the process needs the right to"
+                " search the folder and to read its files"
+            ) from None
 
     def _path(self, name: str, kind: str) -> Path:
         return self.folder / f"{name}.{kind}"

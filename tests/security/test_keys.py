@@ -256,3 +256,15 @@ def test_the_commands_do_it_all(tmp_path):
     assert listed["coordinator"]["hosts"][:2] == ["a.example", "b.example"]
     assert "hostA" in ask("list")
     assert set(ROLES) >= {role for one in listed.values() for role in one["roles"]}
+
+
+def test_a_folder_that_cannot_be_read_is_reported(tmp_path):
+    """By a name that no file can have, since root may read every folder."""
+    folder = tmp_path / ("x" * 300)
+    with pytest.raises(KeysError, match="cannot be read: File name too long; the process needs"):
+        Keys(folder).rights()
+    done = here(tmp_path, "run", "robot", "--listen", "tls/127.0.0.1:0", "--keys", folder)
+    assert done.returncode == 1
+    assert f"{folder} cannot be read" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "OSError" not in done.stderr
