@@ -26,8 +26,7 @@ def compose(podman, image, tmp_path):
     run("bash", "-ec", f"{minerva}\n{script}", cwd=tmp_path)
     environment = {**podman.environment, "UID": "10001", "GID": "10001",
                    "KEYS": str(tmp_path / "keys")}  # fmt: skip
-    for file in (tmp_path / "keys").iterdir():
-        os.chown(file, 10001, 10001)
+    run("chown", "--recursive", "10001:10001", tmp_path / "keys")
 
     def call(*words):
         return run("podman-compose", "--file", ROOT / "deploy/docker/compose.yaml", *words,

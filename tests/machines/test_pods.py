@@ -1,7 +1,7 @@
 """The manifests' pods by `podman kube play`: the coordinator, and two hosts of one certificate.
 
 A pod is what the manifest's template says, with folders in place of secrets and claims, a fixed
-address in place of the service's name, and without what takes a kubelet: probes, resources and
+address in place of the service's name, its own name in its arguments, and without what takes a kubelet: probes, resources and
 what spreads pods over nodes.
 """
 
@@ -36,6 +36,7 @@ def pod(name, manifest, folders):
     spec = deepcopy(PODS[manifest])
     for container in spec["containers"]:
         container |= {"image": f"localhost/{IMAGE}", "imagePullPolicy": "Never"}
+        container["args"] = [word.replace("$(NAME)", name) for word in container["args"]]
         for key in KUBELET:
             container.pop(key, None)
     for key in ("topologySpreadConstraints", "automountServiceAccountToken", "enableServiceLinks"):
@@ -69,6 +70,7 @@ def play(podman, image, tmp_path):
     minerva = f'minerva() {{ {sys.executable} -m minerva_bus.cli.main "$@"; }}'
     run("bash", "-ec", f"{minerva}\n{commands}", cwd=tmp_path)
     folders = {name: secret(tmp_path / "keys", name) for name in PODS}
+    podman("network", "rm", "--force", NETWORK)  # An interrupted run leaves it.
     podman("network", "create", "--subnet", SUBNET, NETWORK)
 
     def start(name, manifest, *options):
