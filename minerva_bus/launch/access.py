@@ -17,7 +17,7 @@ from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.settings.kinds import whole
 from minerva_bus.settings.tables import BusSettings
 from minerva_bus.wire.keys import COORDINATOR
-from minerva_bus.wire.limits import DEFAULT, Limits
+from minerva_bus.wire.limits import DEFAULT, Limits, configurable_limits
 
 MAX_PATH_BYTES: Final = 100
 """Of a socket's path: systems accept 104 to 108, and Zenoh creates a lock file beside it."""
@@ -67,22 +67,10 @@ def read_access(top: Table, bus: BusSettings, folder: Path) -> Access:
     return Access(keys, bus.connect, _limits(top.table("limits")), bus.audit)
 
 
-_LEAST: Final = {
-    "message_bytes": 1024,
-    "messages": 1,
-    "bytes": 1024,
-    "values": 100,
-    "answer_values": 1000,
-    "single_events": 1,
-    "events": 1,
-}
-"""The limits that a world file may set, and the least value of each."""
-
-
 def _limits(table: Table) -> Limits:
     values = {
         name: table.get(name, whole(least), getattr(DEFAULT, name))
-        for name, least in _LEAST.items()
+        for name, least in configurable_limits().items()
     }
     return replace(DEFAULT, **values)
 

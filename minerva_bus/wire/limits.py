@@ -1,81 +1,119 @@
-"""How much may come over the bus, and how much work any of it may be: every limit, in one place.
+"""Every limit on what may come over the bus, and on the work that it causes.
 
-PROTOCOL.md, section 14, has the same numbers, which a test compares with these.
+The table in section 14 of PROTOCOL.md is generated from this.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.algorithm import MOST_WAITING
 from minerva_bus.frame.core import SINGLE_EVENTS
+from minerva_bus.frame.schema import Note
+
+
+@dataclass(frozen=True, slots=True)
+class Configurable:
+    """A limit that a world file may set, to this value or more."""
+
+    least: int
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds at the protocol's border; whatever is over one is refused, its sender named.
+    """Limits at the border of the protocol; the sender of a message over one is refused by name.
 
-    A *value* is one item of MessagePack: a list, map, number, text, binary or extension. However
-    many values a column has, it is one or a few.
-
-    message_bytes   of a message
-    emitted_bytes   of an `emitted`
-    small_bytes     of a message that is no `ticked`, `evolved` or `emitted`, and of a question
-    values          of a message that is no `ticked` or `evolved`, and of a member in a second, but
-                    for answers that a frame waits for
-    answer_values   of a `ticked` or `evolved`
-    nodes           of a string, or rows of columns
-    depth           of scopes within one another
-    rows            of all columns of a message
-    events          of a message, those in columns as well
-    single_events   of a `ticked` or `emitted` that are not in columns, and of those of a
-                    free-running generator that a frame takes
-    host_events     of an `evolved` that are not in columns
-    receivers       of all single events of a `ticked` or `emitted`
-    conditions      characters of all different conditions of a `ticked` or `emitted`
-    items           values of any message or file, as it is read
-    kinds, fields   of a hello: kinds, and attributes of all of them
-    names           in a list of a hello
-    figures         of a `doing` or `report`
-    messages, bytes of a member in a second, but for answers that a frame waits for
-    seconds         that the coordinator spends in a second on what a member says, likewise
-    hellos          of a member in a second
-    all_hellos      of all members in a second
-    questions       that wait for an answer
-    members         at once
-    links           at once
-    waiting         events of a free-running generator that wait for a frame
+    A *value* is one item of MessagePack: a list, map, number, text, binary or extension. A column
+    is one value or a few, however many rows it has. The limits hold for what members send; the
+    notes say of what each one is.
     """
 
-    message_bytes: int = 64 * 1024 * 1024
-    emitted_bytes: int = 16 * 1024 * 1024
-    small_bytes: int = 256 * 1024
-    values: int = 50_000
-    answer_values: int = 5_000_000
-    nodes: int = 5_000_000
-    depth: int = 100_000
-    rows: int = 20_000_000
-    events: int = 1_000_000
-    single_events: int = SINGLE_EVENTS
-    host_events: int = 100_000
-    receivers: int = 20_000
-    conditions: int = 50_000
-    kinds: int = 256
-    fields: int = 2_000
-    names: int = 1_000
-    figures: int = 1_000
-    messages: int = 5_000
-    bytes: int = 128 * 1024 * 1024
-    items: int = 64 * 1024 * 1024
-    seconds: float = 0.25
-    hellos: int = 20
-    all_hellos: int = 1_000
-    questions: int = 100
-    members: int = 3_000
-    links: int = 4_000
-    waiting: int = MOST_WAITING
+    message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20
+    emitted_bytes: Annotated[int, Note("bytes of an `emitted`")] = 16 << 20
+    small_bytes: Annotated[
+        int,
+        Note("bytes of any other message of a member but `ticked` and `evolved`; of a question"),
+    ] = 256 << 10
+    values: Annotated[
+        int,
+        Note(
+            "values of a message of a member other than `ticked` and `evolved`; of a member's"
+            " messages in a second"
+        ),
+        Configurable(100),
+    ] = 50_000
+    answer_values: Annotated[int, Note("values of a `ticked` or `evolved`"), Configurable(1000)] = (
+        5_000_000
+    )
+    items: Annotated[int, Note("values of any message, also of the coordinator's")] = 64 << 20
+    nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
+    depth: Annotated[int, Note("nesting of the scopes of a string")] = 100_000
+    rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
+    events: Annotated[int, Note("events of a list, those in columns included"), Configurable(1)] = (
+        1_000_000
+    )
+    single_events: Annotated[
+        int,
+        Note(
+            "events of a `ticked` or `emitted` that are not in columns; of those of a free-running"
+            " generator, in a frame"
+        ),
+        Configurable(1),
+    ] = SINGLE_EVENTS
+    host_events: Annotated[int, Note("events of an `evolved` that are not in columns")] = 100_000
+    receivers: Annotated[int, Note("receivers of the single events of a `ticked` or `emitted`")] = (
+        20_000
+    )
+    conditions: Annotated[
+        int,
+        Note(
+            "characters of the different conditions of the single events of a `ticked` or `emitted`"
+        ),
+    ] = 50_000
+    kinds: Annotated[int, Note("kinds of a `hello`")] = 256
+    fields: Annotated[int, Note("attributes of all kinds of a `hello`")] = 2_000
+    names: Annotated[int, Note("names in each list of a `hello`")] = 1_000
+    figures: Annotated[int, Note("figures of a `doing` or `report`")] = 1_000
+    messages: Annotated[int, Note("messages of a member in a second"), Configurable(1)] = 5_000
+    bytes: Annotated[int, Note("bytes of a member in a second"), Configurable(1024)] = 128 << 20
+    seconds: Annotated[
+        float, Note("seconds that the coordinator spends in a second on one member's messages")
+    ] = 0.25
+    hellos: Annotated[int, Note("`hello`s of a member in a second")] = 20
+    all_hellos: Annotated[int, Note("`hello`s of all members in a second")] = 1_000
+    questions: Annotated[
+        int, Note("questions that wait for an answer; a further one is answered by an error")
+    ] = 100
+    members: Annotated[
+        int, Note("members, expected ones included; a further one is not greeted")
+    ] = 3_000
+    links: Annotated[int, Note("links to the coordinator")] = 4_000
+    waiting: Annotated[
+        int,
+        Note(
+            "events of a free-running generator that wait for a frame; those over `single_events`"
+            " wait for the next frame, further ones are dropped"
+        ),
+    ] = MOST_WAITING
+
+
+def limit_notes() -> Mapping[str, str]:
+    """By limit, of what it is."""
+    return {name: note.text for name, note in _marks(Note).items()}
+
+
+def configurable_limits() -> Mapping[str, int]:
+    """By limit that a world file may set, its least value."""
+    return {name: mark.least for name, mark in _marks(Configurable).items()}
+
+
+def _marks(kind: type[Any]) -> Mapping[str, Any]:
+    hints = get_type_hints(Limits, include_extras=True)
+    marks = {of.name: get_args(hints[of.name])[1:] for of in fields(Limits)}
+    return {name: mark for name, every in marks.items() for mark in every if isinstance(mark, kind)}
 
 
 DEFAULT: Final = Limits()
@@ -95,10 +133,10 @@ ON_DISK: Final = Limits(
     receivers=1 << 31,
     conditions=1 << 31,
 )
-"""A message of a record may hold a whole string, and somebody else may have made the record."""
+"""For files: a message of a record may hold a whole string, and its origin is unknown."""
 
 
 def check(what: str, count: int, most: int, unit: str, advice: str = "") -> None:
-    """Raise ProtocolError where there is more of something than a limit allows."""
+    """Raise ProtocolError where a count exceeds a limit; `advice` says what to do instead."""
     if count > most:
         raise ProtocolError(f"{what} has {count} {unit}, over {most}{advice and f'; {advice}'}")

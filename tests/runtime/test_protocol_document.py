@@ -30,6 +30,7 @@ from minerva_bus.wire.values import Reader, plain_event, plain_scene, plain_valu
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.rng import Rng, answer_key, hash_of, stream
+from tools.protocol_tables import TABLES, with_tables
 
 DOCUMENT = (Path(__file__).parents[2] / "PROTOCOL.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)(?: (\w+))?\n(.*?)^```$", re.M | re.S)
@@ -68,7 +69,7 @@ LIMITS = asdict(DEFAULT)
 
 def test_the_version_is_the_same_everywhere() -> None:
     told = re.findall(r"^Version (\d+)\.$", DOCUMENT, re.M)
-    told += re.findall(r"^\| `version`\s*\| whole\s*\| (\d+)\s*\|", DOCUMENT, re.M)
+    told += re.findall(r"^\| `version` \| int \| (\d+) \|", DOCUMENT, re.M)
     told += re.findall(r'"version": (\d+)', blocks("python", "member")[0])
     assert told == [str(PROTOCOL_VERSION)] * 3
 
@@ -101,12 +102,9 @@ def test_whatever_can_be_written_is_in_the_document() -> None:
     assert everyone == {name: message.size for name, message in codec.FOR_ALL.items()}
 
 
-def test_the_keys_of_a_hello() -> None:
-    told = re.findall(
-        r"^\| `(\w+)`\s*\| (?:whole|number|text|boolean|\[\w+\])\s*\|", DOCUMENT, re.M
-    )
-    hello = codec.m.Hello("someone", 1)
-    assert told == list(msgpack.unpackb(codec.encode(hello))[1])
+def test_the_tables_are_those_of_the_declarations() -> None:
+    assert set(re.findall(r"^<!-- table: ([\w ]+) -->$", DOCUMENT, re.M)) == TABLES.keys()
+    assert with_tables(DOCUMENT) == DOCUMENT, "python -m tools.protocol_tables --write"
 
 
 def test_the_limits() -> None:

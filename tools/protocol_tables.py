@@ -1,0 +1,140 @@
+"""The tables of PROTOCOL.md that follow from the declarations of messages and limits.
+
+    python -m tools.protocol_tables            # compare; 1 where they differ
+    python -m tools.protocol_tables --write    # write them
+
+In the document each stands between `<!-- table: NAME -->` and `<!-- end of table -->`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.schema import Mark
+from minerva_bus.wire.codec import FOR_ALL, FROM_MEMBER, TO_MEMBER
+from minerva_bus.wire.declared import MessageCodec, message_codec
+from minerva_bus.wire.fields import DeclaredField, field_codec
+from minerva_bus.wire.limits import DEFAULT, configurable_limits, limit_notes
+
+DOCUMENT = Path(__file__).resolve().parents[1] / "PROTOCOL.md"
+TABLE = re.compile(r"(<!-- table: ([\w ]+) -->\n).*?(<!-- end of table -->)", re.S)
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    head = list(head)
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def type_of(of: DeclaredField, codec: MessageCodec) -> str:
+    """The type of a field as the document names it, patches included."""
+    text = field_codec(of).text
+    guests = any(other.host == of.name for other in codec.fields)
+    text = text.replace("string", "string or patch") if guests else text
+    return text if of.least in (None, 0) and of.type is int else text + _bound(of)
+
+
+def _bound(of: DeclaredField) -> str:
+    return (
+        f" from {str(of.least).replace('-', '−')}"
+        if of.least is not None and of.least > -(1 << 63)
+        else ""
+    )
+
+
+def item(of: DeclaredField, codec: MessageCodec) -> str:
+    """An item of a message: its name, its type, and what there is to say of it."""
+    text = f"`{of.name}` {type_of(of, codec)}"
+    return f"{text} ({of.note})" if of.note else text
+
+
+def messages(codecs: Mapping[str, MessageCodec], column: str) -> str:
+    """A table of messages; `column` is the one beside their numbers of items."""
+    return table(
+        ["message", "items", column, "what they are, in order", "meaning"],
+        [
+            [
+                f"`{name}`",
+                str(codec.size),
+                _asked_by(codec) if column == "answers" else _keys(codec),
+                "a map" if codec.wire.keyed else ", ".join(item(of, codec) for of in codec.items),
+                codec.wire.meaning,
+            ]
+            for name, codec in codecs.items()
+        ],
+    )
+
+
+def _asked_by(codec: MessageCodec) -> str:
+    return f"`{codec.wire.answers}`" if codec.wire.answers else ""
+
+
+def _keys(codec: MessageCodec) -> str:
+    return ", ".join(f"`{key}`" for key in codec.wire.on)
+
+
+def hello() -> str:
+    """The keys of a hello."""
+    codec = message_codec(m.Hello)
+    return table(
+        ["key", "type", "meaning"],
+        [[f"`{of.name}`", type_of(of, codec), of.note + _if_missing(of)] for of in codec.items],
+    )
+
+
+def _if_missing(of: DeclaredField) -> str:
+    default = str(of.default).lower().removesuffix(".0")
+    return f"; {default} if missing" if of.has(Mark.OPTIONAL) else ""
+
+
+def limits() -> str:
+    """The limits; in bold those that a world file may set."""
+    notes, bold = limit_notes(), configurable_limits()
+    return table(
+        ["limit", "most", "of what"],
+        [
+            [
+                f"**`{name}`**" if name in bold else f"`{name}`",
+                f"{most:,}".replace(",", " "),
+                notes[name],
+            ]
+            for name, most in asdict(DEFAULT).items()
+        ],
+    )
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "messages of a member": lambda: messages(FROM_MEMBER, "answers"),
+    "keys of a hello": hello,
+    "messages of the coordinator": lambda: messages(TO_MEMBER, "on"),
+    "messages for everyone": lambda: messages(FOR_ALL, "on"),
+    "limits": limits,
+}
+
+
+def with_tables(document: str) -> str:
+    """The document with its tables as they should be."""
+    return TABLE.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], document)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="the tables of PROTOCOL.md")
+    parser.add_argument("--write", action="store_true", help="write them")
+    document = DOCUMENT.read_text(encoding="utf-8")
+    wanted = with_tables(document)
+    if parser.parse_args().write:
+        DOCUMENT.write_text(wanted, encoding="utf-8")
+        return 0
+    print("the tables are up to date" if document == wanted else "run with --write")
+    return int(document != wanted)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
