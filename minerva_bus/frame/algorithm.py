@@ -148,10 +148,7 @@ class FrameAlgorithm(Attendance):
             raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
         self._out = []
         self._begin_frame_state()
-        self._inbox = {source: list(events) for source, events in inputs.taken.items()}
-        self._handed_over = tuple(self._inbox.pop(HANDED_OVER, ()))
-        self._orders_allowed(self._handed_over)
-        self._ticked, self._people = dict(inputs.ticked), inputs.people
+        self._take_logged(inputs)
         self._gather(inputs.due)
         try:
             self.composition.lay_out(inputs.layout)
@@ -164,6 +161,14 @@ class FrameAlgorithm(Attendance):
             raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
         self._rearrange = True
         return self._out
+
+    def _take_logged(self, inputs: FrameInputs) -> None:
+        """Let the logged events of a frame wait, and hand people's orders to generators here."""
+        self._logged = inputs
+        self._inbox = {source: list(events) for source, events in inputs.taken.items()}
+        self._ticked |= inputs.ticked
+        self._people = inputs.people
+        self._hand_over(tuple(self._inbox.pop(HANDED_OVER, ())))
 
     def _feed_replies(self, inputs: FrameInputs) -> None:
         """Merge the replies of hosts, one request after another, then apply norms."""
@@ -215,7 +220,10 @@ class FrameAlgorithm(Attendance):
         self.phase = Phase.TICK
         attending = self.members.index
         self._ticked, self._early = self._early, {}
-        self._hand_over_orders()
+        if told.inputs is None:
+            self._hand_over_orders()
+        else:
+            self._take_logged(told.inputs)
         self._pending = set(attending.tickers - self._ticked.keys())
         if attending.anyone_ticks:
             self._send(s.TICKED, m.TickRequest(self.frame))
@@ -233,8 +241,11 @@ class FrameAlgorithm(Attendance):
             return
         left = [one for one in self._inbox.pop(PEOPLE) if not self.members.takers(one.type)]
         self._inbox |= {PEOPLE: left} if left else {}
-        self._handed_over = tuple(given)
-        self._permitted = self._orders_allowed(self._handed_over)
+        self._hand_over(tuple(given))
+
+    def _hand_over(self, orders: tuple[AnyEvent, ...]) -> None:
+        self._handed_over = orders
+        self._permitted = self._orders_allowed(orders)
         for member in self.members.active():
             self._give_orders(member)
 

@@ -13,6 +13,7 @@ from minerva_bus.frame.composition import Composition, Layout
 from minerva_bus.frame.description import World
 from minerva_bus.frame.distribution import Distribution
 from minerva_bus.frame.enforcement import Enforcement
+from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import Members
 from minerva_bus.frame.plainly import plainly
 from minerva_bus.frame.showing import Showing
@@ -105,6 +106,7 @@ class Core:
         self._handed_over: tuple[AnyEvent, ...] = ()
         self._permitted: tuple[AnyEvent, ...] = ()
         self._due: tuple[str, ...] = ()
+        self._logged: FrameInputs | None = None
         self._layout: Layout = ()
         self._replies: list[m.EvolveReply] = []
         self._parts: dict[tuple[str, int], tuple[str, ...]] = {}

@@ -1,9 +1,10 @@
-"""Inputs of one frame: everything its outcome follows from, so that it can be computed again."""
+"""Inputs of one frame, from which it can be computed again, and a frame as recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.messages import EvolveReply, TickReply
@@ -36,3 +37,25 @@ class FrameInputs:
     people: tuple[str, ...] = ()
     answers: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
+
+    @property
+    def without_replies(self) -> FrameInputs:
+        """These inputs without the replies of hosts, so that hosts have to compute them again."""
+        return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=())
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedFrame:
+    """A frame of a recorded run.
+
+    `events`: in order. `delta`: changes of the string, as plain data (log/deltas.py).
+    `digest`: of the string after the frame. `seconds`: when the frame ended, by the clock, since
+    the record began. `inputs`: without the replies of hosts; None unless recorded and requested.
+    """
+
+    number: int
+    events: tuple[AnyEvent, ...]
+    delta: list[Any]
+    digest: bytes
+    seconds: float
+    inputs: FrameInputs | None = None

@@ -8,7 +8,6 @@ requests.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from operator import is_
 from typing import Protocol
 
@@ -19,6 +18,7 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.hosting import Host
+from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.frame.members import MemberEntry
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
@@ -32,30 +32,24 @@ OVER = "the record is over"
 _HERE = "~replay"
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedFrame:
-    """A frame of a recorded run: number, ordered events, and the string after the frame."""
-
-    number: int
-    events: tuple[AnyEvent, ...]
-    after: Scene
-
-
 class FrameCursor(Protocol):
     """A position in a recorded run: before one of its frames, or after the last one."""
 
-    end: int
-    """Number of the last frame plus one."""
+    @property
+    def end(self) -> int:
+        """Number of the last frame plus one."""
+        ...
 
     @property
     def ahead(self) -> RecordedFrame | None:
         """The next frame, or None at the end."""
         ...
 
-    def advance(self) -> None:
-        """Move past the next frame."""
+    def advance(self) -> Scene:
+        """Move past the next frame and return the string after it."""
+        ...
 
-    def seek(self, frame: int) -> Scene:
+    def seek(self, number: int) -> Scene:
         """Move before a frame and return its initial string. Raises MinervaError."""
         ...
 
@@ -125,12 +119,9 @@ class ReplayAlgorithm(FrameAlgorithm):
         self._view_patches = {name: dict(new) for name, new in reply.view_patches.items()}
 
     def _commit(self) -> None:
-        recorded = self.cursor.ahead
-        assert recorded is not None
         self._show()
-        self._changed = self._slots.become(recorded.after)
+        self._changed = self._slots.become(self.cursor.advance())
         self._out.append(s.FrameDone(self.frame, self._record(self.frame), self._events))
-        self.cursor.advance()
         self.frame += 1
         self._end_or_go_on()
 

@@ -38,8 +38,12 @@ class Steps(Endings):
 
     def _collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
-        later = self._hold_back()
-        self._gather(self._due_views(closing=False))
+        due, later = self._due_views(closing=False), dict[str, list[AnyEvent]]()
+        if self._logged is None:
+            later = self._hold_back()
+        else:  # Events that were too many for one frame have been held back before.
+            due = tuple(sorted({*due, *self._logged.due}))
+        self._gather(due)
         for source, events in later.items():
             self._inbox[source] = [*events, *self._inbox.get(source, ())]
         self.phase = Phase.EVOLVE

@@ -80,9 +80,11 @@ class Begin:
     """The next frame may begin.
 
     `due` are the visual event types whose devices want a view by the clock, and now is the time.
+    `inputs` are logged ones, which count in place of those of members that are not here.
     """
 
     due: tuple[str, ...] = ()
+    inputs: FrameInputs | None = None
 
 
 @dataclass(frozen=True, slots=True)

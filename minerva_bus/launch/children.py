@@ -18,7 +18,7 @@ from minerva_bus.launch.recording import Nothing, Recording, recording
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
-from minerva_bus.log.journal import go_on
+from minerva_bus.log.journal import resume_from
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.member import STARTED_HERE, BusMember
 from minerva_bus.runtime.overhearing import overhear
@@ -92,7 +92,7 @@ class Shift:
 
         told.record = recording(file, algorithm, say, again=past is not None)
         if past is not None:
-            go_on(algorithm, past, told.record.frame)
+            resume_from(past, algorithm, told.record.frame)
             lost = f"; {past.lost:,} bytes behind it cannot be read" if past.lost else ""
             reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal{lost}")
         self.coordinator = told.coordinator = work.make(

@@ -135,8 +135,8 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
 
     Raises RecordError and WorldFileError, and ActivityError where user code raised.
     """
+    from minerva_bus.launch.rerunning import recompute
     from minerva_bus.log.reader import Record
-    from minerva_bus.log.recomputing import recompute
 
     with Record(path) as record:
         file = world_file_of(path, world, record.description, Overrides())

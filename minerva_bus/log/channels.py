@@ -1,43 +1,49 @@
-"""The channels of a record: our own, in msgpack, and those that other tools show, in JSON."""
+"""Channels of a record: our own in msgpack, and those for other tools in JSON."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
 PROFILE: Final = "minerva"
-"""The profile in the header of the MCAP file, by which a record of ours is known."""
+"""Profile in the header of the MCAP file, which identifies our records."""
 
 WORLD: Final = "minerva/world"
-"""One message: the description of the world."""
+"""Description of the world, once with and once without the initial string."""
 
-STRING: Final = "minerva/string"
-"""Now and then, the first time at frame 0: the whole string with which a frame begins."""
+KEYFRAME: Final = "minerva/keyframe"
+"""At frame 0 and from time to time: the complete state before a frame."""
 
 FRAME: Final = "minerva/frame"
-"""What happened in a frame: its events in order, and what has changed in the string."""
+"""Result of a frame: its events in order, the delta of the string, and the digest."""
 
 CHECKPOINT: Final = "minerva/checkpoint"
-"""Before a frame: what is needed beside the string after it to go on from there."""
+"""Changes of the state beside the string, written before the frame that causes them."""
+
+INPUTS: Final = "minerva/inputs"
+"""What members sent in a frame, without the replies of hosts; written before the frame."""
 
 SENSED: Final = "minerva/topic"
-"""What came on sensor topics, where that is recorded."""
+"""Messages on sensor topics, if recorded."""
 
 TIMING: Final = "minerva/timing"
-"""How long a frame took."""
+"""Duration of a frame."""
 
 LOG: Final = "log"
 MAP: Final = "map"
 POSES: Final = "poses/"
-"""Before the symbol of an agent kind."""
+"""Prefix before the symbol of an agent kind."""
 
 TOPICS: Final = "topics/"
-"""Before the name of a sensor topic and that of who publishes there."""
+"""Prefix before the name of a sensor topic and its publisher."""
 
 TRANSFORMS: Final = "transforms"
-"""Where those are whose sensors are shown."""
+"""Poses of the robots whose sensor data are shown."""
 
-OWN: Final = (WORLD, STRING, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP)
-"""The channels that each record has; their ids are 1, 2, ..."""
+OWN: Final = (WORLD, KEYFRAME, FRAME, CHECKPOINT, SENSED, TIMING, LOG, MAP, INPUTS)
+"""Channels of every record, with the ids 1, 2, ... (format 1 has no `INPUTS`)."""
+
+FORMER: Final = {"minerva/string": KEYFRAME}
+"""Channels whose name was different in format 1."""
 
 NANO: Final = 1_000_000_000
 _LATEST: Final = (1 << 64) - 1

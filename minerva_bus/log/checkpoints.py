@@ -18,7 +18,7 @@ from typing import Any
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.log.description import LIMITS
+from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_text, pack, unpack
 from minerva_bus.wire.values import Reader, plain_event
 
@@ -74,7 +74,7 @@ def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
 
 def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     """A checkpoint from bytes. Raises ProtocolError and VocabularyError."""
-    items = as_list(unpack(data, LIMITS), "a checkpoint")
+    items = as_list(unpack(data, ON_DISK), "a checkpoint")
     if len(items) != 8 or items[0] != "checkpoint":
         raise ProtocolError("a checkpoint has 8 items and begins with its name")
     _, number, complete, saved, emitted, inbox, reached, reaching = items
@@ -100,7 +100,7 @@ def _plain(events: Sequence[AnyEvent]) -> list[Any]:
 def _saved(plain: Any) -> Mapping[str, Any]:
     if not isinstance(plain, bytes):
         raise ProtocolError("what a member saved is bytes")
-    return as_map(unpack(plain, LIMITS), "what a member saved")
+    return as_map(unpack(plain, ON_DISK), "what a member saved")
 
 
 def _names(plain: Any) -> frozenset[str]:

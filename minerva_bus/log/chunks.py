@@ -16,7 +16,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Final
 
-from minerva_bus.log.channels import OWN, PROFILE
+from minerva_bus.log.channels import FORMER, OWN, PROFILE
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.extra import check_installed
 from minerva_bus.log.scanning import (
@@ -224,5 +224,6 @@ def _channels(data: bytes) -> dict[int, str]:
             break  # All channels come before.
         if opcode == CHANNEL:
             channel: Any = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
-            found[channel.id] = channel.topic
+            topic: str = channel.topic
+            found[channel.id] = FORMER.get(topic, topic)
     return found

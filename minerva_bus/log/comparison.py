@@ -9,13 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.batch import AnyEvent, single
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.printer import bits, shape_text, value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.messages import Frame
 from minerva_bus.log.reader import Record
 from minerva_bus.log.showing import without_agents
 from minerva_bus.wire.alphabet import plain_vocabulary
@@ -155,7 +155,7 @@ def _before(a: Record, b: Record) -> Iterator[str]:
             yield f"{name} {x} in A, {y} in B"
 
 
-def _ended(one: Frame | None, count: int) -> str:
+def _ended(one: RecordedFrame | None, count: int) -> str:
     ended, longer = ("A", "B") if one is None else ("B", "A")
     return f"the same for {counted(count, 'frame')}, all that {ended} has; {longer} goes on"
 
@@ -169,7 +169,12 @@ def same_events(one: Sequence[AnyEvent], other: Sequence[AnyEvent]) -> bool:
 
 
 def _apart(
-    a: Record, b: Record, one: Frame, other: Frame, count: int, before: tuple[str, ...]
+    a: Record,
+    b: Record,
+    one: RecordedFrame,
+    other: RecordedFrame,
+    count: int,
+    before: tuple[str, ...],
 ) -> Difference:
     if one.number != other.number:
         first, missing = min((one.number, "B"), (other.number, "A"))
@@ -184,7 +189,7 @@ def _apart(
 
 def apart(
     vocabulary: Vocabulary,
-    frame: Frame,
+    frame: RecordedFrame,
     strings: tuple[Scene, Scene] | None,
     events: tuple[Sequence[AnyEvent], Sequence[AnyEvent]],
     sides: tuple[str, str] = ("A", "B"),

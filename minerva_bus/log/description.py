@@ -1,10 +1,10 @@
-"""What a record says of its world, once, before its first frame."""
+"""Description of a record's world, written before its first frame."""
 
 from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.scene import EMPTY
+from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.norms import plain_norm, read_norms
 from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
@@ -21,35 +22,33 @@ from minerva_bus.wire.values import Reader, plain_scene
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
 
-FORMAT: Final = 1
-"""The version of the record's own messages; a reader reads this one and no other."""
-
-LIMITS: Final = ON_DISK
+FORMATS: Final = (1, FORMAT)
+"""Formats that a reader of this version reads."""
 
 _LEAST: Final = -(1 << 63)
 
 
 def versions() -> dict[str, str]:
-    """What the digests of a run depend on beside its world: the platform and its libraries."""
-    found = {
+    """Versions that the digests of a run depend on: platform and libraries."""
+    installed = {
         "minerva-bus": __version__,
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
     }
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "mcap"):
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return installed
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """A world, the text of its file, its options, and what it ran on.
+    """A world, the text and path of its file, its options, and the versions it ran on.
 
-    `rate` is in frames per second, 0: as fast as it goes. `began` is in nanoseconds since 1970.
-    `path` is where the world file lay.
+    `rate`: frames per second; 0 means as fast as possible. `began`: nanoseconds since 1970.
+    `format`: version of the record's entries.
     """
 
     world: World
@@ -59,11 +58,12 @@ class Description:
     versions: Mapping[str, str] = field(default_factory=versions)
     began: int = 0
     path: str = ""
+    format: int = FORMAT
 
 
-def encode_description(told: Description, *, string: bool = True) -> bytes:
-    """`["world", format, {...}]` as msgpack; with nil in the place of the `string`, if wanted."""
-    world = told.world
+def encode_description(description: Description, *, string: bool = True) -> bytes:
+    """`["world", format, {...}]` as msgpack; without `string`, nil instead of the string."""
+    world = description.world
     plain = {
         "name": world.name,
         "vocabulary": plain_vocabulary(world.vocabulary),
@@ -76,31 +76,31 @@ def encode_description(told: Description, *, string: bool = True) -> bytes:
         "until": world.until,
         "give_up": world.give_up,
         "expected": sorted(world.expected),
-        "speaks_for": {name: list(some) for name, some in world.speaks_for.items()},
+        "speaks_for": {name: list(kinds) for name, kinds in world.speaks_for.items()},
         "norms": [plain_norm(norm) for norm in world.norms],
-        "file": told.file,
-        "rate": told.rate,
-        "options": dict(told.options),
-        "versions": dict(told.versions),
-        "began": told.began,
-        "path": told.path,
+        "file": description.file,
+        "rate": description.rate,
+        "options": dict(description.options),
+        "versions": dict(description.versions),
+        "began": description.began,
+        "path": description.path,
     }
     return pack(["world", FORMAT, plain])
 
 
 def decode_description(data: bytes) -> tuple[Description, bool]:
-    """A description, and whether it has the initial string. Raises RecordError."""
+    """A description, and whether it includes the initial string. Raises RecordError."""
     try:
-        items = as_list(unpack(data, LIMITS), "a description")
+        items = as_list(unpack(data, ON_DISK), "a description")
         if len(items) != 3 or items[0] != "world":
             raise ProtocolError('a description is ["world", format, {...}]')
-        if items[1] != FORMAT:
+        if items[1] not in FORMATS:
             raise RecordError(
-                f"its format is {items[1]!r}, this version of Minerva Bus reads {FORMAT}:"
-                " read it with the version that wrote it"
+                f"its format is {items[1]!r}; this version of Minerva Bus reads"
+                f" {' and '.join(map(str, FORMATS))}: read it with the version that wrote it"
             )
         plain = as_map(items[2], "a description")
-        return _description(plain), plain["string"] is not None
+        return replace(_description(plain), format=items[1]), plain["string"] is not None
     except KeyError as missing:
         raise RecordError(f"its description lacks {missing}") from None
     except RecordError:
@@ -111,7 +111,7 @@ def decode_description(data: bytes) -> tuple[Description, bool]:
 
 def _description(plain: Mapping[str, Any]) -> Description:
     vocabulary = read_vocabulary(plain["vocabulary"])
-    reader = Reader(vocabulary, LIMITS)
+    reader = Reader(vocabulary, ON_DISK)
     world = World(
         name=as_text(plain["name"], "the name"),
         scene=EMPTY if plain["string"] is None else reader.scene(plain["string"]),
@@ -126,8 +126,8 @@ def _description(plain: Mapping[str, Any]) -> Description:
         expected=frozenset(_texts(plain["expected"])),
         norms=read_norms(plain.get("norms", []), reader),
         speaks_for={
-            name: _texts(some)
-            for name, some in as_map(plain.get("speaks_for", {}), "speaks_for").items()
+            name: _texts(kinds)
+            for name, kinds in as_map(plain.get("speaks_for", {}), "speaks_for").items()
         },
     )
     return Description(
@@ -142,7 +142,7 @@ def _description(plain: Mapping[str, Any]) -> Description:
 
 
 def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple([as_text(one, "a name") for one in as_list(plain, "names")])
+    return tuple([as_text(name, "a name") for name in as_list(plain, "names")])
 
 
 def _pairs(plain: Any, what: str) -> dict[str, str]:

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.losses import Losses
-from minerva_bus.log.messages import Frame
 from minerva_bus.log.reader import Record
 from minerva_bus.log.sensing import Dropped
 from minerva_bus.wording import counted
@@ -94,7 +94,7 @@ def info_of(record: Record, check: bool = False) -> Info:
     world = record.description.world
     events: Counter[str] = Counter()
     count = 0
-    last: Frame | None = None
+    last: RecordedFrame | None = None
     scene = world.scene
     for frame, scene in record.strings(check):  # noqa: B007
         count, last = count + 1, frame
@@ -137,7 +137,7 @@ def _broken(record: Record) -> dict[str, int]:
     return dict(saved.get(SOURCE, {}).get("broken", {}))
 
 
-def _counted(frame: Frame) -> Counter[str]:
+def _counted(frame: RecordedFrame) -> Counter[str]:
     counts: Counter[str] = Counter()
     for event in frame.events:
         counts[event.type] += len(event) if isinstance(event, Events) else 1

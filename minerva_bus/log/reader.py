@@ -1,4 +1,4 @@
-"""Reading a record: its frames, and the string of any of them."""
+"""Reading a record: its frames, strings and checkpoints, and everything else in it."""
 
 from __future__ import annotations
 
@@ -11,59 +11,44 @@ from typing import Any, Final, Self, cast
 
 from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.frame.messages import Readings
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Step, decode_checkpoint
 from minerva_bus.log.chunks import Chunks, Message
-from minerva_bus.log.description import LIMITS, Description, decode_description
-from minerva_bus.log.edits import edit_between, edited
+from minerva_bus.log.cursor import Cursor
+from minerva_bus.log.deltas import apply_delta, delta_between
+from minerva_bus.log.description import Description, decode_description
+from minerva_bus.log.entries import EntryDecoder, Keyframe, encode_frame, entry_number
 from minerva_bus.log.errors import RecordError
+from minerva_bus.log.intact import IntactMessages
 from minerva_bus.log.losses import Losses
-from minerva_bus.log.messages import (
-    Frame,
-    decode_frame,
-    decode_string,
-    encode_frame,
-    frame_number,
-)
 from minerva_bus.log.sensing import Dropped, decode_sensed
-from minerva_bus.log.soundness import Sound
-from minerva_bus.wire.values import Reader
 
 _END: Final = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line of the log: when, in seconds of the world's time; about whom, and what."""
+    """A line of the world's log: `time` in seconds of world time, the member, and the text."""
 
     time: float
     member: str
     text: str
 
 
-def _checkpoint(number: int, steps: list[Step]) -> Checkpoint:
-    found = Checkpoint()
-    for step in steps:
-        found = step.after(found)
-    if found.frame < number:  # Nothing was new in the last frames, and no events wait.
-        found = replace(found, frame=number, emitted=(), inbox={})
-    return found
-
-
 class Record:
-    """A record that is read; also the context in which its file is open.
+    """A record opened for reading; also a context manager.
 
         with Record(path) as record:
             for frame, string in record.strings():
                 ...
 
-    `description` says of which world it is. `complete`: it was closed as it should be; a record
-    whose world has crashed has all but what came after the last flush. Where bytes are damaged,
-    all else can be used, and `losses` says what cannot. Raises RecordError, here and wherever it is
-    read.
+    `description`: the world, its file and options. `complete`: the run ended normally; otherwise
+    the record has everything up to the last flush. Damaged parts are skipped, and `losses` lists
+    them. Raises RecordError here and in all methods.
     """
 
     def __init__(self, path: Path) -> None:
@@ -77,7 +62,8 @@ class Record:
         except BaseException:
             self.close()
             raise
-        self._reader = Reader(self.description.world.vocabulary, LIMITS)
+        self._decoder = EntryDecoder(self.description.world.vocabulary)
+        self.initial = Keyframe(0, self.description.world.scene)
 
     def __enter__(self) -> Self:
         return self
@@ -90,229 +76,211 @@ class Record:
         self._chunks.close()
 
     def _description(self) -> Description:
-        """What the first of its descriptions that is intact says: there are two."""
+        """The first intact description; a record has two."""
         for _, message in self._chunks.messages((c.WORLD,)):
             try:
-                told, whole = decode_description(message.data)
-                return told if whole else self._with_string(told)
+                description, has_string = decode_description(message.data)
+                return description if has_string else self._with_string(description)
             except (RecordError, ProtocolError) as error:
                 raise RecordError(f"{self.path}: {error}") from None
         damage = self._chunks.damage
         why = f" (byte {damage[0].begin:,}: {damage[0].why})" if damage else ""
-        raise RecordError(f"{self.path}: it does not say of which world it is{why}")
+        raise RecordError(f"{self.path}: the description of its world is missing{why}")
 
-    def _with_string(self, told: Description) -> Description:
-        """The second description leaves the initial string to the message that follows it."""
-        reader = Reader(told.world.vocabulary, LIMITS)
-        for _, message in self._chunks.messages((c.STRING,)):
-            _, scene = decode_string(message.data, reader)
-            return replace(told, world=replace(told.world, scene=scene))
-        raise RecordError("the string that it begins with is damaged")
+    def _with_string(self, description: Description) -> Description:
+        """Add the initial string, which the second description leaves to the keyframe after it."""
+        decoder = EntryDecoder(description.world.vocabulary)
+        for _, message in self._chunks.messages((c.KEYFRAME,)):
+            scene = decoder.keyframe(message.data).scene
+            return replace(description, world=replace(description.world, scene=scene))
+        raise RecordError("its initial string is damaged")
+
+    @property
+    def has_inputs(self) -> bool:
+        """Whether the inputs of frames may be in it: earlier formats have a different channel."""
+        return self.description.format >= 3
 
     def losses(self) -> Losses:
-        """What of it cannot be used. Reads all chunks, but no string that need not be known."""
-        sound = self._sound(0, 0)
-        for _ in sound.messages(()):
+        """What cannot be used. Reads all chunks, but decodes strings only after damage."""
+        intact = self.intact(0, 0)
+        for _ in intact.messages(()):
             pass
-        open_from = sound.reached if sound.open else None
+        open_from = intact.reached if intact.open else None
         damage, cut = tuple(self._chunks.damage), self._chunks.cut
-        return Losses(damage, cut, tuple(sound.lost), open_from)
+        return Losses(damage, cut, tuple(intact.lost), open_from)
 
-    def _sound(self, begin: int, start: int, end: int | None = None) -> Sound:
-        end = self._count if end is None else end
-        return Sound(self._chunks, self._whole_string, begin, start, end)
+    # --- frames and strings ---
 
-    def _whole_string(self, data: bytes) -> tuple[int, Scene]:
-        with self._explained("a string"):
-            return decode_string(data, self._reader)
+    def frames(self) -> Iterator[RecordedFrame]:
+        """All frames in order, without strings. Frames that were not recorded are missing."""
+        for chunk in range(self._count):
+            yield from self._frames_in(chunk)
 
-    def frames(self) -> Iterator[Frame]:
-        """All frames, in order. A number that is left out is of a frame that was not recorded."""
-        for place in range(self._count):
-            yield from self._frames_in(place)
-
-    def _frames_in(self, chunk: int) -> Iterator[Frame]:
+    def _frames_in(self, chunk: int) -> Iterator[RecordedFrame]:
         for _, message in self._chunks.messages_in(chunk, (c.FRAME,)) or ():
-            yield self._frame(message)
+            yield self.frame(message)
 
-    def _frame(self, message: Message) -> Frame:
-        with self._explained(f"frame {message.sequence}"):
-            return decode_frame(message.data, self._reader, self._seconds(message))
+    def strings(self, check: bool = False) -> Iterator[tuple[RecordedFrame, Scene]]:
+        """Each frame with the string after it; `check` compares all digests.
 
-    def strings(self, check: bool = False) -> Iterator[tuple[Frame, Scene]]:
-        """Each frame, with the string after it; `check`: compare the digests of all strings.
-
-        Left out is what is damaged, and with it those frames of which the string is not known then.
+        Damaged frames are skipped, and frames whose string is unknown because of them.
         """
-        return self._strings(self._sound(0, 0), self.description.world.scene, 0, check)
+        cursor = Cursor(self)
+        while (frame := cursor.ahead) is not None:
+            scene = cursor.advance()
+            if check and scene.digest != frame.digest:
+                raise RecordError(
+                    f"{self.path}: the digest of the string after frame {frame.number} is"
+                    f" {scene.digest.hex()}, but {frame.digest.hex()} was recorded"
+                )
+            yield frame, scene
 
     def string(self, number: int) -> Scene:
         """w of a frame: the string with which it begins. Number 0 is the initial string.
 
-        Raises RecordError where the record does not have it.
+        Raises RecordError if the record does not have it.
         """
-        start, scene, chunk = self._key_before(number)
-        if start == number:
-            return scene
-        for frame, after in self._strings(self._sound(chunk, start), scene, start):
-            if frame.number == number - 1:
-                return after
-            if frame.number >= number:
-                break
-        raise RecordError(f"{self.path}: the string of frame {number} is not in it")
+        return Cursor(self).seek(number)
 
-    def play(self, number: int) -> Iterator[tuple[Frame, Scene]]:
-        """As `strings`, from the frame of this number on."""
-        start, scene, chunk = self._key_before(number)
-        for frame, after in self._strings(self._sound(chunk, start), scene, start):
-            if frame.number >= number:
-                yield frame, after
-
-    # --- where its world can go on ---
+    def last(self) -> tuple[int, Scene]:
+        """Number of the last intact frame plus one, and the string there."""
+        cursor = Cursor(self)
+        cursor.skip_to(_END)
+        return cursor.number, cursor.scene
 
     def end(self) -> tuple[Checkpoint, Scene]:
-        """The checkpoint after the last whole frame that has one, and the string there.
+        """The last known checkpoint, and the string there: a run resumes from this state.
 
-        Raises RecordError where there are none.
+        Raises RecordError for a record without checkpoints.
         """
+        cursor = Cursor(self, state=True)
         before = self._count
-        while True:
-            number, scene, since = self._last(before)
-            steps = self._steps(number, since, before)
-            if not isinstance(steps, int):
-                return _checkpoint(number, steps), scene
-            before = steps
+        while before:
+            keyframe, before = self.keyframe(_END, before)
+            cursor.start(keyframe, before)
+            known = _last_state(cursor)
+            if known is not None:
+                return known
+        if cursor.number:
+            raise RecordError(f"{self.path}: it has no checkpoints, so the run cannot be resumed")
+        return Checkpoint(), self.initial.scene
 
-    def intact_end(self) -> tuple[int, Scene]:
-        """As `end`; where there are no checkpoints, as `last`."""
+    def intact_end(self) -> Keyframe:
+        """As `end`, but of a record without checkpoints the state after its last frame."""
         try:
             checkpoint, scene = self.end()
         except RecordError:
-            return self.last()
-        return checkpoint.frame, scene
+            return Keyframe(*self.last())
+        return Keyframe(checkpoint.frame, scene, checkpoint)
 
-    def last(self) -> tuple[int, Scene]:
-        """The number after that of the last whole frame, and the string there."""
-        return self._last(self._count)[:2]
+    # --- what a cursor reads ---
 
-    def _last(self, before: int) -> tuple[int, Scene, int]:
-        """As `last` in the chunks before one; and the chunk since which no frame is lost."""
-        number, scene, chunk = self._key_before(_END, before)
-        sound = self._sound(chunk, number, before)
-        for frame, after in self._strings(sound, scene, number):
-            number, scene = frame.number + 1, after
-        return number, scene, sound.since
+    def keyframe(self, number: int, before: int | None = None) -> tuple[Keyframe, int]:
+        """The last keyframe at or before a frame, and its chunk; `before` excludes later chunks."""
+        time = c.time_of(number, self.description.world.dt)
+        for chunk in range((self._count if before is None else before) - 1, -1, -1):
+            early = self._chunks.places[chunk].first <= time
+            keyframe = self._last_keyframe(chunk, number) if early else None
+            if keyframe is not None:
+                return keyframe, chunk
+        return self.initial, 0
 
-    def emitted(self) -> Iterator[tuple[Frame, tuple[AnyEvent, ...] | None]]:
-        """Each frame, with what agents sent in it; None where there are no checkpoints."""
-        known = c.CHECKPOINT in self._chunks.topics.values()
-        step: Step | None = None
-        for topic, message in self._chunks.messages((c.CHECKPOINT, c.FRAME)):
-            with self._explained(topic):
-                if topic == c.CHECKPOINT:
-                    step = decode_checkpoint(message.data, self._reader)
-                    continue
-                frame = decode_frame(message.data, self._reader, self._seconds(message))
-            new = step is not None and step.new.frame == frame.number + 1
-            sent = step.new.emitted if step is not None and new else ()
-            yield frame, sent if known else None
+    def _last_keyframe(self, chunk: int, number: int) -> Keyframe | None:
+        last = b""
+        for _, message in self._chunks.messages_in(chunk, (c.KEYFRAME,)) or ():
+            with self._explained("a keyframe"):
+                if entry_number(message.data) <= number:
+                    last = message.data
+        return self.decoded_keyframe(last) if last else None
 
-    def _seconds(self, message: Message) -> float:
-        return (message.publish_time - self.description.began) / c.NANO
+    def intact(self, chunk: int, number: int) -> IntactMessages:
+        """The usable messages from a chunk on, in which the string of frame `number` is known."""
+        return IntactMessages(self._chunks, self.decoded_keyframe, chunk, number, self._count)
 
-    def _steps(self, number: int, since: int, before: int) -> list[Step] | int:
-        """The checkpoints up to a frame's, from the last whole one on.
+    def decoded_keyframe(self, data: bytes) -> Keyframe:
+        """A keyframe from bytes."""
+        with self._explained("a keyframe"):
+            return self._decoder.keyframe(data)
 
-        Where some may be lost between the two, the chunk before which that is so.
-        """
-        found: list[Step] = []
-        for chunk in range(before - 1, -1, -1):
-            if chunk < since and self._chunks.torn(chunk + 1):
-                return chunk + 1
-            some = self._steps_in(chunk, number)
-            if some is None and chunk < since:
-                return chunk
-            some = some or []
-            whole = [place for place, step in enumerate(some) if step.whole]
-            found = some[whole[-1] if whole else 0 :] + found
-            if whole:
-                return found
-        if number:
-            raise RecordError(f"{self.path}: it has no checkpoints, so nothing can go on from it")
-        return found
-
-    def _steps_in(self, chunk: int, number: int) -> list[Step] | None:
-        some = self._chunks.messages_in(chunk, (c.CHECKPOINT,))
-        if some is None:
-            return None
+    def step(self, message: Message) -> Step:
+        """A change of the checkpoint."""
         with self._explained("a checkpoint"):
-            return [
-                decode_checkpoint(message.data, self._reader)
-                for _, message in some
-                if frame_number(message.data) <= number
-            ]
+            return decode_checkpoint(message.data, self._decoder.reader)
+
+    def frame(self, message: Message, inputs: bytes = b"") -> RecordedFrame:
+        """A frame, with its inputs if their bytes are given."""
+        with self._explained(f"frame {message.sequence}"):
+            seconds = (message.publish_time - self.description.began) / c.NANO
+            frame = self._decoder.frame(message.data, seconds)
+            return replace(frame, inputs=self._decoder.inputs(inputs)) if inputs else frame
+
+    def after(self, scene: Scene, frame: RecordedFrame) -> Scene:
+        """The string after a frame that begins with `scene`."""
+        with self._explained(f"frame {frame.number}"):
+            return apply_delta(scene, frame.delta, self._decoder.reader)
 
     def messages(self, number: int) -> Iterator[tuple[str, Message]]:
-        """Topic and message of all that happened before a frame and is intact.
+        """Topic and message of everything before a frame that is intact, for copying.
 
-        They are as in the file, but for the first frames after lost ones: what such a frame
-        changes is said anew, in the string that the last frame before has left.
+        Messages are unchanged, except the first frame after lost ones: its delta is computed from
+        the string after the last frame before the gap.
         """
-        late = {c.CHECKPOINT: number, c.SENSED: number - 1}
+        late = {c.CHECKPOINT: number, c.SENSED: number - 1, c.INPUTS: number - 1}
+        topics = {topic for topic in self._chunks.topics.values() if topic != c.INPUTS}
+        topics |= {c.INPUTS} if self.has_inputs else set()
         last = 0
-        for topic, message, base in self._sound(0, 0).messages(set(self._chunks.topics.values())):
+        for topic, message, base in self.intact(0, 0).messages(topics):
             if message.sequence > late.get(topic, message.sequence):
                 continue
             if topic == c.FRAME:
                 if message.sequence >= number:
                     return
                 if base is not None:
-                    message = self._bridged(message, self.string(last), base)
+                    message = self._bridged(message, self.string(last), base.scene)
                 last = message.sequence + 1
             yield topic, message
 
     def _bridged(self, message: Message, old: Scene, base: Scene) -> Message:
-        frame = self._frame(message)
-        with self._explained(f"frame {frame.number}"):
-            edit = edit_between(old, edited(base, frame.edit, self._reader))
-        data = encode_frame(frame.number, frame.events, edit, frame.digest)
+        frame = self.frame(message)
+        delta = delta_between(old, self.after(base, frame))
+        data = encode_frame(frame.number, frame.events, delta, frame.digest)
         return replace(message, data=data)
 
     def last_events(
         self, types: Collection[str], before: int
     ) -> dict[str, tuple[int, tuple[AnyEvent, ...]]]:
-        """Of each of these event types the last frame before one that had some, and all events."""
-        found: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
-        for chunk in range(len(self._chunks.places) - 1, -1, -1):
+        """For each event type, the last frame before `before` that has it, and all its events."""
+        last: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
+        for chunk in range(self._count - 1, -1, -1):
             here: dict[str, tuple[int, tuple[AnyEvent, ...]]] = {}
             for frame in self._frames_in(chunk):
                 if frame.number >= before:
                     break
-                had = {event.type for event in frame.events}
-                here.update((one, (frame.number, frame.events)) for one in had.intersection(types))
-            found = here | found
-            if found.keys() >= set(types):
+                present = {event.type for event in frame.events}.intersection(types)
+                here.update(dict.fromkeys(present, (frame.number, frame.events)))
+            last = here | last
+            if last.keys() >= set(types):
                 break
-        return found
+        return last
 
-    # --- what else is in it ---
+    # --- other channels ---
 
     def log(self) -> Iterator[LogLine]:
-        """The log, in order."""
+        """The log lines, in order."""
         for time, plain in self._json(c.LOG):
             yield LogLine(time, str(plain.get("name", "")), str(plain.get("message", "")))
 
     def sensed(self) -> Iterator[tuple[float, Readings | Dropped]]:
-        """What came on sensor topics, and when, in seconds of the world's time."""
+        """Messages on sensor topics with their times, in seconds of world time."""
         for _, message in self._chunks.messages((c.SENSED,)):
             with self._explained("a message of a topic"):
-                told = decode_sensed(message.data)
-            yield message.log_time / c.NANO, told
+                sensed = decode_sensed(message.data)
+            yield message.log_time / c.NANO, sensed
 
     def timings(self) -> Iterator[dict[str, float]]:
-        """What was measured of each frame, by name, in seconds; and its number as `frame`."""
+        """Measurements of each frame by name, in seconds; `frame` is its number."""
         for _, plain in self._json(c.TIMING):
-            yield {name: one for name, one in plain.items() if isinstance(one, int | float)}
+            yield {name: value for name, value in plain.items() if isinstance(value, int | float)}
 
     def _json(self, topic: str) -> Iterator[tuple[float, dict[str, Any]]]:
         for _, message in self._chunks.messages((topic,)):
@@ -320,44 +288,6 @@ class Record:
                 plain: Any = json.loads(message.data)
             if isinstance(plain, dict):
                 yield message.log_time / c.NANO, cast("dict[str, Any]", plain)
-
-    def _strings(
-        self, sound: Sound, scene: Scene, start: int, check: bool = False
-    ) -> Iterator[tuple[Frame, Scene]]:
-        """From the string with which frame `start` begins, where `sound` begins or behind that."""
-        for _, message, base in sound.messages((c.FRAME,)):
-            frame = self._frame(message)
-            if frame.number < start:
-                continue
-            with self._explained(f"frame {frame.number}"):
-                scene = edited(scene if base is None else base, frame.edit, self._reader)
-            if check and scene.digest != frame.digest:
-                raise RecordError(
-                    f"{self.path}: frame {frame.number} has left a string of the digest"
-                    f" {scene.digest.hex()}; recorded was {frame.digest.hex()}"
-                )
-            yield frame, scene
-
-    def _key_before(self, number: int, before: int | None = None) -> tuple[int, Scene, int]:
-        """The last whole string at or before a frame: its number, itself, and its chunk.
-
-        With `before`, in the chunks before that one.
-        """
-        time = c.time_of(number, self.description.world.dt)
-        for chunk in range((self._count if before is None else before) - 1, -1, -1):
-            place = self._chunks.places[chunk]
-            found = self._last_key(chunk, number) if place.first <= time else None
-            if found is not None:
-                return *found, chunk
-        return 0, self.description.world.scene, 0
-
-    def _last_key(self, chunk: int, number: int) -> tuple[int, Scene] | None:
-        found: bytes | None = None
-        for _, message in self._chunks.messages_in(chunk, (c.STRING,)) or ():
-            with self._explained("a string"):
-                if frame_number(message.data) <= number:
-                    found = message.data
-        return None if found is None else self._whole_string(found)
 
     @contextmanager
     def _explained(self, what: str) -> Generator[None]:
@@ -367,3 +297,14 @@ class Record:
             raise
         except (MinervaError, ValueError, RecursionError) as error:
             raise RecordError(f"{self.path}: {what} cannot be read: {error}") from None
+
+
+def _last_state(cursor: Cursor) -> tuple[Checkpoint, Scene] | None:
+    """The last position from here on whose checkpoint is known."""
+    known: tuple[Checkpoint, Scene] | None = None
+    while True:
+        if cursor.checkpoint is not None:
+            known = cursor.checkpoint, cursor.scene
+        if cursor.ahead is None:
+            return known
+        cursor.advance()

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import IO, Final
 
+from minerva_bus.log.channels import FORMER
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
 """What each record of an MCAP file begins with: its opcode, and the length of what follows."""
@@ -243,7 +245,7 @@ def _summarized(data: bytes) -> Summary:
             stream = ReadDataStream(BytesIO(data[begin:end]))
             if opcode == CHANNEL:
                 channel = Channel.read(stream)
-                topics[channel.id] = channel.topic
+                topics[channel.id] = FORMER.get(channel.topic, channel.topic)
             elif opcode == _CHUNK_INDEX:
                 index = ChunkIndex.read(stream)
                 channels[index.chunk_start_offset] = frozenset(index.message_index_offsets)

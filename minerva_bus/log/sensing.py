@@ -17,8 +17,8 @@ from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.messages import Readings
-from minerva_bus.log.description import LIMITS
 from minerva_bus.log.showing import GROUND, pose_of, time_stamp
+from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_int, as_list, as_text, pack, unpack
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Image, Mount, Odometry, Position, Reading, Scan
@@ -44,7 +44,7 @@ def encode_dropped(count: int) -> bytes:
 
 def decode_sensed(data: bytes) -> Readings | Dropped:
     """A message of the channel of topics. Raises ProtocolError."""
-    items = as_list(unpack(data, LIMITS), "a message of a topic")
+    items = as_list(unpack(data, ON_DISK), "a message of a topic")
     if items[:1] == ["dropped"] and len(items) == 2:
         return Dropped(as_int(items[1], "a count"))
     if items[:1] != ["topic"] or len(items) != 5:

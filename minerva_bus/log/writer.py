@@ -15,11 +15,11 @@ from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Kept, encode_checkpoint
+from minerva_bus.log.deltas import delta_between
 from minerva_bus.log.description import Description, encode_description
-from minerva_bus.log.edits import edit_between
+from minerva_bus.log.entries import encode_frame, encode_inputs, encode_keyframe
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.extra import check_installed
-from minerva_bus.log.messages import encode_frame, encode_string
 from minerva_bus.log.places import Surveyor
 from minerva_bus.log.reader import Record
 from minerva_bus.log.sensing import (
@@ -45,7 +45,7 @@ HEAD: Final = 31
 """Bytes of a message beside its data (MCAP specification, Message)."""
 
 KEY_AFTER: Final = 8
-"""A whole string is written when the frames since the last one are so many times as long."""
+"""A keyframe is written when the frames since the last one are so many times as long."""
 
 SHOWN: Final = 500
 """Agents of a kind whose poses are shown; of more every n-th."""
@@ -119,14 +119,15 @@ class RecordWriter:
     def _put_beginning(self) -> None:
         world = self._told.world
         self._describe()
-        self._put_string(0, 0.0)
+        self._put_keyframe(0, 0.0, None)
         for grid in encode_maps(world.scene, world.vocabulary):
             self._put(c.MAP, grid, 0, 0.0)
         self._show_poses(0, 0.0)
 
     def _copy(self, past: Record) -> None:
-        """Write all that a record has up to where its world goes on, and the string there."""
-        number, self._scene = past.intact_end()
+        """Copy a record up to the state from which its world resumes, and write that state."""
+        end = past.intact_end()
+        number, self._scene = end.number, end.scene
         published = self._told.began
         self._describe()
         for topic, message in past.messages(number):
@@ -145,7 +146,8 @@ class RecordWriter:
             if isinstance(told, Readings):
                 seconds = (published - self._told.began) / c.NANO
                 self._show_readings(told, message.sequence, seconds)
-        self._put_string(number, (published - self._told.began) / c.NANO)
+        kept = None if end.checkpoint is None else Kept.of(end.checkpoint)
+        self._put_keyframe(number, (published - self._told.began) / c.NANO, kept)
 
     def frame(
         self,
@@ -157,22 +159,25 @@ class RecordWriter:
     ) -> None:
         """Write a frame; `scene` is the string after it, and `kept` the checkpoint there.
 
-        The checkpoint comes first: then a frame that was not cut off has its checkpoint, too.
+        The checkpoint and the inputs come first: a frame that was not cut off then has both.
         """
-        edit = edit_between(self._scene, scene)
-        data = encode_frame(record.frame, record.events, edit, scene.digest)
+        delta = delta_between(self._scene, scene)
+        data = encode_frame(record.frame, record.events, delta, scene.digest)
         after = record.frame + 1
         checkpoint = encode_checkpoint(kept, self._kept) if kept is not None else b""
         if checkpoint:
             self._put(c.CHECKPOINT, checkpoint, after, seconds, after)
         self._kept = kept
+        if isinstance(record, FrameDone) and record.inputs is not None:
+            inputs = encode_inputs(record.inputs.without_replies)
+            self._put(c.INPUTS, inputs, after, seconds, record.frame)
         self._put(c.FRAME, data, after, seconds, record.frame)
         self._put(c.TIMING, _timing(record.frame, seconds, timings), after, seconds, record.frame)
         self._scene = scene
         self.frames += 1
         self._since_key += len(data) + len(checkpoint)
         if self._since_key > KEY_AFTER * self._key_bytes:
-            self._put_string(after, seconds)
+            self._put_keyframe(after, seconds, kept)
         self._show_poses(after, seconds)
 
     def log(self, frame: int, seconds: float, member: str, text: str, warning: bool) -> None:
@@ -219,11 +224,11 @@ class RecordWriter:
         self._stream.flush()
         _sync(self._stream)
 
-    def _put_string(self, frame: int, seconds: float) -> None:
-        data = encode_string(frame, self._scene)
-        self._put(c.STRING, data, frame, seconds)
+    def _put_keyframe(self, frame: int, seconds: float, kept: Kept | None) -> None:
+        data = encode_keyframe(frame, self._scene, kept)
+        self._put(c.KEYFRAME, data, frame, seconds)
         self._since_key, self._key_bytes = 0, len(data)
-        self._kept = None  # The next checkpoint is whole.
+        self._kept = kept  # The next checkpoint contains changes from this one.
 
     def _show_poses(self, frame: int, seconds: float) -> None:
         now = frame * self._dt

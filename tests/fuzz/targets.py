@@ -37,7 +37,7 @@ from minerva_bus.grammar.condition import parse_condition
 from minerva_bus.grammar.parser import parse
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.journal import go_on, read_journal
+from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.log.reader import Record
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
@@ -163,7 +163,7 @@ def _journal(data):
         begin += _ENTRY.size + length
     past = read_journal(_file("yard.journal", whole), WORLD)
     if past is not None:
-        go_on(FrameAlgorithm(past.world), past, lambda done: None)
+        resume_from(past, FrameAlgorithm(past.world), lambda done: None)
 
 
 def _carmen(data):

@@ -31,7 +31,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.patch import Delta, difference, patched
 from minerva_bus.grammar.turnover import RowDelta
-from minerva_bus.log.edits import edit_between, edited
+from minerva_bus.log.deltas import apply_delta, delta_between
 from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.values import Reader
@@ -163,9 +163,9 @@ def test_what_stays_does_not_travel(generation):
 @given(generations())
 def test_a_record_has_the_patch_alone(generation):
     old, _, now = generation
-    edit = through(edit_between(Scene((old,)), Scene((now,))))
-    assert edited(Scene((from_scratch(old),)), edit, READER) == Scene((now,))
-    assert all(step[0] == "patch" for step in edit)
+    delta = through(delta_between(Scene((old,)), Scene((now,))))
+    assert apply_delta(Scene((from_scratch(old),)), delta, READER) == Scene((now,))
+    assert all(step[0] == "patch" for step in delta)
 
 
 @given(st.lists(generations(), min_size=1, max_size=3))

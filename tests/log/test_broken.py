@@ -106,8 +106,10 @@ def test_no_file_and_a_folder(tmp_path):
 
 def test_a_format_of_the_future(tmp_path, monkeypatch):
     data = bytes_of("meadow")
-    monkeypatch.setattr("minerva_bus.log.description.FORMAT", 2)
-    with pytest.raises(RecordError, match="its format is 1, this version of Minerva Bus reads 2"):
+    monkeypatch.setattr("minerva_bus.log.description.FORMATS", (1, 4))
+    with pytest.raises(
+        RecordError, match="its format is 3; this version of Minerva Bus reads 1 and 4"
+    ):
         record_of(data, tmp_path)
 
 

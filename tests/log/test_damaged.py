@@ -180,7 +180,7 @@ def test_the_description_is_there_twice(tmp_path):
         with record_of(broken, tmp_path) as record:
             assert record.description.world.scene == strings_of("meadow")[0]
             assert record.string(0) == strings_of("meadow")[0]
-    with pytest.raises(RecordError, match=r"does not say of which world it is \(byte "):
+    with pytest.raises(RecordError, match=r"the description of its world is missing \(byte "):
         record_of(flipped(flipped(data, first + 80), second + 80), tmp_path)
 
 
@@ -234,7 +234,7 @@ def test_any_damage_is_no_traceback_and_costs_no_frame_before_it(
         with record_of(data, folder) as record:
             info = info_of(record, check=True)
             numbers = [frame.number for frame, _ in record.strings()]
-            end = record.intact_end()[0]
+            end = record.intact_end().number
             list(record.messages(end))
     except RecordError as error:
         assert "\n" not in str(error)

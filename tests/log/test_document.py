@@ -7,11 +7,11 @@ import pytest
 
 from minerva_bus.log import channels as c
 from minerva_bus.log.chunks import FEWEST_MESSAGES, Chunks
-from minerva_bus.log.description import LIMITS
 from minerva_bus.log.recorder import PATIENCE, WAITING
 from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
 from minerva_bus.log.writer import KEY_AFTER, SHOWN, SHOWN_EVERY
 from minerva_bus.study.tracks import AGENTS
+from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import unpack
 from tests.log.recorded_runs import bytes_of, happened, strings_of
 
@@ -38,11 +38,11 @@ def test_the_messages_are_as_written(tmp_path):
     chunks = Chunks(path)
     (_, world), (_, again) = chunks.messages((c.WORLD,))
     name, version, plain = unpack(world.data)
-    listed = re.search(r'\["world", 1, \{(.*?)\}\]', DOCUMENT).group(1)
-    assert (name, version) == ("world", 1)
+    listed = re.search(r'\["world", 3, \{(.*?)\}\]', DOCUMENT).group(1)
+    assert (name, version) == ("world", 3)
     assert unpack(again.data) == [name, version, plain | {"string": None}]
     assert list(plain) == listed.split(", ")
-    for topic, count in ((c.FRAME, 5), (c.STRING, 3), (c.CHECKPOINT, 8)):
+    for topic, count in ((c.FRAME, 5), (c.KEYFRAME, 5), (c.CHECKPOINT, 8)):
         _, first = next(chunks.messages((topic,)))
         assert len(unpack(first.data)) == count
     chunks.close()
@@ -58,7 +58,7 @@ def test_the_figures_are_those_of_the_code():
         f"at most {CHUNK_FLOOR >> 20} MiB, all chunks of a file to {FLOOR >> 20} MiB",
         f"{RATIO:,} bytes more for each packed byte",
         f"at most {FEWEST_MESSAGES} messages",
-        f"{LIMITS.items // 1_000_000} million items",
+        f"{ON_DISK.items // 1_000_000} million items",
     ):
         assert said in DOCUMENT
     assert PATIENCE == 1.0

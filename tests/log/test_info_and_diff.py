@@ -9,8 +9,8 @@ import pytest
 from minerva_bus.cli.recording import show_difference, show_info
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import AgentNode, Scene
+from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.messages import encode_frame
 from minerva_bus.log.writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 
@@ -80,7 +80,7 @@ def test_info_checks(tmp_path, monkeypatch):
     writer.frame(*frames[0], 0.0, {})
     writer.finish()
     path, _ = files(tmp_path, stream.getvalue())
-    with pytest.raises(RecordError, match="frame 0 has left a string of the digest"):
+    with pytest.raises(RecordError, match="the digest of the string after frame 0 is"):
         show_info(path, check=True, json_too=False)
 
 

@@ -1,8 +1,8 @@
-"""Journals of earlier versions are read, and lead to the strings that they led to then.
+"""Journals of earlier versions are read, and lead to the same strings as then.
 
     PYTHONPATH=tests/log python -m test_old_journals
 
-writes one of this version; older ones stay. The world is the simulated one: a change of its
+writes one of this version; earlier ones are kept. The world is the simulated one: a change of its
 vocabulary or rules makes another world of it, whose journals these are not.
 """
 
@@ -15,7 +15,8 @@ import pytest
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.stimuli import Begin, FrameDone
-from minerva_bus.log.journal import FORMAT, Journal, go_on, read_journal
+from minerva_bus.log.entries import FORMAT
+from minerva_bus.log.journal import Journal, read_journal, resume_from
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import processes, world
 
@@ -40,7 +41,7 @@ def write(path):
     for _ in range(FRAMES):
         runner.handle(Begin())
     journal.close(over=False)
-    path.with_suffix(".json").write_text(json.dumps({"digests": digests}) + "\n")
+    path.with_name(f"{path.name}.json").write_text(json.dumps({"digests": digests}) + "\n")
 
 
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*.journal")), ids=lambda path: path.stem)
@@ -48,8 +49,8 @@ def test_a_journal_of_an_earlier_version_is_gone_on_from(path):
     digests = []
     past = read_journal(path, world(FRAMES + 1))
     algorithm = FrameAlgorithm(past.world)
-    go_on(algorithm, past, lambda done: digests.append(done.record.digest.hex()))
-    assert digests == json.loads(path.with_suffix(".json").read_text())["digests"]
+    resume_from(past, algorithm, lambda done: digests.append(done.record.digest.hex()))
+    assert digests == json.loads(path.with_name(f"{path.name}.json").read_text())["digests"]
     assert algorithm.scene.digest.hex() == digests[-1]
 
 

@@ -2,7 +2,7 @@
 
     python -m tests.log.test_old_records
 
-writes one of this version; older ones stay.
+writes one of this version; earlier ones are kept.
 """
 
 import json
@@ -12,7 +12,7 @@ import pytest
 
 from minerva_bus.cli.main import main
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
-from minerva_bus.log.description import FORMAT
+from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.reader import Record
 from tests.log.recorded_runs import bytes_of
 
@@ -33,7 +33,9 @@ def contents(path):
 
 @pytest.mark.parametrize("path", RECORDS, ids=lambda path: path.stem)
 def test_every_frame_of_a_record_of_an_earlier_version_is_read(path):
-    assert contents(path) == json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    assert contents(path) == json.loads(
+        path.with_name(f"{path.name}.json").read_text(encoding="utf-8")
+    )
 
 
 @pytest.mark.parametrize("command", [["info"], ["replay", "--no-code"]])
@@ -53,4 +55,4 @@ def test_there_is_a_record_of_this_version():
 if __name__ == "__main__":
     path = CORPUS / f"format-{FORMAT}-protocol-{PROTOCOL_VERSION}.mcap"
     path.write_bytes(bytes_of("meadow"))
-    path.with_suffix(".json").write_text(json.dumps(contents(path), indent=0) + "\n")
+    path.with_name(f"{path.name}.json").write_text(json.dumps(contents(path), indent=0) + "\n")

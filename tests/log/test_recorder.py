@@ -338,13 +338,13 @@ def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
 
 def test_a_large_string_is_left_to_the_thread(monkeypatch):
     """A frame may be little, and yet the whole string be due behind it."""
-    whole, put = [], RecordWriter._put_string
+    whole, put = [], RecordWriter._put_keyframe
 
     def written(self, *what):
         whole.append(threading.current_thread().name)
         put(self, *what)
 
-    monkeypatch.setattr(RecordWriter, "_put_string", written)
+    monkeypatch.setattr(RecordWriter, "_put_keyframe", written)
     monkeypatch.setattr(module, "LIGHT", 60.0)
     monkeypatch.setattr(writer, "KEY_AFTER", 4)
     monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.

@@ -10,8 +10,8 @@ from minerva_bus.grammar.batch import single
 from minerva_bus.log import channels as c
 from minerva_bus.log import chunks
 from minerva_bus.log.description import encode_description
+from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.messages import encode_frame
 from minerva_bus.log.writer import RecordWriter
 from tests.log.recorded_runs import bytes_of, description, happened, record_of, strings_of
 
@@ -54,7 +54,7 @@ def test_any_string_can_be_had(name, flush_every, tmp_path):
     with record_of(bytes_of(name, flush_every), tmp_path) as record:
         for number in [*range(len(strings) - 1, -1, -3), 0]:
             assert record.string(number) == strings[number]
-        with pytest.raises(RecordError, match="is not in it"):
+        with pytest.raises(RecordError, match="is not in the record"):
             record.string(len(strings))
 
 
@@ -81,7 +81,7 @@ def test_frames_that_were_left_out_leave_all_others_right(tmp_path):
         read = [(frame.number, string) for frame, string in record.strings(check=True)]
         assert read == [(told.frame, string) for told, string in kept]
         assert record.string(6) == frames[5][1]
-        with pytest.raises(RecordError, match="frame 7 is not in it"):
+        with pytest.raises(RecordError, match="frame 7 is not in the record"):
             record.string(7)
 
 
@@ -97,7 +97,7 @@ def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
         assert len(list(record.strings())) == 3
-        with pytest.raises(RecordError, match="frame 2 has left a string of the digest"):
+        with pytest.raises(RecordError, match="the digest of the string after frame 2 is"):
             list(record.strings(check=True))
 
 

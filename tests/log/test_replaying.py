@@ -12,9 +12,9 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.replaying import OVER, ReplayAlgorithm
+from minerva_bus.launch.rerunning import recompute
 from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.log.cursor import Cursor
-from minerva_bus.log.recomputing import recompute
 from minerva_bus.runtime.direct import InProcessRunner
 from tests.log.recorded_runs import WORLDS, bytes_of, happened, record_of, world_file
 
@@ -132,7 +132,7 @@ def test_to_wind_it_to_its_end_is_to_end_it(tmp_path):
 
 def test_there_is_nothing_beyond_its_end(tmp_path):
     projector = Projector("meadow", tmp_path)
-    with pytest.raises(MinervaError, match="the string of frame 61 is not in it"):
+    with pytest.raises(MinervaError, match="the string of frame 61 is not in the record"):
         projector.cursor.seek(61)
 
 
@@ -203,12 +203,20 @@ def test_the_first_frame_that_differs_is_named_and_what_differs(tmp_path, monkey
     assert " in this run" in lines
 
 
+def _first_sending(record):
+    """The first frame in which agents sent events."""
+    cursor = Cursor(record, state=True)
+    while not (cursor.checkpoint and cursor.checkpoint.emitted):
+        cursor.advance()
+    return cursor.number - 1
+
+
 def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch):
     file, frames = happened("meadow")
     kinds = kinds_in(file)
     sends = {event.type for record, _ in frames for event in record.events if event.sender}
     with record_of(bytes_of("meadow"), tmp_path) as record:
-        first = next(frame.number for frame, sent in record.emitted() if sent)
+        first = _first_sending(record)
         monkeypatch.setattr("minerva_bus.world.context.Context.emit", lambda *_, **__: None)
         found = recompute(record, kinds, lambda _: None)
     assert sends

@@ -15,12 +15,13 @@ from minerva_bus.launch.typed import toml_value
 from minerva_bus.log import channels as c
 from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
 from minerva_bus.log.chunks import Chunks
-from minerva_bus.log.description import LIMITS
+from minerva_bus.log.entries import Keyframe
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_bus.log.writer import RecordWriter
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
+from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.values import Reader
 from tests.log.recorded_runs import (
     CHECKPOINTS,
@@ -148,7 +149,7 @@ def test_a_record_that_is_cut_off_has_its_last_whole_checkpoint(name, tmp_path):
 def test_a_checkpoint_says_what_is_new(tmp_path):
     vocabulary = happened("meadow")[0].world.vocabulary
     event = vocabulary.events["eStep"]()
-    reader = Reader(vocabulary, LIMITS)
+    reader = Reader(vocabulary, ON_DISK)
     first = Checkpoint(3, {"a": {"n": 1}, "b": {"n": [2.5]}}, (event,), {"x": (event, event)})
     second = Checkpoint(4, {"a": {"n": 1}, "b": {"n": [3]}}, reached=frozenset("pq"))
     third = Checkpoint(6, second.saved, reached=frozenset("pqr"), reaching=frozenset(["AFox"]))
@@ -221,12 +222,15 @@ def test_checkpoints_are_small(tmp_path):
 
 
 def test_a_record_without_checkpoints_is_said(tmp_path):
-    plain = bytes_of("meadow")
-    with record_of(plain, tmp_path) as record:
-        record._chunks.topics = {
-            number: topic for number, topic in record._chunks.topics.items() if "check" not in topic
-        }
-        with pytest.raises(RecordError, match="it has no checkpoints, so nothing can go on"):
+    file, frames = happened("meadow")
+    stream = io.BytesIO()
+    writer = RecordWriter(stream, description(file))
+    for record, string in frames:
+        writer.frame(record, string, 0.0, {})
+    writer.finish()
+    with record_of(stream.getvalue(), tmp_path) as record:
+        assert record.intact_end() == Keyframe(len(frames), frames[-1][1])
+        with pytest.raises(RecordError, match="it has no checkpoints, so the run cannot be res"):
             record.end()
 
 
@@ -234,7 +238,7 @@ def test_a_record_without_checkpoints_is_said(tmp_path):
     "data", [b"\x90", b"\xc1", struct.pack("<d", 1.0)], ids=["empty", "never", "float"]
 )
 def test_what_is_no_checkpoint_is_refused(data):
-    reader = Reader(happened("meadow")[0].world.vocabulary, LIMITS)
+    reader = Reader(happened("meadow")[0].world.vocabulary, ON_DISK)
     with pytest.raises(Exception, match=r"checkpoint|msgpack|list"):
         decode_checkpoint(data, reader)
 

@@ -43,7 +43,7 @@ class Written:
     def read(self):
         past = j.read_journal(self.path, self.world)
         algorithm, seen = FrameAlgorithm(past.world), []
-        j.go_on(algorithm, past, lambda done: seen.append(done.record.digest.hex()))
+        j.resume_from(past, algorithm, lambda done: seen.append(done.record.digest.hex()))
         return past, algorithm, seen
 
 
@@ -62,8 +62,8 @@ def test_what_a_journal_has_is_what_there_was(tmp_path, name):
 
 @both
 def test_written_anew_it_goes_on_from_there(tmp_path, name, monkeypatch):
-    monkeypatch.setattr(j, "LEAST", 1)
-    monkeypatch.setattr(j, "ANEW_AFTER", 0)
+    monkeypatch.setattr(j, "MIN_REWRITE_BYTES", 1)
+    monkeypatch.setattr(j, "REWRITE_RATIO", 0)
     written = Written(tmp_path / "w.journal", name)
     for frame in range(6):
         written.bus.frame()
@@ -83,7 +83,7 @@ def test_whoever_goes_on_from_a_journal_written_anew_goes_on_to_the_same_strings
         for _ in range(frames):
             written.bus.frame()
             if written.bus.algorithm.frame == max(1, frames - 2):
-                written.journal._begin()
+                written.journal._rewrite()
         _, successor, _ = written.read()
         written.bus.kill_coordinator(successor)
         written.journal._algorithm = successor
@@ -179,7 +179,7 @@ def test_whoever_is_followed_writes_no_more(tmp_path):
 
 def test_the_journal_of_another_world_is_refused(tmp_path):
     written = Written(tmp_path / "w.journal", "pond")
-    with pytest.raises(RecordError, match="of another world"):
+    with pytest.raises(RecordError, match="belongs to another world"):
         j.read_journal(written.path, replace(written.world, seed=99))
     written.path.write_bytes(b"no journal at all, but long enough to be one")
     with pytest.raises(RecordError, match="the beginning of this journal is damaged"):

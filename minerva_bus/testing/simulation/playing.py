@@ -11,7 +11,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import Summary
-from minerva_bus.log.journal import go_on, read_journal
+from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import BusCoordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.notices import Leave
@@ -150,7 +150,7 @@ class Play:
             self.observed.problems.append(f"there is no journal in frame {algorithm.frame}")
             return
         again = FrameAlgorithm(past.world)
-        go_on(again, past, lambda _: None)
+        resume_from(past, again, lambda _: None)
         if (again.frame, again.scene.digest) != (algorithm.frame, algorithm.scene.digest):
             self.observed.problems.append(
                 f"the journal goes on from frame {again.frame}, {again.scene.digest.hex()[:8]},"

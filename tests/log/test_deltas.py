@@ -1,4 +1,4 @@
-"""An edit makes of one string exactly the other, and nothing else gets through."""
+"""A delta turns one string exactly into the other, and invalid deltas are refused."""
 
 import pytest
 from hypothesis import given, settings
@@ -8,7 +8,7 @@ from minerva_bus import Agent, Metres, Primitive, Transformation, Vocabulary
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.edits import DEEPEST, edit_between, edited
+from minerva_bus.log.deltas import DEEPEST, apply_delta, delta_between
 from minerva_bus.testing.family import FAMILY_VOCABULARY
 from minerva_bus.testing.strategies import family_strings, worlds
 from minerva_bus.testing.strategies import strings_of as any_strings
@@ -31,11 +31,11 @@ def decoded(scene, vocabulary):
 
 
 def check(old, new, vocabulary):
-    edit = sent(edit_between(old, new))
-    made = edited(decoded(old, vocabulary), edit, Reader(vocabulary))
+    delta = sent(delta_between(old, new))
+    made = apply_delta(decoded(old, vocabulary), delta, Reader(vocabulary))
     assert made == new
     assert list(map(type, made.pieces)) == list(map(type, new.pieces))
-    return edit
+    return delta
 
 
 @settings(max_examples=40)
@@ -66,7 +66,7 @@ def test_another_agent_of_the_same_kind_is_another():
 @given(family_strings(), family_strings())
 def test_also_of_agents(old, new):
     check(old, new, FAMILY_VOCABULARY)
-    assert edit_between(old, old) == []
+    assert delta_between(old, old) == []
 
 
 @given(st.lists(st.sampled_from("abcde")), st.lists(st.sampled_from("abcde")))
@@ -81,7 +81,7 @@ def test_a_whole_run(name):
     strings = strings_of(name)
     reader, made = Reader(vocabulary), decoded(packed(strings[0]), vocabulary)
     for old, new in zip([packed(strings[0]), *strings[1:]], strings[1:], strict=False):
-        made = edited(made, sent(edit_between(old, new)), reader)
+        made = apply_delta(made, sent(delta_between(old, new)), reader)
         assert made.digest == new.digest
 
 
@@ -112,7 +112,7 @@ def test_scopes_deeper_than_any_stack():
 
 
 @pytest.mark.parametrize(
-    "edit",
+    "delta",
     [
         None,
         3,
@@ -132,18 +132,18 @@ def test_scopes_deeper_than_any_stack():
         [True],
     ],
 )
-def test_what_is_no_edit_is_refused(edit):
+def test_what_is_no_edit_is_refused(delta):
     old = SKY.read("TMove<dist=1>(PStar<size=1>) · PStar<size=2>")
     with pytest.raises((ProtocolError, SceneError)):
-        edited(old, edit, Reader(SKY))
+        apply_delta(old, delta, Reader(SKY))
 
 
 def test_an_edit_is_no_deeper_than_allowed():
-    edit = []
+    delta = []
     for _ in range(DEEPEST + 2):
-        edit = [{"scope": edit}]
+        delta = [{"scope": delta}]
     old = SKY.read("PStar<size=1>")
     for _ in range(DEEPEST + 2):
         old = TMove(1.0)(old)
     with pytest.raises(ProtocolError, match="scopes deep"):
-        edited(old, edit, Reader(SKY))
+        apply_delta(old, delta, Reader(SKY))

@@ -1,16 +1,16 @@
-"""What makes one string of another: how a record holds the strings of all frames.
+"""Delta between two strings: how a record stores the strings of all frames.
 
-    edit  = [step, ...]                  along the pieces of the old string
-    step  = n                            the next n pieces stay
-          | -n                           the next n pieces go
-          | string                       these pieces come (protocol/values.py)
-          | patch                        the next piece, in columns, is changed (columns.py)
-          | {"scope": edit}              the next piece stays, with another scope
+    delta = [step, ...]                  along the pieces of the old string
+    step  = n                            keep the next n pieces
+          | -n                           remove the next n pieces
+          | string                       insert these pieces (wire/values.py)
+          | patch                        change the next piece, in columns (wire/columns.py)
+          | {"scope": delta}             keep the next piece with a changed scope
 
-Pieces behind the last step stay. Fragments have names, but only their coordinator knows which
-parts of a population the names stand for at a time; places in the string need nobody to ask.
+Pieces after the last step stay. A delta refers to positions, not to fragment names, because only
+the coordinator knows which rows of a population a name refers to at a given time.
 
-Both strings share what has not changed, so identity tells; comparing never goes into it.
+Both strings share unchanged pieces, so identity is compared and never their contents.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.plain import as_list
 from minerva_bus.wire.values import Reader, plain_scene
 
-Edit = list[Any]
+StringDelta = list[Any]
 
 DEEPEST: Final = 32
-"""Scopes within scopes that are edited; below that, all of a scope comes anew."""
+"""Nested scopes that a delta enters; a changed scope below that is stored as a whole."""
 
 
-# --- making edits ---
+# --- computing a delta ---
 
 
-def edit_between(old: Scene, new: Scene, depth: int = 0) -> Edit:
-    """The edit that makes the new string of the old one."""
+def delta_between(old: Scene, new: Scene, depth: int = 0) -> StringDelta:
+    """The delta from the old string to the new one."""
     before, after = old.pieces, new.pieces
     same = _same_ahead(before, after)
     counterpart = _counterparts(before, after, same)
     steps = _Steps(same)
     for piece, place in zip(islice(after, same, None), counterpart, strict=True):
         if place < steps.at:
-            steps.come.append(piece)
+            steps.inserted.append(piece)
             continue
         steps.go_to(place)
         if before[place] is piece:
@@ -65,11 +65,11 @@ def edit_between(old: Scene, new: Scene, depth: int = 0) -> Edit:
 
 
 def _counterparts(before: Sequence[Piece], after: Sequence[Piece], same: int) -> Iterator[int]:
-    """For each new piece the place of the old one that it is, or was, or -1."""
+    """For each new piece, the position of the old piece it corresponds to, or -1."""
     if len(before) == len(after) and all(
         map(_alike, islice(before, same, None), islice(after, same, None))
     ):
-        yield from range(same, len(after))  # As nearly always: nobody has come or gone.
+        yield from range(same, len(after))  # The usual case: no piece was added or removed.
         return
     here = {id(piece): place for place, piece in enumerate(before) if place >= same}
     kept = here.keys() & map(id, islice(after, same, None))
@@ -80,60 +80,60 @@ def _counterparts(before: Sequence[Piece], after: Sequence[Piece], same: int) ->
 
 
 class _Steps:
-    """Steps in the making, and how far in the old string they have come."""
+    """Collects steps; `at` is the position reached in the old string."""
 
     def __init__(self, same: int) -> None:
         self.at = same
-        self.come: list[Piece] = []
-        self._made: Edit = []
+        self.inserted: list[Piece] = []
+        self._made: StringDelta = []
         self._stay, self._gone = same, 0
 
     def stay(self) -> None:
-        """The next piece stays."""
-        if self._gone or self.come:
-            self._put_down()
+        """Keep the next piece."""
+        if self._gone or self.inserted:
+            self._flush()
         self._stay += 1
         self.at += 1
 
     def go_to(self, place: int) -> None:
-        """The pieces before this place go."""
+        """Remove the pieces before this position."""
         self._gone += place - self.at
         self.at = place
 
     def change(self, step: Any, piece: Piece) -> None:
-        """The next piece is changed by this step; None: the other one comes for it."""
+        """Change the next piece by this step, or replace it if the step is None."""
         if step is None:
-            self.come.append(piece)
+            self.inserted.append(piece)
             self._gone += 1
         else:
-            self._put_down()
+            self._flush()
             self._made.append(step)
         self.at += 1
 
-    def done(self) -> Edit:
-        """All steps."""
-        if self._gone or self.come:
-            self._put_down()
+    def done(self) -> StringDelta:
+        """Finish and return all steps."""
+        if self._gone or self.inserted:
+            self._flush()
         return self._made
 
-    def _put_down(self) -> None:
-        come = [plain_scene(Scene(tuple(self.come)))] if self.come else []
+    def _flush(self) -> None:
+        inserted = [plain_scene(Scene(tuple(self.inserted)))] if self.inserted else []
         self._made += [step for step in (self._stay, -self._gone) if step]
-        self._made += come
-        self._stay, self._gone, self.come = 0, 0, []
+        self._made += inserted
+        self._stay, self._gone, self.inserted = 0, 0, []
 
 
 def _same_ahead(before: Sequence[Piece], after: Sequence[Piece]) -> int:
-    """How many pieces at the beginning are the very same."""
+    """Number of identical pieces at the beginning."""
     shorter = min(len(before), len(after))
     if before is after:
         return shorter
     pairs = zip(before, after, strict=False)
-    return next((place for place, (one, two) in enumerate(pairs) if one is not two), shorter)
+    return next((at for at, (old, new) in enumerate(pairs) if old is not new), shorter)
 
 
 def _alike(old: Piece, new: Piece) -> bool:
-    """Whether these are the same piece, or the same agent or symbol, changed."""
+    """Whether these are the same piece, or versions of the same agent or symbol."""
     if old is new:
         return True
     if isinstance(old, AgentNode) and isinstance(new, AgentNode):
@@ -142,9 +142,9 @@ def _alike(old: Piece, new: Piece) -> bool:
 
 
 def _keys(pieces: Sequence[Piece], begin: int, kept: Container[int]) -> Iterator[Hashable]:
-    """What each piece is known by: an agent's id, or its symbol and which of them it is.
+    """Key of each piece: an agent's id, or a symbol and its ordinal.
 
-    Those that are in both strings as they are do not count.
+    Pieces that both strings share have the key None.
     """
     seen: Counter[str] = Counter()
     for piece in islice(pieces, begin, None):
@@ -158,9 +158,9 @@ def _keys(pieces: Sequence[Piece], begin: int, kept: Container[int]) -> Iterator
 
 
 def _changed(old: Piece, new: Piece, depth: int) -> Any:
-    """The step that makes the new piece of the old one; None where it has to come anew."""
+    """The step from the old piece to the new one; None if the new piece must be inserted."""
     if type(old) is AgentNode and type(new) is AgentNode and old.values is not new.values:
-        return None  # As most changes are.
+        return None  # The usual change: other attribute values.
     if isinstance(old, Columns):
         patch = difference(old, new) if isinstance(new, Columns) else None
         return None if patch is None else plain_patch(patch)
@@ -168,25 +168,25 @@ def _changed(old: Piece, new: Piece, depth: int) -> Any:
         return None
     if type(old) is not type(new) or old.symbol != new.symbol or old.values is not new.values:
         return None
-    return {"scope": edit_between(old.scope, new.scope, depth + 1)}
+    return {"scope": delta_between(old.scope, new.scope, depth + 1)}
 
 
-# --- carrying them out ---
+# --- applying a delta ---
 
 
-def edited(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene:
-    """The new string. Raises ProtocolError and VocabularyError where the edit is none of it."""
+def apply_delta(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene:
+    """The new string. Raises ProtocolError and VocabularyError if the delta does not fit."""
     if depth > DEEPEST:
-        raise ProtocolError(f"an edit goes more than {DEEPEST} scopes deep")
-    steps = as_list(plain, "an edit")
+        raise ProtocolError(f"a delta goes more than {DEEPEST} scopes deep")
+    steps = as_list(plain, "a delta")
     if not steps:
         return old
     left = iter(old.pieces)
     made: list[Piece] = []
     for step in steps:
         if type(step) is int:
-            some = _next(left, abs(step))
-            made += some if step > 0 else []
+            passed = _next(left, abs(step))
+            made += passed if step > 0 else []
         elif is_patch(step):
             made.append(_patched(_next(left, 1)[0], step, reader))
         elif isinstance(step, list):
@@ -198,10 +198,10 @@ def edited(old: Scene, plain: Any, reader: Reader, depth: int = 0) -> Scene:
 
 
 def _next(left: Iterator[Piece], count: int) -> list[Piece]:
-    some = list(islice(left, count))
-    if not some or len(some) < count:
-        raise ProtocolError("an edit goes beyond its string")
-    return some
+    pieces = list(islice(left, count))
+    if not pieces or len(pieces) < count:
+        raise ProtocolError("a delta goes beyond its string")
+    return pieces
 
 
 def _patched(piece: Piece, plain: Any, reader: Reader) -> Piece:
@@ -215,8 +215,8 @@ def _patched(piece: Piece, plain: Any, reader: Reader) -> Piece:
 
 def _rescoped(piece: Piece, step: Any, reader: Reader, depth: int) -> Piece:
     if not isinstance(step, dict) or list(cast("dict[Any, Any]", step)) != ["scope"]:
-        raise ProtocolError("a step of an edit is a number, a string, a patch or a scope")
+        raise ProtocolError("a step of a delta is a number, a string, a patch or a scope")
     if isinstance(piece, FigureNode | Columns):
-        raise ProtocolError("an edit goes into a piece without a scope")
-    edit = cast("dict[str, Any]", step)["scope"]
-    return with_scope(piece, edited(piece.scope, edit, reader, depth + 1))
+        raise ProtocolError("a delta enters a piece without a scope")
+    delta = cast("dict[str, Any]", step)["scope"]
+    return with_scope(piece, apply_delta(piece.scope, delta, reader, depth + 1))

@@ -1,0 +1,189 @@
+"""Entries of a run's log: keyframes, frame inputs and recorded frames, as msgpack.
+
+    keyframe = ["keyframe", number, string, checkpoint, [view, ...]]
+    inputs   = ["inputs", number, due, [[member, ticked], ...], {source: [event, ...]}, layout,
+                [[member, evolved], ...], {source: [event, ...]}, people, answers, left out]
+    frame    = ["frame", number, [event, ...], delta, digest]
+
+A record (MCAP file) and a journal (file of a running coordinator) hold the same entries. A keyframe
+is the complete state before the frame of its number: string, checkpoint (checkpoints.py, empty if
+unknown) and the last views (journals only; θ computes them again from a record). Inputs are what
+members sent, as received from the bus. A journal stores the replies of hosts too, so that a
+successor needs no user code. A record stores the result of a frame instead: its ordered events,
+the delta of the string (edits.py) and the digest, 16 bytes, of the string after the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from minerva_bus.errors import ProtocolError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.limits import ON_DISK
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack
+from minerva_bus.wire.values import Reader, plain_event, plain_scene
+
+FORMAT: Final = 3
+"""Version of these entries, and so of records and journals."""
+
+EventsBySource = Mapping[str, Sequence[AnyEvent]]
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """Complete state before the frame `number`.
+
+    `checkpoint` is None in a record without checkpoints, and in a record of format 1.
+    """
+
+    number: int
+    scene: Scene
+    checkpoint: Checkpoint | None = None
+    views: Sequence[m.ViewShown] = ()
+
+
+# --- encoding ---
+
+
+def encode_keyframe(
+    number: int, scene: Scene, kept: Kept | None, views: Sequence[m.ViewShown] = ()
+) -> bytes:
+    """A keyframe as bytes."""
+    checkpoint = b"" if kept is None else encode_checkpoint(kept, None)
+    shown = [encode(view) for view in views]
+    return pack(["keyframe", number, plain_scene(scene), checkpoint, shown])
+
+
+def encode_inputs(inputs: FrameInputs) -> bytes:
+    """Frame inputs as bytes. Replies that came over the bus are not encoded again."""
+    ticked = [
+        [name, reply.received or encode(reply)]
+        for name, reply in inputs.ticked.items()
+        if reply.events or reply.saved is not None
+    ]
+    replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]
+    taken, waiting = plain_events(inputs.taken), plain_events(inputs.waiting)
+    head = ["inputs", inputs.frame, inputs.due, ticked, taken, inputs.layout]
+    return pack([*head, replies, waiting, inputs.people, inputs.answers, inputs.left_out])
+
+
+def encode_frame(number: int, events: Sequence[AnyEvent], delta: list[Any], digest: bytes) -> bytes:
+    """A recorded frame as bytes."""
+    return pack(["frame", number, [plain_event(event) for event in events], delta, digest])
+
+
+def plain_events(events: EventsBySource) -> dict[str, list[Any]]:
+    """Events by source as plain data."""
+    return {source: [plain_event(event) for event in sent] for source, sent in events.items()}
+
+
+# --- decoding ---
+
+
+class EntryDecoder:
+    """Decodes entries over a vocabulary. Raises ProtocolError and VocabularyError."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self.reader = Reader(vocabulary, ON_DISK)
+        self._decoder = Decoder(vocabulary, ON_DISK)
+
+    def keyframe(self, data: bytes) -> Keyframe:
+        """A keyframe, also one of a record of format 1 or a journal of format 2."""
+        items = _as_keyframe(unpacked(data))
+        if items[:1] != ["keyframe"] or len(items) != 5:
+            raise ProtocolError("a keyframe has 5 items and begins with its name")
+        _, number, scene, saved, views = items
+        checkpoint = decode_checkpoint(saved, self.reader).new if saved else None
+        decoded = [self._decoder.to_member(view) for view in as_list(views, "views")]
+        return Keyframe(
+            _number(number) if checkpoint is None else checkpoint.frame,
+            self.reader.scene(scene),
+            checkpoint,
+            [view for view in decoded if isinstance(view, m.ViewShown)],
+        )
+
+    def frame(self, data: bytes, seconds: float) -> RecordedFrame:
+        """A recorded frame; `seconds` is its time by the clock since the record began."""
+        items = unpacked(data)
+        if items[:1] != ["frame"] or len(items) != 5:
+            raise ProtocolError("a frame has 5 items and begins with its name")
+        _, number, events, delta, digest = items
+        if not isinstance(digest, bytes):
+            raise ProtocolError("a digest is bytes")
+        read = self.reader.events(events)
+        return RecordedFrame(_number(number), read, as_list(delta, "a delta"), digest, seconds)
+
+    def inputs(self, data: bytes) -> FrameInputs:
+        """The inputs of a frame; a journal of format 2 calls the entry `frame`."""
+        items = unpacked(data)
+        if items[:1] not in (["inputs"], ["frame"]) or len(items) != 11:
+            raise ProtocolError("frame inputs have 11 items and begin with their name")
+        _, number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
+        received = [
+            self._decoder.from_member(as_text(name, "a name"), sent) for name, sent in ticked
+        ]
+        evolved = [
+            self._decoder.from_member(as_text(name, "a name"), sent) for name, sent in replies
+        ]
+        return FrameInputs(
+            _number(number),
+            _texts(due),
+            {reply.member: reply for reply in received if isinstance(reply, m.TickReply)},
+            self.events(taken),
+            _layout(layout),
+            [reply for reply in evolved if isinstance(reply, m.EvolveReply)],
+            self.events(waiting),
+            _texts(people),
+            tuple(as_int(count, "replies") for count in as_list(answers, "counts of replies")),
+            _texts(left_out),
+        )
+
+    def events(self, plain: Any) -> EventsBySource:
+        """Events by source."""
+        return {
+            source: self.reader.events(sent) for source, sent in as_map(plain, "events").items()
+        }
+
+
+def entry_number(data: bytes) -> int:
+    """Number of the frame of an entry. Raises ProtocolError."""
+    items = unpacked(data)
+    return _number(items[1] if len(items) > 1 else None)
+
+
+def unpacked(data: bytes) -> list[Any]:
+    """The items of an entry. Raises ProtocolError."""
+    return as_list(unpack(data, ON_DISK), "an entry")
+
+
+def _as_keyframe(items: list[Any]) -> list[Any]:
+    """Convert entries of earlier formats: a record's lacks a checkpoint, a journal's a number."""
+    if items[:1] != ["string"]:
+        return items
+    number = [] if len(items) == 3 else [None]
+    return ["keyframe", *number, *items[1:], *([b"", []] if len(items) == 3 else [])]
+
+
+def _layout(plain: Any) -> Layout:
+    return tuple(
+        tuple((as_text(name, "a fragment"), as_int(rows, "rows")) for name, rows in population)
+        for population in as_list(plain, "a layout")
+    )
+
+
+def _texts(plain: Any) -> tuple[str, ...]:
+    return tuple(as_text(name, "a name") for name in as_list(plain, "names"))
+
+
+def _number(plain: Any) -> int:
+    return as_int(plain, "the number of a frame")
