@@ -55,14 +55,14 @@ class FrameAlgorithm(Attendance):
             s.Appeared: self._on_appeared,
             m.Hello: self._on_hello,
             s.Vanished: self._on_vanished,
-            s.GaveUp: self._on_gave_up,
+            s.Abandoned: self._on_gave_up,
             s.Violation: self._on_violation,
             s.Silent: self._on_silent,
             s.Skip: self._on_skip,
             m.Failed: self._on_failed,
             m.Resync: self._on_resync,
             m.Leaving: self._on_leaving,
-            m.Doing: self._on_doing,
+            m.MemberMetrics: self._on_doing,
             m.Report: self._on_report,
             s.End: self._on_end,
         }
@@ -417,7 +417,7 @@ class FrameAlgorithm(Attendance):
             lines = told.problem.split("\n")[:REPORT_LINES]
             self._say(member.name, f"{when}: {chr(10).join(lines)}", told.traceback)
 
-    def _on_doing(self, told: m.Doing) -> None:
+    def _on_doing(self, told: m.MemberMetrics) -> None:
         self.members.get(told.member).figures = told.figures
 
     def _on_report(self, report: m.Report) -> None:

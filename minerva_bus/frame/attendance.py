@@ -130,7 +130,7 @@ class Attendance(Steps):
         if self.phase is Phase.WAITING:
             self._ready_if_all_here()
 
-    def _on_gave_up(self, told: s.GaveUp) -> None:
+    def _on_gave_up(self, told: s.Abandoned) -> None:
         member = self.members.get(told.member)
         self.members.stop_expecting(member)
         over = self.phase in (Phase.STOPPING, Phase.ENDED)

@@ -156,7 +156,7 @@ class Core:
         self._out.append(s.Send(to, plainly(message) if plain else message))
 
     def _say(self, member: str, text: str, details: str = "") -> None:
-        self._out.append(s.Say(member, text, details))
+        self._out.append(s.Notify(member, text, details))
 
     # --- the end ---
 

@@ -227,7 +227,7 @@ class Leaving:
 
 
 @dataclass(frozen=True, slots=True)
-class Doing:
+class MemberMetrics:
     """A member's current metrics, for people who watch."""
 
     WIRE: ClassVar = Wire(
@@ -431,7 +431,7 @@ class FrameRecord:
 
 
 FromMember: TypeAlias = (
-    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | Doing | Report
+    Hello | TickReply | EvolveReply | Emitted | Failed | Resync | Leaving | MemberMetrics | Report
 )
 ToMember: TypeAlias = (
     Greet

@@ -1,4 +1,4 @@
-"""What the frame algorithm is told, and what it tells to do: its whole contact with the world."""
+"""Inputs and outputs of the frame algorithm: stimuli in, instructions out, and nothing else."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ TICKED: Final = "~tick"
 HOSTS: Final = "~hosts"
 
 
-# --- in, beside what members send ---
+# --- stimuli, besides the messages of members ---
 
 
 @dataclass(frozen=True, slots=True)
 class Appeared:
-    """A member's liveliness token is there."""
+    """A member's liveliness token has appeared."""
 
     member: str
 
 
 @dataclass(frozen=True, slots=True)
 class Vanished:
-    """A member's liveliness token is gone."""
+    """A member's liveliness token has disappeared."""
 
     member: str
 
 
 @dataclass(frozen=True, slots=True)
-class GaveUp:
-    """Nobody will start this member again; go on without it."""
+class Abandoned:
+    """No process will be started for this member again; the world continues without it."""
 
     member: str
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A member sent what the protocol does not allow."""
+    """A member sent a message that the protocol does not allow."""
 
     member: str
     reason: str
@@ -58,29 +58,29 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class Drain:
-    """A host shall be emptied: others take its agents over at the next frame's edge."""
+    """Drain a host: other hosts take over its agents at the start of the next frame."""
 
     member: str
 
 
 @dataclass(frozen=True, slots=True)
 class Skip:
-    """The frame shall go on without this member's answer; its agents stand still."""
+    """Continue the frame without this member's reply; its agents keep their states."""
 
     member: str
 
 
 @dataclass(frozen=True, slots=True)
 class Silent:
-    """Time has passed: those who are being waited for are late, or gone without a report."""
+    """A period has passed without a reply: awaited members are late, or gone without a report."""
 
 
 @dataclass(frozen=True, slots=True)
 class Begin:
     """The next frame may begin.
 
-    `due` are the visual event types whose devices want a view by the clock, and now is the time.
-    `inputs` are logged ones, which count in place of those of members that are not here.
+    `due` are the visual event types of devices with a rate that are due for a view now.
+    `inputs` are logged inputs, which replace those of members that are absent.
     """
 
     due: tuple[str, ...] = ()
@@ -89,14 +89,14 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Seek:
-    """What is played again shall go on with this frame."""
+    """Continue the replay of a record at this frame."""
 
     frame: int
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """The world shall end now; `failed`: before its time, because something went wrong.
+    """The world ends now; `failed`: prematurely, because of an error.
 
     `hurried`: its owner waits for the end, so members have little time for their last output.
     """
@@ -110,7 +110,7 @@ Stimulus: TypeAlias = (
     FromMember
     | Appeared
     | Vanished
-    | GaveUp
+    | Abandoned
     | Violation
     | Order
     | Drain
@@ -122,12 +122,12 @@ Stimulus: TypeAlias = (
 )
 
 
-# --- out ---
+# --- instructions ---
 
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Send a message to a member, or to everyone, all who are ticked, or all hosts of agents."""
+    """Send a message to a member, or to `EVERYONE`, all that are `TICKED`, or all `HOSTS`."""
 
     to: str
     message: ToMember
@@ -135,7 +135,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """Publish a view for the observers of its event type, or for one that wants another form."""
+    """Publish a view for the observers of its event type; `to`: for one that needs another form."""
 
     event_type: str
     message: ToMember
@@ -143,8 +143,8 @@ class Show:
 
 
 @dataclass(frozen=True, slots=True)
-class Say:
-    """Tell the people who watch: about whom, and what; `details` are for the log only."""
+class Notify:
+    """Notify the people who watch of something about a member; `details` go to the log only."""
 
     member: str
     text: str
@@ -153,16 +153,16 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """All who are needed are there and no frame is under way: send `Begin` when it is time."""
+    """All required members are present and no frame is in progress: send `Begin` when it is due."""
 
     frame: int
 
 
 @dataclass(frozen=True)
 class FrameDone:
-    """A frame is over. `record` is made when it is asked for, which is now or never.
+    """A frame is complete. `record` is computed on first access, before the next stimulus or never.
 
-    It has the digest of the whole string, which nobody need pay for who does not want it. The
+    It contains the digest of the whole string, whose cost only its readers should pay. The
     `inputs` are for the log.
     """
 
@@ -173,23 +173,23 @@ class FrameDone:
 
     @cached_property
     def record(self) -> FrameRecord:
-        """What happened in the frame; to be asked for before the next stimulus."""
+        """The result of the frame; access it before the next stimulus."""
         return self.make()
 
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """No frame follows, for this reason; members are asked for their reports and go."""
+    """No frame follows, for this reason; members are asked for their reports and leave."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The world is over, and all reports are in or cannot come any more."""
+    """The world has ended: every report has arrived, or its member is gone."""
 
     reason: str
     figures: Figures
 
 
-Instruction: TypeAlias = Send | Show | Say | Ready | FrameDone | Stopping | Ended
+Instruction: TypeAlias = Send | Show | Notify | Ready | FrameDone | Stopping | Ended

@@ -276,7 +276,7 @@ class Alone:
             later.set_result(answer(asked, self))
 
     def _watch(self, instruction: s.Instruction) -> None:
-        if isinstance(instruction, s.Say):
+        if isinstance(instruction, s.Notify):
             self._console.frame = self.algorithm.frame
             self._console.log(instruction.member, instruction.text, "warning")
             said = f"{instruction.text}\n{instruction.details}".rstrip()
@@ -290,7 +290,7 @@ class Alone:
             self._last_frame = now
             late = self.overruns.done(instruction.frame, now)
             if late:
-                self._watch(s.Say("coordinator", late))
+                self._watch(s.Notify("coordinator", late))
             self.diary.frame(instruction.frame, instruction.events)
             if self._first_frame is None:
                 self._first_frame = now

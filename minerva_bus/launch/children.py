@@ -218,7 +218,7 @@ def obey(line: str, coordinator: BusCoordinator) -> None:
     elif word == "started":
         coordinator.inbox.put(Started(rest))
     elif word == "gave_up":
-        coordinator.inbox.put(s.GaveUp(rest))
+        coordinator.inbox.put(s.Abandoned(rest))
     elif word == "end":
         coordinator.inbox.put(s.End(rest))
     elif word == "stop":

@@ -221,7 +221,7 @@ def _run(
     sink = recording(file, algorithm, problems.append)
 
     def watch(notice: Notice) -> None:
-        if isinstance(notice, s.Say):
+        if isinstance(notice, s.Notify):
             sink.said(notice.member, notice.text)
         elif isinstance(notice, s.FrameDone):
             sink.frame(notice)

@@ -484,7 +484,7 @@ class BusCoordinator:
             self._outbox.show(instruction.event_type, data, instruction.to)
         elif isinstance(instruction, s.Stopping):
             self._watch.stopping(instruction.reason)
-        elif isinstance(instruction, s.Say):
+        elif isinstance(instruction, s.Notify):
             self._say(instruction.member, instruction.text, instruction.details)
         else:
             self.ended = instruction
@@ -616,5 +616,5 @@ class BusCoordinator:
     def _let_go(self, waiting: list[str]) -> None:
         """Wait no longer for guests of the coordinator before, who have not come back."""
         for name in sorted(self._guests.intersection(waiting)):
-            self.tell(s.GaveUp(name))
+            self.tell(s.Abandoned(name))
         self._guests = frozenset[str]()

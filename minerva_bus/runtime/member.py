@@ -335,7 +335,7 @@ class BusMember:
         figures = self.participant.figures()
         if figures != self._figures:
             self._figures = figures
-            self._send(m.Doing(self.participant.name, figures))
+            self._send(m.MemberMetrics(self.participant.name, figures))
 
     def _heard_first(self, data: bytes) -> None:
         body = self._of_my_coordinator(data)

@@ -15,7 +15,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 
-Notice: TypeAlias = s.Say | s.Ready | s.FrameDone | s.Stopping | s.Ended
+Notice: TypeAlias = s.Notify | s.Ready | s.FrameDone | s.Stopping | s.Ended
 """Instructions that deliver nothing: they concern the sinks."""
 
 Hook: TypeAlias = Callable[[s.Stimulus], None]

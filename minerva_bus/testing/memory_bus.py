@@ -90,7 +90,7 @@ class _Log(Sink):
                 self.inputs.append(notice.inputs)
         elif isinstance(notice, s.Ready):
             self.ready = True
-        elif isinstance(notice, s.Say):
+        elif isinstance(notice, s.Notify):
             self.said.append(f"{notice.member}: {notice.text}")
 
 

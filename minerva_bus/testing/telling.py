@@ -17,7 +17,7 @@ def told(what: object) -> str:  # noqa: C901
             return f"{to} ← {line}" if line else ""
         case s.Show(event_type, message):
             return f"observers of {event_type} ← {_sent(message)}"
-        case s.Say(member, text):
+        case s.Notify(member, text):
             return f"says {member}: {text.strip()}"
         case s.Ready(frame):
             return f"ready for frame {frame}"
@@ -33,7 +33,7 @@ def told(what: object) -> str:  # noqa: C901
             return f"skip {member}"
         case s.Drain(member):
             return f"drain {member}"
-        case s.GaveUp(member):
+        case s.Abandoned(member):
             return f"{member} is given up"
         case s.Violation(member, reason):
             return f"{member} breaks the protocol: {reason}"
@@ -91,7 +91,7 @@ def _heard(message: object) -> str:
             return f"{member}: failed in frame {frame}: {problem}"
         case m.Resync(member, event_type):
             return f"{member}: resync {event_type}"
-        case m.Doing(member, figures):
+        case m.MemberMetrics(member, figures):
             return f"{member} does {dict(figures)}"
         case m.Report(member, figures):
             return f"{member}: report {dict(figures) or ''}".rstrip()

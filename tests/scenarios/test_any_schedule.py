@@ -33,7 +33,7 @@ from pond import (
 from minerva_bus import Scene
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.stimuli import Begin, FrameDone, GaveUp
+from minerva_bus.frame.stimuli import Abandoned, Begin, FrameDone
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.memory_bus import MemoryBus
 
@@ -217,7 +217,7 @@ def test_members_that_die_for_good_are_waited_for_until_they_are_given_up(settin
         note("\n".join(bus.trace))
         assert bus.stuck == []
         for name in sorted(mortal - bus.alive.keys()):
-            bus.handle(GaveUp(name))
+            bus.handle(Abandoned(name))
         assert not given_up
         given_up = True
         play(bus, chance, [])

@@ -8,7 +8,7 @@ from test_any_schedule import FRAMES, SETTINGS, both
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.stimuli import GaveUp
+from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
 
@@ -26,7 +26,7 @@ def run(setting, kills):
             bus.kill_coordinator()
             for name in sorted(setting.members.keys() - bus.alive.keys()):
                 if len(bus.records) == FRAMES:  # It was told of the end, and has gone.
-                    bus.handle(GaveUp(name))
+                    bus.handle(Abandoned(name))
     return bus, steps
 
 

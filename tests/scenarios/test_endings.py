@@ -169,7 +169,7 @@ def test_what_comes_after_the_end_is_ignored():
         m.Report("add", {"added": 5}),
         m.Emitted("add", ()),
         s.Violation("add", "late"),
-        s.GaveUp("add"),
+        s.Abandoned("add"),
         s.Vanished("host"),
     ):
         bus.handle(told)
@@ -275,7 +275,7 @@ def test_the_last_view_waits_for_a_host_that_is_away_unless_it_is_given_up():
     assert bus.algorithm.phase is Phase.CLOSING
     assert bus.algorithm.waiting_for() == ["host"]
     bus.trace.clear()
-    bus.handle(s.GaveUp("host"))
+    bus.handle(s.Abandoned("host"))
     bus.settle()
     expect(
         bus,

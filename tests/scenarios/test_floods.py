@@ -22,7 +22,7 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
     said = []
     for number in range(25):
         out = world.receive(m.Emitted("rain", (eDrop(number),)))
-        said += [one.text for one in out if isinstance(one, s.Say)]
+        said += [one.text for one in out if isinstance(one, s.Notify)]
     assert said == ["has 10 events waiting for a frame; more are dropped"]
     assert world.members.get("rain").dropped == 15
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]

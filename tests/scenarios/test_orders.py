@@ -123,7 +123,7 @@ def test_an_order_whose_taker_has_gone_for_good_counts_as_it_is():
     bus.run(1)
     bus.handle(s.Order(eAdd(3)))
     bus.vanish("add")
-    bus.handle(s.GaveUp("add"))
+    bus.handle(s.Abandoned("add"))
     bus.run(1)
     assert "n=3" in str(bus.algorithm.scene)
 
@@ -148,7 +148,7 @@ def test_an_order_of_a_type_that_concerns_nobody_changes_nothing():
     bus.run(1)
     before = bus.algorithm.scene
     bus.vanish("add")
-    bus.handle(s.GaveUp("add"))
+    bus.handle(s.Abandoned("add"))
     bus.handle(s.Order(eStep(1)))
     bus.settle()
     bus.run(1)

@@ -37,7 +37,7 @@ def test_nor_is_it_while_that_generator_is_away():
     bus.vanish("add")
     bus.settle()
     assert "comes from add" in refusal(bus, "eAdd")
-    bus.handle(s.GaveUp("add"))
+    bus.handle(s.Abandoned("add"))
     assert refusal(bus, "eAdd") == ""
 
 

@@ -33,7 +33,7 @@ def columns(event, senders):
 
 
 def said(out):
-    return " ".join(one.text for one in out if isinstance(one, s.Say))
+    return " ".join(one.text for one in out if isinstance(one, s.Notify))
 
 
 def happened(world):

@@ -325,7 +325,7 @@ def test_agents_of_a_host_that_is_given_up_stand_still():
     bus.vanish("mothers")
     bus.trace.clear()
     bus.run(1)
-    bus.handle(s.GaveUp("mothers"))
+    bus.handle(s.Abandoned("mothers"))
     bus.run(1)
     expect(
         bus,
@@ -363,7 +363,7 @@ def test_a_generator_that_is_given_up_in_a_tick_is_missed_no_longer():
     bus.vanish("more")
     bus.run(1)
     bus.trace.clear()
-    bus.handle(s.GaveUp("more"))
+    bus.handle(s.Abandoned("more"))
     bus.run(1)
     expect(
         bus,
@@ -391,7 +391,7 @@ def test_one_that_is_given_up_before_the_start_is_not_waited_for():
     bus.appear("host")
     bus.settle()
     assert bus.algorithm.waiting_for() == ["more"]
-    bus.handle(s.GaveUp("more"))
+    bus.handle(s.Abandoned("more"))
     bus.run(1)
     assert len(bus.records) == 1
 
@@ -546,7 +546,7 @@ def test_a_generator_is_not_held_up_by_a_source_that_will_not_come_back():
     bus.vanish("water")
     bus.run(1)
     bus.trace.clear()
-    bus.handle(s.GaveUp("water"))
+    bus.handle(s.Abandoned("water"))
     bus.settle()
     expect(
         bus,

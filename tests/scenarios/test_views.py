@@ -143,7 +143,7 @@ def test_an_agent_that_looks_as_before_is_not_shown_again():
     bus.run(2)
     bus.hold(("down", "screen"))
     bus.vanish("add")
-    bus.handle(s.GaveUp("add"))
+    bus.handle(s.Abandoned("add"))
     bus.settle()
     bus.run(1)
     assert shown(bus)[-1].startswith("1:")

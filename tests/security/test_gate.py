@@ -63,7 +63,7 @@ def test_names_without_number_are_counted_as_one():
         (m.EvolveReply("a", 1), True),
         (m.Report("a", {"x": 1}), True),
         (m.Emitted("a", ()), False),
-        (m.Doing("a", {}), False),
+        (m.MemberMetrics("a", {}), False),
         (m.Hello("a", 1), False),
     ],
 )

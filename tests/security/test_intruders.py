@@ -282,7 +282,7 @@ def test_what_was_said_in_an_old_frame_counts_no_more(world, door, keys):
         goes_on(world)
 
 
-@pytest.mark.parametrize("kind", [m.Doing, m.Report])
+@pytest.mark.parametrize("kind", [m.MemberMetrics, m.Report])
 def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
     before = refused(world, "sensor")
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
@@ -298,7 +298,7 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
 def test_what_a_member_says_of_itself_steers_nobody_s_terminal(world, door, keys):
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
-        joined.member._send(m.Doing("sensor", {"note": "\x1b[2Jhi"}))
+        joined.member._send(m.MemberMetrics("sensor", {"note": "\x1b[2Jhi"}))
         for n in range(20):
             joined.member._send(m.Failed("sensor", n, "\x1b]0;title\x07\ntwo\u202e", "three"))
         world.says("sensor │ failed in frame 0: ?]0;title?")

@@ -84,7 +84,7 @@ def from_member(vocabulary):
         st.builds(m.Failed, members, st.integers(-1, 1 << 40), texts(), texts()),
         st.builds(m.Resync, members, texts()),
         st.builds(m.Leaving, members),
-        st.builds(m.Doing, members, figures),
+        st.builds(m.MemberMetrics, members, figures),
         st.builds(m.Report, members, figures),
     )  # fmt: skip
 
