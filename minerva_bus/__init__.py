@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from minerva_bus.grammar.vocabulary import Vocabulary
     from minerva_bus.semantics.geometry import Geometry, interpret
     from minerva_bus.world.agent import Agent, on, view
-    from minerva_bus.world.context import Context, Frame
+    from minerva_bus.world.context import BatchContext, Context, Frame
+    from minerva_bus.world.event_batch import EventBatch
     from minerva_bus.world.evolution import Policy, evolve
-    from minerva_bus.world.population import BatchContext, EventBatch
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -56,8 +56,8 @@ _HOMES = {
     "semantics.geometry": "Geometry interpret",
     "world.agent": "Agent on view",
     "world.evolution": "Policy evolve",
-    "world.context": "Context Frame",
-    "world.population": "BatchContext EventBatch",
+    "world.context": "BatchContext Context Frame",
+    "world.event_batch": "EventBatch",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }

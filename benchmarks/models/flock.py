@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from minerva_bus import (
     Agent,
+    BatchContext,
     Context,
     Event,
     EventType,
@@ -27,7 +28,6 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.world.population import BatchContext
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
 from minerva_services.physics.neighbours.plane import near

@@ -18,10 +18,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus import Agent, Context, Event, EventType, Primitive, Scene, Vocabulary, on, view
+from minerva_bus import (
+    Agent,
+    BatchContext,
+    Context,
+    Event,
+    EventBatch,
+    EventType,
+    Primitive,
+    Scene,
+    Vocabulary,
+    on,
+    view,
+)
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import BatchContext, EventBatch
 from minerva_bus.world.services import Service
 from minerva_services.physics.neighbours import Neighbours
 from minerva_services.physics.neighbours.lattice import Lattice

@@ -13,10 +13,19 @@ from functools import partial
 import numpy as np
 
 from benchmarks.models.events import Clock, eStep
-from minerva_bus import Agent, Context, Event, EventType, Scene, Vocabulary, on
+from minerva_bus import (
+    Agent,
+    BatchContext,
+    Context,
+    Event,
+    EventBatch,
+    EventType,
+    Scene,
+    Vocabulary,
+    on,
+)
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import BatchContext, EventBatch
 from minerva_bus.world.services import Service
 
 NAME = "wealth"

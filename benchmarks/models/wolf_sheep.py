@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from minerva_bus import (
     Agent,
+    BatchContext,
     Device,
     Event,
     EventType,
@@ -39,7 +40,7 @@ from minerva_bus import (
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.world.population import BatchContext, Population
+from minerva_bus.world.population import Population
 from minerva_bus.world.services import Service
 
 NAME = "wolf_sheep"

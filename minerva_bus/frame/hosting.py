@@ -14,10 +14,11 @@ from minerva_bus.grammar.patch import Delta, difference
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Evolved, Policy, evolve
-from minerva_bus.world.kinds import Addressed, Kinds
+from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.views import visualize
 
 

@@ -84,12 +84,12 @@ class Events:
         """The column of a datum."""
         return self.columns[self.names.index(name)].array
 
-    def rows_to(self, receiver: str) -> list[int]:
-        """The rows of the events for one agent."""
+    def to(self, receiver: str) -> Events:
+        """Those for one agent; these very ones where all are."""
         if self.receivers is None:
-            return list(range(self.count))
-        wanted = Ids.of([receiver])
-        return np.flatnonzero(wanted.rows_of(self.receivers) >= 0).tolist()
+            return self
+        rows = np.flatnonzero(Ids.of([receiver]).rows_of(self.receivers) >= 0)
+        return self if len(rows) == self.count else self.take(rows)
 
     @staticmethod
     def of(events: Sequence[Event]) -> Events | None:
@@ -202,6 +202,11 @@ def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
             yield from event
         else:
             yield event
+
+
+def first_of(event: AnyEvent) -> Event:
+    """The event, or the first one of a batch."""
+    return event.event(0) if isinstance(event, Events) else event
 
 
 def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:

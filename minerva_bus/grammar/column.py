@@ -49,7 +49,11 @@ class Column(Joinable):
         kinds = set(map(type, values))
         kind = kinds.pop() if len(kinds) == 1 else object
         array: NDArray[Any] = np.empty(len(values), _DTYPES.get(kind, object))
-        array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
+        if kind is tuple or kind is np.ndarray:
+            for row, value in enumerate(values):  # numpy would take it apart
+                array[row] = value
+        else:
+            array[:] = values  # pyright: ignore[reportArgumentType, reportCallIssue]
         return Column(array)
 
     @staticmethod

@@ -238,7 +238,7 @@ def size(group: Sequence[Piece]) -> int:
 
 def packed(scene: Scene) -> Scene:
     """The same string with its longer runs of one shape at the outermost level as columns."""
-    if len(scene.pieces) < MANY and not any(isinstance(one, Columns) for one in scene.pieces):
+    if len(scene.pieces) < MANY and not has_columns(scene):
         return scene
     made: list[Piece] = []
     for shape, group in runs(scene.pieces):
@@ -259,6 +259,29 @@ def one_by_one(scene: Scene) -> Scene:
     return of_pieces(scene, made)
 
 
+def has_columns(scene: Scene) -> bool:
+    """Whether some nodes at the outermost level are held in columns."""
+    return any(isinstance(piece, Columns) for piece in scene.pieces)
+
+
+def rewritten(
+    scene: Scene,
+    leave: Callable[[Node, Scene], Scene | Node],
+    whole: Callable[[Columns], Scene | None],
+) -> Scene:
+    """As `rebuild`, but columns at the outermost level are given to `whole` as they are.
+
+    Where that returns None, their rows are rewritten by `leave`, as nodes.
+    """
+    if not has_columns(scene):
+        return rebuild(scene, leave)
+    made: list[Piece] = []
+    for piece in scene.pieces:
+        result = whole(piece) if isinstance(piece, Columns) else None
+        made += (rebuild(Scene((piece,)), leave) if result is None else result).pieces
+    return of_pieces(scene, made)
+
+
 def unfolded(scene: Scene) -> Scene:
     """The same string without columns, in no scope either."""
 
@@ -269,8 +292,7 @@ def unfolded(scene: Scene) -> Scene:
 
 
 def _nodes_of(scene: Scene) -> Scene:
-    many = any(isinstance(piece, Columns) for piece in scene.pieces)
-    return Scene(scene.nodes) if many else scene
+    return Scene(scene.nodes) if has_columns(scene) else scene
 
 
 def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tuple[bool, Node]]:

@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol, TypeVar
 from minerva_bus.errors import MisuseError, VocabularyError, nearest
 from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import Columns, packed, rewritten
 from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
@@ -21,11 +21,9 @@ from minerva_bus.grammar.scene import (
     AgentNode,
     FigureNode,
     Node,
-    Piece,
     Scene,
     TransformationNode,
     Value,
-    of_pieces,
     rebuild,
 )
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
@@ -144,17 +142,12 @@ class Vocabulary:
             except Unfit as unfit:
                 raise _vocabulary_error(str(unfit), node, source, parsed) from None
 
-        if not any(isinstance(piece, Columns) for piece in scene.pieces):
-            return rebuild(scene, leave)
-        made: list[Piece] = []
-        for piece in scene.pieces:
-            if not isinstance(piece, Columns):
-                made += rebuild(Scene((piece,)), leave).pieces
-            elif self._fits(piece):
-                made.append(self._with_known_ids(piece, taken, source))
-            else:
-                made += packed(rebuild(Scene(piece.nodes()), leave)).pieces
-        return of_pieces(scene, made)
+        def whole(part: Columns) -> Scene:
+            if self._fits(part):
+                return Scene((self._with_known_ids(part, taken, source),))
+            return packed(rebuild(Scene(part.nodes()), leave))
+
+        return rewritten(scene, leave, whole)
 
     def _fits(self, many: Columns) -> bool:
         """Whether columns are as this vocabulary has them, except for their ids."""

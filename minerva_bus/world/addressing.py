@@ -1,8 +1,9 @@
-"""Whom events concern among agents in columns, in rounds in which each agent has one at most."""
+"""Which events of a frame concern which agents: by id for one agent, by row for a population."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -13,28 +14,101 @@ from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 
+
+@dataclass(slots=True)
+class Addressed:
+    """A frame's events in order, indexed by receiver.
+
+    A batch of events stays one: an agent gets the part of it that is for this agent.
+    """
+
+    events: tuple[AnyEvent, ...]
+    types: frozenset[str] = field(init=False)
+    _everyone: dict[str, list[int]] = field(init=False)
+    _single: dict[str, list[int]] = field(init=False)
+    _batches: dict[str, list[int]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.types = frozenset([event.type for event in self.events])
+        self._everyone, self._single, self._batches = {}, {}, {}
+        for index, event in enumerate(self.events):
+            if not event.receivers:  # of a batch: None; an empty one does not exist
+                self._everyone.setdefault(event.type, []).append(index)
+            elif isinstance(event, Events):
+                self._batches.setdefault(event.type, []).append(index)
+            else:
+                for receiver in dict.fromkeys(event.receivers):
+                    self._single.setdefault(receiver, []).append(index)
+
+    def to(
+        self, agent_id: str, event_types: Container[str], after: int = -1
+    ) -> list[tuple[int, AnyEvent]]:
+        """The events for an agent that responds to these types, in order, with their indexes.
+
+        Only those whose index is greater than `after`.
+        """
+        events = self.events
+        indexes = [
+            index
+            for event_type, every in self._everyone.items()
+            if event_type in event_types
+            for index in every
+        ]
+        indexes += [
+            index for index in self._single.get(agent_id, ()) if events[index].type in event_types
+        ]
+        concerning = [(index, events[index]) for index in indexes if index > after]
+        if self._batches:
+            concerning += self._in_batches(agent_id, event_types, after)
+        concerning.sort(key=_index)
+        return concerning
+
+    def _in_batches(
+        self, agent_id: str, event_types: Container[str], after: int
+    ) -> Iterator[tuple[int, AnyEvent]]:
+        for event_type, indexes in self._batches.items():
+            for index in indexes if event_type in event_types else ():
+                batch = self.events[index]
+                if index > after and isinstance(batch, Events):
+                    own = batch.to(agent_id)
+                    if own.count:
+                        yield index, own
+
+
+def _index(pair: tuple[int, AnyEvent]) -> int:
+    return pair[0]
+
+
+def addressed(events: Sequence[AnyEvent] | Addressed) -> Addressed:
+    """Events indexed by receiver; the index is built once for many strings."""
+    return events if isinstance(events, Addressed) else Addressed(tuple(events))
+
+
 Round: TypeAlias = tuple[AnyEvent, Rows | None]
-"""Events and the rows of their agents, each row once; None: one event for all."""
+"""A batch in which each receiver occurs once, with their rows; None: one event for all rows."""
 
 
-def turns(item: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
-    """An event's agents; several events in turns, so that no agent has two in one."""
-    if isinstance(item, Events):
-        if item.receivers is None:
-            for event in item:
-                yield event, None
+def rounds(event: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
+    """The events of an item for the agents with these ids, in batches of unique receivers.
+
+    With `at_once` there is one batch, in which a receiver may occur several times.
+    """
+    if isinstance(event, Events):
+        if event.receivers is None:
+            for each in event:
+                yield each, None
         else:
-            yield from _each_once(item, ids.rows_of(item.receivers), at_once=at_once)
-    elif not item.receivers:
-        yield item, None
+            yield from _unique(event, ids.rows_of(event.receivers), at_once=at_once)
+    elif not event.receivers:
+        yield event, None
     else:
-        rows = ids.rows_of(Ids.of(item.receivers))
+        rows = ids.rows_of(Ids.of(event.receivers))
         rows = np.sort(rows[rows >= 0])
         if len(rows):
-            yield item, rows
+            yield event, rows
 
 
-def _each_once(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
+def _unique(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
     here = rows >= 0
     if not here.all():
         chosen = np.flatnonzero(here)
@@ -55,7 +129,7 @@ def _each_once(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
 
 
 def narrowed(event: AnyEvent, rows: Rows | None, keep: NDArray[np.bool_]) -> Round | None:
-    """A round with those only that are to be kept; None: nobody is left."""
+    """A round without the receivers that `keep` excludes, shape (agents,); None if none is left."""
     if isinstance(event, Event):
         left = np.flatnonzero(keep) if rows is None else rows[keep[rows]]
         return (event, left) if len(left) else None

@@ -47,25 +47,26 @@ from minerva_bus.world.declaring import (
     handlers,
     state_of,
 )
-from minerva_bus.world.lineage import child_id
+from minerva_bus.world.lineage import check_births, child_id
 from minerva_bus.world.population_of_one import as_one, view_as_one
 
-Handler = Callable[[Any, Event, Context], Scene | None]
+Handler = Callable[[Any, Any, Context], Scene | None]
 ViewHandler = Callable[[Any, Event], Scene]
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def on(
     *event_types: str,
-    population: bool = False,
+    population: bool | None = None,
     together: bool = False,
     probability: float | str = 1.0,
 ) -> Callable[[_F], _F]:
     """Mark a method `(self, event, moment)` as the activity for these event types.
 
-    With `population` it is written for many agents at once (world/population.py). With `together`
-    it gets all events of a frame for one type in one call, not one for each agent after another:
-    then `event.row` says which of the agents each of them is for.
+    With `population`, `self` is many agents at once (world/population.py). With `together`, `event`
+    is all events of a frame for one type, in one call: its data are arrays with a row for each
+    event, and `event.row` says which agent each event is for. `together` implies `population`,
+    unless that is False: then `self` is one agent and gets all its events, as a robot gets a scan.
 
     With a `probability` h, from 0 to 1 or the name of an attribute that has it, the agent is an
     a^{d,h} of section 5: it answers each event of these types with that probability only.
@@ -73,7 +74,8 @@ def on(
     if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
     h = probability if isinstance(probability, str) else float(probability)
-    return _mark(ON, event_types, population or together, together, h)
+    many = together if population is None else population
+    return _mark(ON, event_types, many, together, h)
 
 
 def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
@@ -262,12 +264,7 @@ class Agent:
         Counts in the attribute `births`, which the parent's kind must declare, so that ids are
         the same wherever and whenever the world runs.
         """
-        fields = self.kind.fields
-        if not any(one.name == "births" and one.type.kind == "int" for one in fields.all):
-            raise MisuseError(
-                f"{self.kind.name} gives birth: declare `births: int = 0` in its class, so that"
-                " its children's ids can be told apart"
-            )
+        check_births(self.kind)
         births: int = self.__dict__["births"] + 1
         self.__dict__["births"] = births
         return (kind or type(self))(child_id(self.id, births), **state).string

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Container, Mapping, Sequence
+from itertools import takewhile
 from typing import Any
 
+import numpy as np
+
 from minerva_bus.errors import MinervaError, MisuseError, StateError
+from minerva_bus.grammar.batch import AnyEvent, Events, count_of, single
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
@@ -20,65 +23,142 @@ from minerva_bus.grammar.scene import (
     scene_of,
 )
 from minerva_bus.source import assignments
+from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
+from minerva_bus.world.declaring import takes_batch
+from minerva_bus.world.event_batch import EventBatch, merged
+from minerva_bus.world.kinds import ActivityError, Kinds
 
 Activity = Callable[..., Any]
 
 
 def live(
-    node: AgentNode, places: list[int], addressed: Addressed, kinds: Kinds, moment: Context
-) -> Scene:
-    """What an agent becomes by the events at these places, one after another.
+    node: AgentNode, receiver: str, events: Addressed, kinds: Kinds, context: Context
+) -> Scene | AgentNode:
+    """What an agent becomes by a frame's events, in order; the very node where none concerns it.
 
+    Its events are those to the id `receiver`: a copy's are those of the agent that it copies.
     An agent that λ turns into one of another kind meets the frame's later events as such.
     Raises ActivityError.
     """
-    life, pending = AgentStep(node, kinds, moment), deque(places)
-    while pending and life.symbol in kinds:
-        place, before = pending.popleft(), life.symbol
-        life.meet(addressed.event(place))
-        if life.symbol != before and life.symbol in kinds:
-            later = addressed.places(node.id, kinds[life.symbol].activities)
-            pending = deque([one for one in later if one > place])
-    return life.string
+    concerning = events.to(receiver, kinds[node.symbol].activities)
+    if not concerning:
+        return node
+    step = AgentStep(node, kinds, context)
+    while concerning:
+        index = step.process(concerning)
+        if step.symbol not in kinds:
+            break
+        concerning = events.to(receiver, kinds[step.symbol].activities, after=index)
+    return step.string
 
 
 class AgentStep:
-    """One agent within a frame, and all that it has made of itself so far."""
+    """One agent processing its events within a frame, and what it has become so far."""
 
     def __init__(
-        self, node: AgentNode, kinds: Kinds, moment: Context, agent: Agent | None = None
+        self, node: AgentNode, kinds: Kinds, context: Context, agent: Agent | None = None
     ) -> None:
         self._node = node
         self._kinds = kinds
-        self._moment = moment
+        self._context = context
         self._around = scene_of(node)
-        self._inside = identities(node.scope)  # perhaps very deep; the agent is not in it
+        self._inside = identities(node.scope)  # may be nested deeply; the agent is not in there
         self._agent = agent
         self._ran: list[tuple[Activity, Event]] = []
         self.symbol = node.symbol
-        """Of the kind that it is of now; empty when it is no more."""
+        """Symbol of its current kind; empty once it is gone."""
 
-    def meet(self, event: Event) -> None:
-        """Live through one event that concerns it. Raises ActivityError."""
-        agent = self._agent
-        if agent is None:
-            agent = self._agent = self._thawed(self._node, event)
-        self._event = event
+    @property
+    def context(self) -> Context:
+        """The context that its activities get, with the events that they have emitted."""
+        return self._context
+
+    def process(self, events: Sequence[tuple[int, AnyEvent]]) -> int:
+        """Process events that concern it until its kind changes. Raises ActivityError.
+
+        Returns the index of the last event processed.
+        """
+        symbol, place, index = self.symbol, 0, -1
+        while place < len(events) and self.symbol == symbol:
+            index, event = events[place]
+            items = [event]
+            if self._takes_batch(event.type):
+                items = [item for _, item in takewhile(_of_type(event.type), events[place:])]
+                index = events[place + len(items) - 1][0]
+            place += len(items)
+            for each in merged(items) if len(items) > 1 else items:
+                self.meet(each)
+        return index
+
+    def meet(self, event: AnyEvent) -> None:
+        """Process an event, or the events of a batch in order. Raises ActivityError."""
+        if isinstance(event, Event) and not self._takes_batch(event.type):
+            self._meet_single(event)
+            return
+        start, count = 0, count_of(event)
+        while start < count and self._responds(event.type):
+            rest = event.take(slice(start, None)) if start and isinstance(event, Events) else event
+            if self._takes_batch(event.type):
+                self._meet_batch(rest)
+                return
+            symbol = self.symbol
+            for each in single([rest]):
+                self._meet_single(each)
+                start += 1
+                if self.symbol != symbol:
+                    break
+
+    def _responds(self, event_type: str) -> bool:
+        cls = self._kinds.get(self.symbol)
+        return cls is not None and event_type in cls.activities
+
+    def _takes_batch(self, event_type: str) -> bool:
+        cls = self._kinds.get(self.symbol)
+        return cls is not None and takes_batch(cls.activities.get(event_type))
+
+    def _meet_batch(self, event: AnyEvent) -> None:
+        events = event if isinstance(event, Events) else Events.repeated(event, 1)
+        chosen = self._answered(events)
+        if chosen.count:
+            first = chosen.event(0)
+            agent = self._thawed_once(first)
+            batch = EventBatch(chosen, np.zeros(chosen.count, np.intp))
+            self.become(self._run(agent, first, batch), first)
+
+    def _answered(self, events: Events) -> Events:
+        """Those whose condition holds now, and that it answers if it answers by chance."""
+        first = events.event(0)
+        agent = self._thawed_once(first)
+        if events.condition and not holds(events.condition, self._now(agent, first).state):
+            return events.take(slice(0, 0))
+        probability = agent.kind.chance(events.type)
+        if probability == 1.0:
+            return events
+        rows = [row for row in range(events.count) if self._answers(agent, first, probability)]
+        return events.take(np.array(rows, np.intp))
+
+    def _meet_single(self, event: Event) -> None:
+        agent = self._thawed_once(event)
         if event.condition and not holds(event.condition, self._now(agent, event).state):
             return
         probability = agent.kind.chance(event.type)
         if probability == 1.0 or self._answers(agent, event, probability):
-            self.become(self._activity(agent, event), event)
+            self.become(self._run(agent, event, event), event)
+
+    def _thawed_once(self, event: Event) -> Agent:
+        self._event = event
+        if self._agent is None:
+            self._agent = self._thawed(self._node, event)
+        return self._agent
 
     def _answers(self, agent: Agent, event: Event, probability: float | str) -> bool:
         """Whether it answers an event that it answers by chance."""
         if isinstance(probability, str):
             state: Mapping[str, Any] = self._now(agent, event).state
-            return self._moment.answers(event.type, state[probability])
-        return self._moment.answers(event.type, probability)
+            return self._context.answers(event.type, state[probability])
+        return self._context.answers(event.type, probability)
 
     def returned(self, activity: Activity, result: object, event: Event) -> None:
         """Take what an activity has returned elsewhere. Raises ActivityError."""
@@ -116,12 +196,12 @@ class AgentStep:
         now = scene_of(self._now(self._agent, self._event))
         return _put(self._around, self._node.id, now, self._inside)
 
-    def _activity(self, agent: Agent, event: Event) -> Scene | None:
+    def _run(self, agent: Agent, event: Event, given: Event | EventBatch) -> Scene | None:
         """λ(a, e); None where the agent stays and has changed itself."""
         activity = agent.activities[event.type]
         self._ran.append((activity, event))
         try:
-            return checked(activity(agent, event, self._moment))
+            return checked(activity(agent, given, self._context))
         except (Exception, SystemExit) as error:
             raise self._failed(activity, event) from error
 
@@ -148,7 +228,11 @@ class AgentStep:
         return found[0] if found else None
 
     def _failed(self, activity: Activity | None, event: Event) -> ActivityError:
-        return ActivityError(activity, self._node, event, self._moment.number)
+        return ActivityError(activity, self._node, event, self._context.number)
+
+
+def _of_type(event_type: str) -> Callable[[tuple[int, AnyEvent]], bool]:
+    return lambda pair: pair[1].type == event_type
 
 
 def at_fault(

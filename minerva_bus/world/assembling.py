@@ -28,28 +28,28 @@ class Unsound(StateError):
         self.row = row
 
 
-def assembled(herd: PopulationState, lives: Mapping[int, Scene]) -> Scene:
+def assembled(state: PopulationState, lives: Mapping[int, Scene]) -> Scene:
     """The string: rows that stayed, newborns behind their parents, and what single ones became."""
-    part = _changed(herd)
-    if herd.away is None and not herd.born:
+    part = _changed(state)
+    if state.away is None and not state.born:
         return Scene((part,))
-    if not lives and all(birth.newborn.symbol == part.symbol for birth in herd.born):
-        return _in_columns(part, herd)
-    return packed(_in_pieces(part, herd, lives))
+    if not lives and all(birth.newborn.symbol == part.symbol for birth in state.born):
+        return _in_columns(part, state)
+    return packed(_in_pieces(part, state, lives))
 
 
-def _changed(herd: PopulationState) -> Columns:
-    part = herd.part
+def _changed(state: PopulationState) -> Columns:
+    part = state.part
     columns = [
-        _column(part, herd, name, old) for name, old in zip(part.names, part.columns, strict=True)
+        _column(part, state, name, old) for name, old in zip(part.names, part.columns, strict=True)
     ]
     if all(new is old for new, old in zip(columns, part.columns, strict=True)):
         return part
     return part.with_columns(columns)
 
 
-def _column(part: Columns, herd: PopulationState, name: str, old: Column) -> Column:
-    array = herd.arrays.get(name)
+def _column(part: Columns, state: PopulationState, name: str, old: Column) -> Column:
+    array = state.arrays.get(name)
     if array is None:
         return old
     differs = bits(array) != bits(old.array)
@@ -57,7 +57,7 @@ def _column(part: Columns, herd: PopulationState, name: str, old: Column) -> Col
     if not count:
         return old
     if array.dtype == np.float64 and not np.isfinite(array).all():
-        wrong = ~np.isfinite(array) if herd.away is None else ~np.isfinite(array) & ~herd.away
+        wrong = ~np.isfinite(array) if state.away is None else ~np.isfinite(array) & ~state.away
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
             raise Unsound(name, row, float(array[row]))
@@ -67,13 +67,13 @@ def _column(part: Columns, herd: PopulationState, name: str, old: Column) -> Col
     return Column(array)
 
 
-def _in_columns(part: Columns, herd: PopulationState) -> Scene:
-    stays = np.ones(part.count, np.bool_) if herd.away is None else ~herd.away
+def _in_columns(part: Columns, state: PopulationState) -> Scene:
+    stays = np.ones(part.count, np.bool_) if state.away is None else ~state.away
     gone = np.flatnonzero(~stays)
-    if not herd.born:
+    if not state.born:
         turnover, newborn = RowDelta(part.count, gone, np.empty(0, np.intp)), None
     else:
-        births = sorted(herd.born, key=_later_first)
+        births = sorted(state.born, key=_later_first)
         parents = np.concatenate([birth.rows for birth in births])
         order = np.argsort(parents, kind="stable")
         ahead = np.cumsum(stays)[parents[order]]
@@ -87,13 +87,13 @@ def _later_first(birth: Birth) -> int:
     return -birth.turn
 
 
-def _in_pieces(part: Columns, herd: PopulationState, lives: Mapping[int, Scene]) -> Scene:
+def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]) -> Scene:
     made: list[Piece] = []
     young: dict[int, list[Piece]] = {}
-    for birth in sorted(herd.born, key=_later_first):
+    for birth in sorted(state.born, key=_later_first):
         for row, node in zip(birth.rows.tolist(), birth.newborn.nodes(), strict=True):
             young.setdefault(row, []).append(node)
-    away = set(np.flatnonzero(herd.away).tolist()) if herd.away is not None else set[int]()
+    away = set(np.flatnonzero(state.away).tolist()) if state.away is not None else set[int]()
     begin = 0
     for row in sorted(away | young.keys()):
         end = row if row in away else row + 1

@@ -1,24 +1,67 @@
-"""What a piece of user code may know of the frame that it runs in."""
+"""What user code may know and do in the frame in which it runs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import Events
+from minerva_bus.grammar.batch import AnyEvent, Events, single
 from minerva_bus.grammar.events import Event
-from minerva_bus.world.rng import Rng, answer_key, frame_key, hash_of, stream
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.world.rng import (
+    Rng,
+    RngBatch,
+    Rows,
+    Streams,
+    answer_key,
+    frame_key,
+    stream,
+)
+
+if TYPE_CHECKING:
+    from minerva_bus.world.population import Mask, Population
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One frame t of a world: its number, the seconds that a frame lasts, the world's seed."""
+    """One frame t of a world: its number, its duration `dt` in seconds, and the world's seed."""
 
     number: int = 0
     dt: float = 0.1
     seed: int = 0
+
+
+class FrameStreams:
+    """All random streams of some agents in a frame."""
+
+    __slots__ = ("_answers", "_frame", "_generators", "_ids", "draws")
+
+    def __init__(self, ids: Ids | Sequence[str], frame: Frame) -> None:
+        self._ids = ids
+        self._frame = frame
+        self._answers: dict[str, Streams] = {}
+        self._generators: dict[str, np.random.Generator] = {}
+        self.draws = Streams(ids, frame_key(frame.seed, frame.number))
+
+    def answers(self, event_type: str) -> Streams:
+        """The streams that decide which events of a type are answered by chance."""
+        streams = self._answers.get(event_type)
+        if streams is None:
+            key = answer_key(self._frame.seed, self._frame.number, event_type)
+            streams = self._answers[event_type] = Streams(self._ids, key)
+        return streams
+
+    def generator(self, who: str) -> np.random.Generator:
+        """The numpy Generator of an agent (`#id`) or a generator (its name)."""
+        generator = self._generators.get(who)
+        if generator is None:
+            generator = stream(self._frame.seed, who, self._frame.number)
+            self._generators[who] = generator
+        return generator
 
 
 class InFrame:
@@ -45,70 +88,87 @@ class InFrame:
 
 @dataclass(slots=True)
 class Context(InFrame):
-    """A frame as one agent or generator lives it.
+    """A frame as one agent or generator sees it.
 
-    `who` is the generator's name, or `#id` for an agent.
+    `who` is the generator's name, or `#id` for an agent. The agents of a population share the
+    random streams of the frame: each has those in its `row`.
     """
 
     frame: Frame
     who: str
     emitted: list[Event] = field(default_factory=list[Event])
-    _random: np.random.Generator | None = None
-    _chance: Rng | None = None
-    _answers: dict[str, Rng] | None = None
+    streams: FrameStreams | None = None
+    row: int = 0
+
+    def shared_streams(self) -> FrameStreams:
+        """The streams that this one is among; those of it alone unless others were given."""
+        if self.streams is None:
+            self.streams = FrameStreams((self.who.removeprefix("#"),), self.frame)
+        return self.streams
 
     @property
     def random(self) -> np.random.Generator:
-        """The random stream of this agent or generator in this frame."""
-        if self._random is None:
-            self._random = stream(self.frame.seed, self.who, self.frame.number)
-        return self._random
+        """The numpy Generator of this agent or generator in this frame."""
+        return self.shared_streams().generator(self.who)
 
-    def lent(
-        self,
-        chance: Rng | None,
-        random: np.random.Generator | None,
-        answers: dict[str, Rng],
-    ) -> None:
-        """Go on with these streams."""
-        self._chance, self._random, self._answers = chance, random, answers
+    @property
+    def chance(self) -> Rng:
+        """The draws of this agent or generator in this frame; equal to those of a population."""
+        return self.shared_streams().draws.row(self.row)
 
     def answers(self, event_type: str, probability: float) -> bool:
         """Whether an agent answers the next event of a type that it answers by chance.
 
-        Drawn from a stream for each (seed, agent, frame, type), a number for each such event.
+        Takes a number for each such event from a stream for each (seed, agent, frame, type).
         """
-        known = self._answers = self._answers if self._answers is not None else {}
-        found = known.get(event_type)
-        if found is None:
-            key = answer_key(self.frame.seed, self.frame.number, event_type)
-            found = known[event_type] = Rng.of(hash_of(self.who.removeprefix("#")), key)
-        return found.chance(probability)
+        return self.shared_streams().answers(event_type).row(self.row).chance(probability)
 
-    @property
-    def drawn(self) -> tuple[Rng | None, np.random.Generator | None]:
-        """The streams that have been drawn from."""
-        return self._chance, self._random
-
-    @property
-    def chance(self) -> Rng:
-        """Single draws of this agent or generator in this frame; those of a population too."""
-        if self._chance is None:
-            who = self.who.removeprefix("#")
-            self._chance = Rng.of(hash_of(who), frame_key(self.frame.seed, self.frame.number))
-        return self._chance
-
-    def emit(self, event: Event | Events) -> None:
-        """Send an event; it belongs to the next frame. An agent's is marked with its id."""
+    def emit(self, event: AnyEvent) -> None:
+        """Send an event, or several; they belong to the next frame. An agent's carry its id."""
         if isinstance(event, Events):
-            for one in event:
-                self.emit(one)
+            for each in single([event]):
+                self.emit(each)
             return
         if not isinstance(event, Event):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise MisuseError(f"emit an event, such as eNear(distance=1.0), not {event!r}")
         if self.who.startswith("#"):
-            event = replace(event, sender=self.who[1:])
+            sender, receivers = self.who[1:], event.receivers
+            event = Event(event.type, event.names, event.values, event.condition, sender, receivers)
         self.emitted.append(event)
+
+
+class BatchContext(InFrame):
+    """A frame as many agents see it at once; `rows` are theirs in the streams, None: all."""
+
+    __slots__ = ("_population", "_rows", "_streams", "frame")
+
+    def __init__(
+        self, frame: Frame, streams: Streams, population: Population, rows: Rows | None
+    ) -> None:
+        self.frame = frame
+        self._streams = streams
+        self._population = population
+        self._rows = rows
+
+    @property
+    def chance(self) -> RngBatch:
+        """The agents' draws: one number for each, from its own stream."""
+        return self._streams.batch(self._rows)
+
+    @property
+    def random(self) -> Any:
+        """A single agent has it; a population has not."""
+        raise MisuseError(
+            "moment.random is for one agent; a population draws from moment.chance, one number for"
+            " each (a single agent may use it too, and gets the same numbers)"
+        )
+
+    def emit(self, event: AnyEvent, where: Mask = True) -> None:
+        """Send an event from each agent where the mask is true; they belong to the next frame.
+
+        `eGive(amount=array, receivers=ids)` has a row for each of the agents, or for each sender.
+        """
+        self._population._emit(event, where)  # pyright: ignore[reportPrivateUsage]
 
 
 Moment = Context

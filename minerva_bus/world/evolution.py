@@ -9,49 +9,57 @@ from typing import Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent, single
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import Columns, rewritten
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     Node,
-    Piece,
     Scene,
     agents,
-    of_pieces,
     rebuild,
     rescoped,
     walk,
 )
+from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import live
 from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.kinds import Addressed, Kinds, addressed, kinds_of
+from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.lineage import copy_id, newest_copy
-from minerva_bus.world.population_step import evolve_many
+from minerva_bus.world.population_step import evolve_population
 
 
 class Policy(Enum):
     """How equation 3 is read where a frame brings an agent several events, or none.
 
-    SEQUENTIAL  the agent lives through its events one after another, in their order; without
-                events it stays as it is
+    SEQUENTIAL  the agent processes its events one after another, in their order; without events
+                it stays as it is
     LITERAL     the letter of the equation: the concatenation of one copy of the agent for each
-                event of the frame, whether it concerns the agent or not; in a frame without
-                events nothing is left. The first copy keeps the id, the others have ids made
-                from it (world/lineage.py).
+                event of the frame, whether the event concerns the agent or not; in a frame
+                without events nothing is left. The first copy keeps the id, the others have ids
+                made from it (world/lineage.py).
+
+    A policy says how many copies an agent becomes and which events each of them processes, and
+    `copies` is the only place that knows it.
     """
 
     SEQUENTIAL = "sequential"
     LITERAL = "literal"
+
+    def copies(self, events: Addressed) -> Sequence[Addressed]:
+        """The events that each copy of every agent processes; the first copy is the agent."""
+        if self is Policy.SEQUENTIAL:
+            return (events,)
+        return [Addressed((event,)) for event in single(events.events)]
 
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
     """What η made of a string, and the events that λ emitted (for the next frame).
 
-    `emitted` has those of single agents by id, `many` those of agents in columns. Events of an
-    agent's copies stand under the agent's id; each has the copy's id as its sender.
+    `emitted` has the events of single agents by id, `many` those of populations. Events of an
+    agent's copies are listed under the agent's id; each has the copy's id as its sender.
     """
 
     scene: Scene
@@ -61,7 +69,7 @@ class Evolved:
 
 _FIRST = Frame()
 MOST_COPIES: Final = 1_000_000
-"""Agents that one frame may make of a fragment under the literal policy."""
+"""Agents that a frame may make of a fragment at most, where a policy makes copies."""
 
 
 def evolve(
@@ -71,78 +79,60 @@ def evolve(
     frame: Frame = _FIRST,
     policy: Policy = Policy.SEQUENTIAL,
 ) -> Evolved:
-    """η(w, e^v), equation 3: every agent lives through its events, scopes before their agents.
+    """η(w, e^v), equation 3: every agent processes its events, scopes before their agents.
 
-    Agents whose kind is not among `kinds` stand still. Under the literal policy copies get ids by
-    the frame's number; where a string has ids of later copies already, by the number after those.
-    Raises ActivityError where user code did, and MisuseError where that makes too many copies.
+    Agents whose kind is not among `kinds` do not change. Copies get ids by the frame's number;
+    where a string has ids of later copies already, by the number after those. Raises ActivityError
+    where user code did, and MisuseError if there would be too many copies.
     """
-    found = addressed(events)
-    if policy is Policy.LITERAL:
-        eta = _Eta(addressed(tuple(single(found.events))), kinds_of(kinds), frame)
+    eta = _Eta(policy.copies(addressed(events)), kinds_of(kinds), frame)
+    if len(eta.copies) > 1:
+        _check_few(scene, len(eta.copies), frame)
         last = newest_copy(agent.id for agent in agents(scene))
         eta.copying = max(frame.number, last + 1)
-        _check_few(scene, len(eta.addressed.events), frame)
-        return Evolved(rebuild(scene, eta.copies), eta.emitted)
-    eta = _Eta(found, kinds_of(kinds), frame)
-    if not any(isinstance(piece, Columns) for piece in scene.pieces):
-        return Evolved(rebuild(scene, eta.once), eta.emitted)
-    return eta.piecewise(scene)
+    return Evolved(rewritten(scene, eta.node, eta.columns), eta.emitted, tuple(eta.many))
 
 
 @dataclass(slots=True)
 class _Eta:
-    """η of one frame: what it knows of the frame, and what it gathers on its way."""
+    """η of one frame: the events of each copy, and what the agents emit."""
 
-    addressed: Addressed
+    copies: Sequence[Addressed]
     kinds: Kinds
     frame: Frame
     emitted: dict[str, tuple[Event, ...]] = field(default_factory=dict[str, tuple[Event, ...]])
+    many: list[AnyEvent] = field(default_factory=list[AnyEvent])
     copying: int = 0
 
-    def once(self, node: Node, scope: Scene) -> Scene | Node:
-        """An agent lives through its events, one after another."""
+    def columns(self, part: Columns) -> Scene | None:
+        """Agents in columns, all at once; None where they are several copies or no columns."""
+        if part.ids is None or part.symbol not in self.kinds:
+            return Scene((part,))
+        if len(self.copies) != 1:
+            return None  # each row's copies stand beside it, so they are nodes
+        scene, sent = evolve_population(part, self.copies[0], self.kinds, self.frame)
+        self.many += sent
+        return scene
+
+    def node(self, node: Node, scope: Scene) -> Scene | Node:
+        """One agent, in as many copies as the policy makes."""
+        height = 0
+        if len(self.copies) > 1 and isinstance(node, AgentNode):
+            height = 1 + _nesting(node.scope)
         node = rescoped(node, scope)
         if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
             return node
-        places = self.addressed.places(node.id, self.kinds[node.symbol].activities)
-        return self.live(node, places, self.addressed) if places else node
-
-    def piecewise(self, scene: Scene) -> Evolved:
-        """η of a string some of which is held in columns."""
-        result: list[Piece] = []
-        many: list[AnyEvent] = []
-        for piece in scene.pieces:
-            if not isinstance(piece, Columns):
-                result += rebuild(Scene((piece,)), self.once).pieces
-            elif piece.ids is None or piece.symbol not in self.kinds:
-                result.append(piece)
-            else:
-                now, sent = evolve_many(piece, self.addressed, self.kinds, self.frame)
-                result += now.pieces
-                many += sent
-        return Evolved(of_pieces(scene, result), self.emitted, tuple(many))
-
-    def copies(self, node: Node, scope: Scene) -> Scene | Node:
-        """One copy of an agent for each event of the frame: the letter of equation 3."""
-        height = 1 + _nesting(node.scope) if isinstance(node, AgentNode) else 0
-        node = rescoped(node, scope)
-        if not isinstance(node, AgentNode) or node.symbol not in self.kinds:
-            return node
-        places = self.addressed.places(node.id, self.kinds[node.symbol].activities)
-        concerning = set(map(self.addressed.index, places))
+        if len(self.copies) == 1:
+            return self.live(node, self.copies[0], node.id)
         made: list[Node] = []
-        for index, event in enumerate(self.addressed.events):
-            copy = node if index == 0 else self.copy(node, index + 1, height)
-            if index not in concerning:
-                made.append(copy)
-                continue
-            alone = Addressed((event,))  # whatever a copy becomes, it meets no other event
-            made += self.live(copy, [0], alone, node.id).nodes
+        for number, events in enumerate(self.copies, 1):
+            copy = node if number == 1 else self.copy(node, number, height)
+            result = self.live(copy, events, node.id)
+            made += result.nodes if isinstance(result, Scene) else (result,)
         return Scene(tuple(made)) if made else EMPTY
 
     def copy(self, node: AgentNode, number: int, height: int) -> AgentNode:
-        """An agent and all that is in its scope under new ids, since no two may share one."""
+        """An agent and all agents in its scope under new ids, because ids are unique."""
 
         def renamed(each: Node, scope: Scene) -> Node:
             each = rescoped(each, scope)
@@ -153,20 +143,17 @@ class _Eta:
         scope = rebuild(node.scope, renamed)
         return replace(node, id=copy_id(node.id, self.copying, number), scope=scope)
 
-    def live(
-        self, node: AgentNode, places: list[int], addressed: Addressed, original: str = ""
-    ) -> Scene:
-        """λ of one agent, or of a copy of one with the id `original`, by the events at places."""
-        moment = Context(self.frame, f"#{node.id}")
-        result = live(node, places, addressed, self.kinds, moment)
-        if moment.emitted:
-            name = original or node.id
-            self.emitted[name] = (*self.emitted.get(name, ()), *moment.emitted)
+    def live(self, node: AgentNode, events: Addressed, original: str) -> Scene | AgentNode:
+        """λ of an agent, or of a copy of the agent with the id `original`."""
+        context = Context(self.frame, f"#{node.id}")
+        result = live(node, original, events, self.kinds, context)
+        if context.emitted:
+            self.emitted[original] = (*self.emitted.get(original, ()), *context.emitted)
         return result
 
 
 def _check_few(scene: Scene, events: int, frame: Frame) -> None:
-    """Raise MisuseError before a frame makes more copies than anybody can hold."""
+    """Raise MisuseError before a frame makes more copies than memory can hold."""
     level = copies = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):
@@ -182,7 +169,7 @@ def _check_few(scene: Scene, events: int, frame: Frame) -> None:
 
 
 def _nesting(scene: Scene) -> int:
-    """How many agents stand around one another in a string, at most."""
+    """How deep agents are nested in a string."""
     level = deepest = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):

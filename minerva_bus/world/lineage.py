@@ -18,7 +18,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.symbols import AgentKind
+
+
+def check_births(kind: AgentKind) -> None:
+    """Check that a kind counts its births, on which ids depend. Raises MisuseError."""
+    if not any(field.name == "births" and field.type.kind == "int" for field in kind.fields.all):
+        raise MisuseError(
+            f"{kind.name} gives birth: declare `births: int = 0` in its class, so that its"
+            " children's ids can be told apart"
+        )
 
 
 def child_id(parent: str, births: int) -> str:

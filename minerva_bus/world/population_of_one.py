@@ -1,4 +1,4 @@
-"""One agent through the methods that are written for populations: a population of one."""
+"""One agent through methods that are written for populations: as a population of one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,10 @@ from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
-from minerva_bus.world.context import Context
+from minerva_bus.world.context import BatchContext, Context
 from minerva_bus.world.declaring import TOGETHER
-from minerva_bus.world.population import (
-    BatchContext,
-    EventBatch,
-    Population,
-    PopulationState,
-    returns_nothing,
-)
+from minerva_bus.world.event_batch import EventBatch
+from minerva_bus.world.population import Population, PopulationState, returns_nothing
 
 if TYPE_CHECKING:
     from minerva_bus.world.agent import Agent
@@ -28,23 +23,21 @@ Activity = Callable[[Any, Any, Any], Any]
 
 
 def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
-    """λ of one agent from that of a population."""
+    """λ of one agent from the λ of a population."""
     together: bool = getattr(activity, TOGETHER, False)
 
     def alone(agent: Agent, event: Event, moment: Context) -> Scene | None:
-        herd, people = _population_of(agent)
-        chances = moment.chance.as_many()
-        given = EventBatch(Events.repeated(event, 1), np.zeros(1, np.intp)) if together else event
-        moments = BatchContext(moment.frame, lambda: chances, people, None)
-        returns_nothing(activity(people, given, moments))
-        moment.chance.take(chances)
-        for name, array in herd.arrays.items():
+        state, population = _population_of(agent)
+        draws = moment.shared_streams().draws
+        context = BatchContext(moment.frame, draws, population, np.array([moment.row], np.intp))
+        given = EventBatch(Events.repeated(event, 1)) if together else event
+        returns_nothing(activity(population, given, context))
+        for name, array in state.arrays.items():
             setattr(agent, name, array.tolist()[0])
-        for _, said in herd.said:
-            for one in said:
-                moment.emit(one)
-        young = [node for birth in herd.born for node in birth.newborn.nodes()]
-        if herd.away is not None:
+        for _, sent in state.sent:
+            moment.emit(sent)
+        young = [node for birth in state.born for node in birth.newborn.nodes()]
+        if state.away is not None:
             return Scene(tuple(young)) if young else EMPTY
         return agent.string + Scene(tuple(young)) if young else None
 
@@ -53,11 +46,11 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
 
 
 def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene]:
-    """θ of one agent from that of a population."""
+    """θ of one agent from the θ of a population."""
 
     def alone(agent: Agent, event: Event) -> Scene:
-        _, people = _population_of(agent)
-        return view(people, event)
+        _, population = _population_of(agent)
+        return view(population, event)
 
     alone.__wrapped__ = view  # type: ignore[attr-defined]
     return alone
@@ -66,5 +59,5 @@ def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene
 def _population_of(agent: Agent) -> tuple[PopulationState, Population]:
     node = agent.freeze()
     bare = AgentNode(node.symbol, node.id, node.names, node.values)
-    herd = PopulationState(Columns.of([bare]), agent.kind.fields)
-    return herd, Population(herd, type(agent), None)
+    state = PopulationState(Columns.of([bare]), agent.kind.fields)
+    return state, Population(state, type(agent), None)

@@ -1,12 +1,12 @@
 """η of agents that are held in columns: what equation 3 makes of them, all at once.
 
-Each of them lives through its events in their order, as in `life`. What is written for one agent
-runs for one after another; what is written for a population runs on arrays.
+Each agent processes its events in order, with the results that an `AgentStep` has. Methods for a
+population run on arrays; methods for one agent run over the rows, one agent after another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, repeat
 from typing import Any, cast
 
@@ -14,123 +14,127 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent, Events, first_of
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AgentNode, Scene
-from minerva_bus.world.addressing import Round, narrowed, turns
+from minerva_bus.world.addressing import Addressed, Round, narrowed, rounds
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import AgentStep, at_fault
 from minerva_bus.world.assembling import Unsound, assembled, emissions
-from minerva_bus.world.context import Context, Frame
-from minerva_bus.world.declaring import TOGETHER
-from minerva_bus.world.kinds import ActivityError, Addressed, Kinds
-from minerva_bus.world.population import (
-    BatchContext,
-    EventBatch,
-    Population,
-    PopulationState,
-    returns_nothing,
-)
+from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
+from minerva_bus.world.declaring import TOGETHER, takes_batch
+from minerva_bus.world.event_batch import EventBatch, joined
+from minerva_bus.world.kinds import ActivityError, Kinds
+from minerva_bus.world.population import Population, PopulationState, returns_nothing
 from minerva_bus.world.row_adapter import RowAdapter
-from minerva_bus.world.streams import RowContext, Streams
+
+Activity = Callable[..., Any]
 
 
 class PopulationStep:
-    """Agents in columns within a frame.
+    """Agents in columns processing their events within a frame.
 
-    They take three forms: `_herd` has arrays that populations work on; `_objects` has those that
-    have been spoken to one by one; `_lives` has those that have returned a string, and may be
-    several by now, or none, or of another kind.
+    `_state` has the arrays. `_adapter` has rows as agent objects, for methods for one agent. An
+    agent whose method returns a string leaves the arrays and continues as one of `_steps`: it may
+    become several agents, none, or one of another kind.
     """
 
     def __init__(self, part: Columns, kinds: Kinds, frame: Frame) -> None:
-        self._ids = cast("Ids", part.ids)
         self._kinds = kinds
         self._frame = frame
         self._cls = kinds[part.symbol]
-        self._herd = PopulationState(part, self._cls.kind.fields)
-        self._draws = Streams(self._ids, frame)
-        self._by_chance = dict(self._cls.kind.chances)
-        self._objects = RowAdapter(self._cls, self._herd)
-        self._lives: dict[int, tuple[AgentStep, Context]] = {}
-        self._said: list[tuple[int, Sequence[Event]]] = []
-        self._ran: list[tuple[Callable[..., Any], AnyEvent]] = []
+        self._state = PopulationState(part, self._cls.kind.fields)
+        self._ids = self._state.ids
+        self._streams = FrameStreams(self._ids, frame)
+        self._probabilities = dict(self._cls.kind.chances)
+        self._adapter = RowAdapter(self._cls, self._state)
+        self._steps: dict[int, AgentStep] = {}
+        self._sent: list[tuple[int, Sequence[Event]]] = []
+        self._ran: list[tuple[Activity, AnyEvent]] = []
 
     def meet(self, addressed: Addressed) -> None:
-        """Live through a frame's events. Raises ActivityError."""
+        """Process a frame's events. Raises ActivityError."""
         for event_type, group in groupby(addressed.events, lambda event: event.type):
-            if event_type not in self._cls.activities and not self._lives:
+            if event_type not in self._cls.activities and not self._steps:
                 continue
             population = self._cls.population.get(event_type)
-            activity = population or self._cls.activities.get(event_type)
+            activity = self._cls.activities.get(event_type)
             if population is not None and getattr(population, TOGETHER, False):
-                self._together(population, list(group))
-                continue
-            for event, rows in self._rounds(group):
-                if population is not None:
-                    given = EventBatch(event) if isinstance(event, Events) else event
-                    self._as_population(population, given, event, rows)
-                elif activity is not None:
-                    self._one_by_one(activity, event, rows)
+                self._run_together(population, list(group))
+            elif takes_batch(activity):
+                self._run_batches(cast("Activity", activity), list(group))
+            else:
+                self._run_in_rounds(population, activity, group)
 
-    # --- who is concerned ---
+    def _run_in_rounds(
+        self, population: Activity | None, activity: Activity | None, items: Iterable[AnyEvent]
+    ) -> None:
+        for event, rows in self._rounds(items):
+            if population is not None:
+                given = EventBatch(event) if isinstance(event, Events) else event
+                self._run_population(population, given, event, rows)
+            elif activity is not None:
+                self._run_rows(activity, event, rows)
 
-    def _rounds(
-        self, items: Iterator[AnyEvent] | Sequence[AnyEvent], *, at_once: bool = False
-    ) -> Iterator[Round]:
-        """Events by turns, for those that are mere rows; the others live through theirs here.
+    # --- which agents an event concerns ---
 
-        Where all are wanted `at_once` a row may be there several times.
+    def _rounds(self, items: Iterable[AnyEvent], *, at_once: bool = False) -> Iterator[Round]:
+        """Batches for the agents in the arrays; the others process their events here.
+
+        With `at_once` a row may occur several times in a batch.
         """
         for item in items:
-            for event, rows in turns(item, self._ids, at_once=at_once and not self._lives):
-                if self._lives:
-                    self._live_on(event, rows)
-                keep = None if self._herd.away is None else ~self._herd.away
+            # an answer by chance is drawn for each event, which takes rows that occur once
+            once = not at_once or self._steps or item.type in self._probabilities
+            for event, rows in rounds(item, self._ids, at_once=not once):
+                if self._steps:
+                    self._continue_steps(event, rows)
+                keep = None if self._state.away is None else ~self._state.away
                 if item.condition:
                     keep = self._willing(event, keep)
                 left = (event, rows) if keep is None else narrowed(event, rows, keep)
-                if left is not None and item.type in self._by_chance:
+                if left is not None and item.type in self._probabilities:
                     left = self._answering(*left)
                 if left is not None:
                     yield left
 
     def _answering(self, event: AnyEvent, rows: Rows | None) -> Round | None:
-        """Those who answer an event that they answer by chance."""
-        probability: Any = self._by_chance[event.type]
+        """Those that answer an event which they answer by chance."""
+        probability: Any = self._probabilities[event.type]
         if isinstance(probability, str):
             self._settle(event)
-            values = self._herd.value(probability)
+            values = self._state.value(probability)
             probability = values if rows is None else values[rows]
-        answers = self._draws.answers(event.type, rows, probability)
+        answers = self._streams.answers(event.type).batch(rows).chance(probability)
         keep = np.ones(len(self._ids), np.bool_)
         keep[slice(None) if rows is None else rows] = answers
         return narrowed(event, rows, keep)
 
     def _willing(self, event: AnyEvent, keep: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-        """Those for whom the condition holds."""
+        """Those for which the condition holds."""
         self._settle(event)
-        state = {name: self._herd.value(name) for name in self._herd.fields.names}
-        willing = holds_of_many(event.condition, state, len(self._ids))
+        values = {name: self._state.value(name) for name in self._state.fields.names}
+        willing = holds_of_many(event.condition, values, len(self._ids))
         return willing if keep is None else willing & keep
 
-    def _live_on(self, event: AnyEvent, rows: Rows | None) -> None:
-        at = None if rows is None else {row: n for n, row in enumerate(rows.tolist())}
-        for row, (life, _) in self._lives.items():
-            cls = self._kinds.get(life.symbol)
-            if cls is None or event.type not in cls.activities or not (at is None or row in at):
+    def _continue_steps(self, event: AnyEvent, rows: Rows | None) -> None:
+        """Let the agents that have left the arrays process an event of a round."""
+        places = None if rows is None else {row: place for place, row in enumerate(rows.tolist())}
+        for row, step in self._steps.items():
+            cls = self._kinds.get(step.symbol)
+            if cls is None or event.type not in cls.activities:
                 continue
-            place = at[row] if at is not None else 0
-            life.meet(event if isinstance(event, Event) else event.event(place))
+            if places is None or row in places:
+                place = places[row] if places is not None else 0
+                step.meet(event if isinstance(event, Event) else event.event(place))
 
-    # --- what is written for populations ---
+    # --- methods for populations ---
 
-    def _together(self, activity: Callable[..., Any], items: Sequence[AnyEvent]) -> None:
-        """All events of a type at once."""
-        many, row, chosen = self._mine(items)
+    def _run_together(self, activity: Activity, items: Sequence[AnyEvent]) -> None:
+        """Pass all events of a type in one call."""
+        events, row, chosen = self._batch(items)
         if not len(row):
             return
         there = np.zeros(len(self._ids), np.bool_)
@@ -140,71 +144,99 @@ class PopulationStep:
             place = np.empty(len(self._ids), np.intp)
             place[concerned] = np.arange(len(concerned))
             row = place[row]
-        one = many if chosen is None else many.take(chosen[:1])
-        self._as_population(activity, EventBatch(many, row, chosen), one, concerned)
+        shown = events if chosen is None else events.take(chosen[:1])
+        self._run_population(activity, EventBatch(events, row, chosen), shown, concerned)
 
-    def _mine(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
-        """Events of one type, the row of each, and which of them are for somebody here."""
+    def _batch(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
+        """Events of one type, the row of each, and which of them concern an agent here."""
         first = items[0]
-        simple = len(items) == 1 and not self._lives and self._herd.away is None
-        simple &= first.type not in self._by_chance
+        simple = len(items) == 1 and not self._steps and self._state.away is None
+        simple &= first.type not in self._probabilities
         if simple and isinstance(first, Events) and first.receivers and not first.condition:
             rows = self._ids.rows_of(first.receivers)
             chosen = np.flatnonzero(rows >= 0)
-            return (
-                (first, rows, None) if len(chosen) == len(rows) else (first, rows[chosen], chosen)
-            )
-        rounds = list(self._rounds(items, at_once=True))
-        if not rounds:
+            if len(chosen) == len(rows):
+                return first, rows, None
+            return first, rows[chosen], chosen
+        left = list(self._rounds(items, at_once=True))
+        if not left:
             return Events(first.type, (), (), 0), np.empty(0, np.intp), None
         everyone = np.arange(len(self._ids))
-        every = [everyone if some is None else some for _, some in rounds]
-        events = [
-            event if isinstance(event, Events) else Events.repeated(event, len(some))
-            for (event, _), some in zip(rounds, every, strict=True)
+        receiving = [everyone if rows is None else rows for _, rows in left]
+        parts = [
+            event if isinstance(event, Events) else Events.repeated(event, len(rows))
+            for (event, _), rows in zip(left, receiving, strict=True)
         ]
-        many = Events.concatenated(events)
-        if many is None:
+        events = joined(parts)
+        if events is None:
             raise MisuseError(f"{first.type} comes in forms that cannot be taken together")
-        return many, np.concatenate(every), None
+        return events, np.concatenate(receiving), None
 
-    def _as_population(
-        self, activity: Callable[..., Any], given: Any, event: AnyEvent, rows: Rows | None
+    def _run_population(
+        self, activity: Activity, given: Any, event: AnyEvent, rows: Rows | None
     ) -> None:
         if rows is not None and len(rows) == len(self._ids):
-            rows = None  # everybody, and nobody twice
+            rows = None  # each row occurs once, so these are all, in order
         self._settle(event)
-        self._objects.forget()
-        self._draws.gather()
-        self._herd.turn += 1
-        people = Population(self._herd, self._cls, rows)
+        self._adapter.forget()
+        self._state.turn += 1
+        population = Population(self._state, self._cls, rows)
+        context = BatchContext(self._frame, self._streams.draws, population, rows)
         self._ran.append((activity, event))
         try:
-            returns_nothing(activity(people, given, self._moments(people, rows)))
+            returns_nothing(activity(population, given, context))
         except (Exception, SystemExit) as error:
             row = 0 if rows is None else int(rows[0])
             raise self._failed(activity, row, event) from error
 
-    def _moments(self, people: Population, rows: Rows | None) -> BatchContext:
-        return BatchContext(self._frame, self._draws.many, people, rows)
+    # --- methods for one agent ---
 
-    # --- what is written for one agent ---
+    def _run_rows(self, activity: Activity, item: AnyEvent, rows: Rows | None) -> None:
+        count = len(self._ids) if rows is None else len(rows)
+        if isinstance(item, Events):
+            calls = ((event, event) for event in item)
+        else:
+            calls = repeat((item, item), count)
+        self._run_each(activity, item, rows, calls)
 
-    def _one_by_one(self, activity: Callable[..., Any], some: AnyEvent, rows: Rows | None) -> None:
-        agents = self._objects.of(rows)
+    def _run_batches(self, activity: Activity, items: Sequence[AnyEvent]) -> None:
+        """Pass each agent all its events of a type in one call."""
+        events, row, chosen = self._batch(items)
+        if not len(row):
+            return
+        if chosen is not None:
+            events = events.take(chosen)
+        order = np.argsort(row, kind="stable")
+        rows, begins = np.unique(row[order], return_index=True)
+        parts = [events.take(part) for part in np.split(order, begins[1:])]
+        batches = [EventBatch(part, np.zeros(part.count, np.intp)) for part in parts]
+        firsts = [part.event(0) for part in parts]
+        self._run_each(activity, events, rows, zip(firsts, batches, strict=True))
+
+    def _run_each(
+        self,
+        activity: Activity,
+        item: AnyEvent,
+        rows: Rows | None,
+        calls: Iterable[tuple[Event, Event | EventBatch]],
+    ) -> None:
+        """Run a method for each agent in turn.
+
+        `calls` has for each the event that an error names and what the method gets.
+        """
+        agents = self._adapter.agents(rows)
         chosen = range(len(agents)) if rows is None else rows.tolist()
-        events = some if isinstance(some, Events) else repeat(some, len(agents))
         returned: list[tuple[int, Agent, Any, Event]] = []
-        moment = RowContext(self._frame, self._draws)
-        row, event = 0, cast("Event", some)
-        self._ran.append((activity, some))
+        context = Context(self._frame, "", streams=self._streams)
+        row, event = 0, first_of(item)
+        self._ran.append((activity, item))
         try:
-            for row, agent, event in zip(chosen, agents, events, strict=True):
-                moment.agent, moment.row = agent, row
-                result = activity(agent, event, moment)
-                if moment.emitted:
-                    self._said.append((row, moment.emitted))
-                    moment.emitted = []
+            for row, agent, (event, given) in zip(chosen, agents, calls, strict=True):
+                context.row, context.who = row, "#" + agent.id
+                result = activity(agent, given, context)
+                if context.emitted:
+                    self._sent.append((row, context.emitted))
+                    context.emitted = []
                 if result is not None:
                     returned.append((row, agent, result, event))
         except (Exception, SystemExit) as error:
@@ -213,69 +245,60 @@ class PopulationStep:
             self._let_go(row, agent, activity, result, event)
 
     def _let_go(
-        self, row: int, agent: Agent, activity: Callable[..., Any], result: Any, event: Event
+        self, row: int, agent: Agent, activity: Activity, result: Any, event: Event
     ) -> None:
-        """From now on it is more, or less, or other than a row."""
-        moment = Context(self._frame, "#" + agent.id)
-        self._draws.lend(row, moment)
-        life = AgentStep(self._node(row), self._kinds, moment, agent)
-        life.returned(activity, result, event)
-        self._lives[row] = life, moment
-        self._herd.leave(row)
-        self._objects.drop(row)
+        """Take an agent out of the arrays: it is more, less or other than a row from now on."""
+        context = Context(self._frame, "#" + agent.id, streams=self._streams, row=row)
+        step = AgentStep(self._node(row), self._kinds, context, agent)
+        step.returned(activity, result, event)
+        self._steps[row] = step
+        self._state.leave(row)
+        self._adapter.drop(row)
 
     def _settle(self, event: AnyEvent) -> None:
-        """Put into the arrays what has been said to agents one by one."""
+        """Write the states of agent objects into the arrays."""
         try:
-            grown = self._objects.settle()
+            grown = self._adapter.settle()
         except MinervaError as error:
-            raise self._unsound(self._objects.at_fault, event, error) from error
+            raise self._unsound(self._adapter.at_fault, event, error) from error
         for row, agent in grown:
-            alone = event if isinstance(event, Event) else event.event(0)
-            self._let_go(row, agent, self._ran[-1][0], agent.string, alone)
+            self._let_go(row, agent, self._ran[-1][0], agent.string, first_of(event))
 
     # --- the end of the frame ---
 
     def end(self, event: AnyEvent) -> tuple[Scene, tuple[AnyEvent, ...]]:
-        """The string that has come of them, and what they have sent, by type and in order."""
+        """The string that they have become, and the events sent, by type and in order."""
         self._settle(event)
-        lives = {row: life.string for row, (life, _) in sorted(self._lives.items())}
-        said = [*self._said]
-        said += [(row, moment.emitted) for row, (_, moment) in sorted(self._lives.items())]
+        steps = sorted(self._steps.items())
+        sent = [*self._sent, *((row, step.context.emitted) for row, step in steps)]
         try:
-            scene = assembled(self._herd, lives)
+            scene = assembled(self._state, {row: step.string for row, step in steps})
         except Unsound as error:
             raise self._unsound(error.row, event, error) from error
         if len(scene.pieces) == 1 and isinstance(scene.pieces[0], Columns):
-            self._objects.keep(scene.pieces[0])
-        return scene, emissions(self._herd.said, said)
+            self._adapter.keep(scene.pieces[0])
+        return scene, emissions(self._state.sent, sent)
 
     def _node(self, row: int) -> AgentNode:
-        return cast("AgentNode", self._herd.part.node(row))
+        return cast("AgentNode", self._state.part.node(row))
 
     def _unsound(self, row: int, event: AnyEvent, error: MinervaError) -> ActivityError:
-        """The state of an agent is wrong: by which activity, as far as can be seen."""
-        ran = [(activity, _alone(one)) for activity, one in self._ran]
-        activity, alone = at_fault(ran, _alone(event), error)
-        return self._failed(activity, row, alone)
+        """The error of an invalid state, with the activity that probably caused it."""
+        ran = [(activity, first_of(item)) for activity, item in self._ran]
+        activity, cause = at_fault(ran, first_of(event), error)
+        return self._failed(activity, row, cause)
 
-    def _failed(
-        self, activity: Callable[..., Any] | None, row: int, event: AnyEvent
-    ) -> ActivityError:
-        return ActivityError(activity, self._node(row), _alone(event), self._frame.number)
+    def _failed(self, activity: Activity | None, row: int, event: AnyEvent) -> ActivityError:
+        return ActivityError(activity, self._node(row), first_of(event), self._frame.number)
 
 
-def _alone(event: AnyEvent) -> Event:
-    return event if isinstance(event, Event) else event.event(0)
-
-
-def evolve_many(
+def evolve_population(
     part: Columns, addressed: Addressed, kinds: Kinds, frame: Frame
 ) -> tuple[Scene, tuple[AnyEvent, ...]]:
     """η of agents in columns, and the events that they sent. Raises ActivityError."""
     cls = kinds[part.symbol]
     if not addressed.types & cls.activities.keys():
         return Scene((part,)), ()
-    crowd = PopulationStep(part, kinds, frame)
-    crowd.meet(addressed)
-    return crowd.end(addressed.events[-1])
+    step = PopulationStep(part, kinds, frame)
+    step.meet(addressed)
+    return step.end(addressed.events[-1])

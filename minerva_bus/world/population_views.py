@@ -12,12 +12,13 @@ from minerva_bus.grammar.columns import Columns, Rows, size
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
+from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.kinds import ActivityError, Addressed
+from minerva_bus.world.kinds import ActivityError
 from minerva_bus.world.population import Population, PopulationState
 
 
-def views_of_many(
+def view_of_population(
     part: Columns, addressed: Addressed, cls: type[Agent], frame: int
 ) -> Scene | None:
     """The views of agents in columns, or None where they have to be shown one by one.
@@ -25,20 +26,20 @@ def views_of_many(
     At once is for one event to all, and a view that is written for a population. Raises
     ActivityError.
     """
-    mine = [event for event in addressed.events if event.type in cls.views]
-    if not mine:
+    concerning = [event for event in addressed.events if event.type in cls.views]
+    if not concerning:
         return EMPTY
-    event = mine[0]
+    event = concerning[0]
     view = cls.population_views.get(event.type)
-    if len(mine) > 1 or isinstance(event, Events) or event.receivers or view is None:
+    if len(concerning) > 1 or isinstance(event, Events) or event.receivers or view is None:
         return None
     rows = _willing(part, event)
     count = part.count if rows is None else len(rows)
     if not count:
         return EMPTY
-    herd = PopulationState(part, cls.kind.fields, lasting=False)
+    state = PopulationState(part, cls.kind.fields, lasting=False)
     try:
-        return _one_each(view(Population(herd, cls, rows), event), count)
+        return _one_each(view(Population(state, cls, rows), event), count)
     except (Exception, SystemExit) as error:
         node = cast("AgentNode", part.node(0 if rows is None else int(rows[0])))
         raise ActivityError(view, node, event, frame) from error

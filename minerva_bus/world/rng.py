@@ -1,16 +1,17 @@
-"""Random streams: one for each (seed, who, frame), whatever runs where.
+"""Random streams, keyed by (seed, id, frame): draws do not depend on where an agent runs.
 
-Two kinds. `stream` is a numpy Generator with all its distributions, for who draws much. `Rng`
-draws for one agent and `RngBatch` a number for each of many at once, the same numbers either way:
-SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the three.
+`Rng` draws for one agent and `RngBatch` a number for each of many agents, with the same interface
+and the same numbers: SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the
+key. `stream` is a numpy Generator with all of numpy's distributions.
 
-Normal and exponential draws use `minerva_bus.portable`: numpy's logarithm depends on the processor.
-Of a numpy Generator's draws, those of `random`, `uniform` and `integers` do not; `portable.normal`
-makes normal numbers of them.
+Normal and exponential draws use `minerva_bus.portable`, because numpy's logarithm depends on the
+processor. Of a numpy Generator, `random`, `uniform` and `integers` do not depend on it;
+`portable.normal` makes normal numbers of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from hashlib import blake2b
 from math import floor
@@ -20,11 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.ids import Ids
 from minerva_bus.portable import log
 from minerva_bus.portable.normal import standard_normal
 
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 _GAMMA: Final = 0x9E3779B97F4A7C15
 _FIRST: Final = 0xBF58476D1CE4E5B9
@@ -32,38 +35,41 @@ _SECOND: Final = 0x94D049BB133111EB
 _UNIT: Final = 2.0**-53
 _MASK: Final = (1 << 64) - 1
 
+_BEGIN_ALL: Final = 16
+"""Once one in so many agents has drawn alone, it is cheaper to begin the streams of all."""
+
 
 def stream(seed: int, who: str, frame: int) -> np.random.Generator:
-    """The stream of an agent (`#id`) or a generator (its name) in a frame.
+    """The numpy Generator of an agent (`#id`) or a generator (its name) in a frame.
 
-    A Philox counter generator keyed by BLAKE2b of the three: no draw depends on another's.
+    A Philox counter generator keyed by BLAKE2b of the three, so no draw depends on another's.
     """
     key = blake2b(f"{seed}\0{who}\0{frame}".encode(), digest_size=16).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(key, "little")))
 
 
 def hash_of(agent: str) -> int:
-    """A polynomial hash of an id's bytes, modulo 2^64; that of `Ids.hashes`."""
-    found = 0
+    """Polynomial hash of an id's bytes, modulo 2^64; equal to `Ids.hashes`."""
+    value = 0
     for letter in agent.encode():
-        found = (found * _GAMMA + letter) & _MASK
-    return found
+        value = (value * _GAMMA + letter) & _MASK
+    return value
 
 
 @lru_cache(maxsize=4)
 def frame_key(seed: int, frame: int) -> int:
-    """What a frame adds to the streams of all its agents."""
+    """Key of a frame's streams; an agent's stream begins at its hash xor this key."""
     return int.from_bytes(blake2b(f"{seed}\0{frame}".encode(), digest_size=8).digest(), "little")
 
 
 @lru_cache(maxsize=64)
 def answer_key(seed: int, frame: int, event_type: str) -> int:
-    """What a frame adds to the streams that decide which events of a type agents answer.
+    """Key of the streams that decide which events of a type agents answer (h of a^{d,h}).
 
-    They are other streams than those that λ draws from, which therefore keep their numbers.
+    These are separate streams, so a probability does not change the numbers that λ draws.
     """
-    told = f"{seed}\0{frame}\0{event_type}"
-    return int.from_bytes(blake2b(told.encode(), digest_size=8).digest(), "little")
+    source = f"{seed}\0{frame}\0{event_type}"
+    return int.from_bytes(blake2b(source.encode(), digest_size=8).digest(), "little")
 
 
 _B = TypeVar("_B", bool, NDArray[np.bool_])
@@ -71,8 +77,8 @@ _I = TypeVar("_I", int, NDArray[np.int64])
 _R = TypeVar("_R", float, Numbers)
 
 
-class _Draws(Generic[_B, _I, _R]):
-    """What can be drawn; bounds, means and so on may be arrays where the draws are."""
+class _Distributions(Generic[_B, _I, _R]):
+    """What can be drawn; parameters may be arrays where the draws are arrays."""
 
     __slots__ = ()
 
@@ -80,10 +86,10 @@ class _Draws(Generic[_B, _I, _R]):
         """Uniform in [0, 1)."""
         raise NotImplementedError
 
-    def _whole(self, least: Any, number: _R) -> _I:
+    def _floored(self, least: Any, number: _R) -> _I:
         raise NotImplementedError
 
-    def _kept(self, number: Any) -> _R:
+    def _typed(self, number: Any) -> _R:
         raise NotImplementedError
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0) -> _R:
@@ -91,15 +97,15 @@ class _Draws(Generic[_B, _I, _R]):
         return low + (high - low) * self.random()
 
     def integers(self, low: Any, high: Any = None) -> _I:
-        """A whole number in [low, high), or in [0, low) where one is given; bounds below 2^53.
+        """An int in [low, high), or in [0, low) if `high` is not given; bounds below 2^53.
 
-        Raises MisuseError where there is none.
+        Raises MisuseError where that range is empty.
         """
         least, below = (0, low) if high is None else (low, high)
         none = below <= least
         if none is True or (none is not False and np.any(none)):
-            raise MisuseError(f"there is no whole number from {least} below {below}")
-        return self._whole(least, (below - least) * self.random())
+            raise MisuseError(f"there is no integer from {least} to below {below}")
+        return self._floored(least, (below - least) * self.random())
 
     def chance(self, probability: Any) -> _B:
         """True with this probability."""
@@ -107,15 +113,15 @@ class _Draws(Generic[_B, _I, _R]):
 
     def exponential(self, mean: Any = 1.0) -> _R:
         """Exponentially distributed, with this mean."""
-        return self._kept(-mean * log(1.0 - self.random()))
+        return self._typed(-mean * log(1.0 - self.random()))
 
     def normal(self, mean: Any = 0.0, deviation: Any = 1.0) -> _R:
-        """Normally distributed, by the method of Box and Muller (1958); two draws."""
-        return self._kept(mean + deviation * standard_normal(self.random(), self.random()))
+        """Normally distributed, by the method of Box and Muller (1958); takes two draws."""
+        return self._typed(mean + deviation * standard_normal(self.random(), self.random()))
 
 
-class Rng(_Draws[bool, int, float]):
-    """The draws of one agent in a frame."""
+class Rng(_Distributions[bool, int, float]):
+    """The draws of one agent in a frame; `word` is the state of its stream."""
 
     __slots__ = ("word",)
 
@@ -124,44 +130,36 @@ class Rng(_Draws[bool, int, float]):
 
     @staticmethod
     def of(agent: int, key: int) -> Rng:
-        """From the hash of the agent's id and the key of the frame."""
-        return Rng(_mixed_one(agent ^ key))
-
-    def as_many(self) -> RngBatch:
-        """The same draws for a population of this one agent; `take` what is left of them."""
-        return RngBatch(np.array([self.word], np.uint64))
-
-    def take(self, drawn: RngBatch) -> None:
-        """Go on where a population of this one agent has come to."""
-        self.word = int(drawn.words[0])
+        """The stream of an agent with this hash under a frame's key."""
+        return Rng(_mixed_int(agent ^ key))
 
     def random(self) -> float:
         self.word = (self.word + _GAMMA) & _MASK
-        return (_mixed_one(self.word) >> 11) * _UNIT
+        return (_mixed_int(self.word) >> 11) * _UNIT
 
-    def _whole(self, least: int, number: float) -> int:
+    def _floored(self, least: int, number: float) -> int:
         return least + floor(number)
 
-    def _kept(self, number: Any) -> float:
+    def _typed(self, number: Any) -> float:
         return float(number)
 
 
-class RngBatch(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
-    """The draws of some of many agents in a frame: one number each, shape (n,)."""
+class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
+    """The draws of the agents in some rows: one number for each, shape (n,)."""
 
     __slots__ = ("_rows", "words")
 
-    def __init__(self, words: Words, rows: NDArray[np.intp] | None = None) -> None:
+    def __init__(self, words: Words, rows: Rows | None = None) -> None:
         self.words = words
         self._rows = rows
 
     @staticmethod
     def begin(agents: Words, key: int) -> Words:
-        """Where the streams of some agents begin in a frame, from their ids' hashes."""
+        """The states in which the streams of agents with these hashes begin."""
         return _mixed(agents ^ np.uint64(key))
 
-    def of(self, rows: NDArray[np.intp] | None) -> RngBatch:
-        """The draws of some rows of these; the others' streams stay where they are."""
+    def of(self, rows: Rows | None) -> RngBatch:
+        """The draws of some of these rows; the other streams do not move."""
         if rows is None or self._rows is None:
             return RngBatch(self.words, self._rows if rows is None else rows)
         return RngBatch(self.words, self._rows[rows])
@@ -175,11 +173,53 @@ class RngBatch(_Draws[NDArray[np.bool_], NDArray[np.int64], Numbers]):
             self.words[self._rows] = words
         return (_mixed(words) >> np.uint64(11)).astype(np.float64) * _UNIT
 
-    def _whole(self, least: Any, number: Numbers) -> NDArray[np.int64]:
+    def _floored(self, least: Any, number: Numbers) -> NDArray[np.int64]:
         return least + number.astype(np.int64)
 
-    def _kept(self, number: Numbers) -> Numbers:
+    def _typed(self, number: Numbers) -> Numbers:
         return number
+
+
+class Streams:
+    """The streams under one key of the agents with these ids, drawn from singly or in batches.
+
+    Each stream continues at its last draw, whichever form that had.
+    """
+
+    __slots__ = ("_batch", "_ids", "_key", "_single")
+
+    def __init__(self, ids: Ids | Sequence[str], key: int) -> None:
+        self._ids = ids
+        self._key = key
+        self._batch: RngBatch | None = None
+        self._single: dict[int, Rng] = {}
+
+    def batch(self, rows: Rows | None = None) -> RngBatch:
+        """The streams of some rows, or of all."""
+        batch = self._begun()
+        for row, rng in self._single.items():
+            batch.words[row] = rng.word
+        self._single = {}
+        return batch.of(rows)
+
+    def row(self, row: int) -> Rng:
+        """The stream of one agent."""
+        rng = self._single.get(row)
+        if rng is None:
+            rng = self._single[row] = self._of(row)
+        return rng
+
+    def _of(self, row: int) -> Rng:
+        if self._batch is None and len(self._single) * _BEGIN_ALL < len(self._ids):
+            return Rng.of(hash_of(self._ids[row]), self._key)
+        return Rng(int(self._begun().words[row]))
+
+    def _begun(self) -> RngBatch:
+        if self._batch is None:
+            ids = self._ids
+            hashes = ids.hashes if isinstance(ids, Ids) else np.array([*map(hash_of, ids)], "u8")
+            self._batch = RngBatch(RngBatch.begin(hashes, self._key))
+        return self._batch
 
 
 def _mixed(words: Words) -> Words:
@@ -192,7 +232,7 @@ def _mixed(words: Words) -> Words:
     return mixed
 
 
-def _mixed_one(word: int) -> int:
+def _mixed_int(word: int) -> int:
     word = ((word ^ (word >> 30)) * _FIRST) & _MASK
     word = ((word ^ (word >> 27)) * _SECOND) & _MASK
     return word ^ (word >> 31)

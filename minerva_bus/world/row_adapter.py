@@ -1,4 +1,4 @@
-"""Agents in columns as the objects that their methods are written for."""
+"""Rows of a population as the agent objects that methods for one agent are written for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import StateError
 from minerva_bus.grammar.columns import Columns, Rows
-from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.population import PopulationState
@@ -27,53 +26,51 @@ _OWN = 3  # id, scope and _node beside the state
 
 
 class RowAdapter:
-    """The agents of some rows, made when they are first spoken to.
+    """The agents in the rows of a population, made when a method for one agent first needs them.
 
-    They stay from frame to frame, beside the columns that they have become, until these are
-    evolved otherwise or are no more.
+    They are kept from frame to frame beside the columns that they have become, because making
+    them costs more than most methods do; until those columns are evolved in another way.
     """
 
-    def __init__(self, cls: type[Agent], herd: PopulationState) -> None:
+    def __init__(self, cls: type[Agent], state: PopulationState) -> None:
         self._cls = cls
-        self._herd = herd
-        self._ids = cast("Ids", herd.part.ids)
+        self._state = state
         self._made: dict[int, Agent] = {}
         self._all: list[Agent] | None = None
-        self._kept, self._everyones = _taken(herd.part, cls)
+        self._kept, self._texts = _taken(state.part, cls)
         self.at_fault = 0
         """The row of the agent whose state was not valid."""
 
-    def of(self, rows: Rows | None) -> Sequence[Agent]:
-        """The agents of these rows, or of all."""
+    def agents(self, rows: Rows | None) -> Sequence[Agent]:
+        """The agents in these rows, or in all."""
         if rows is None:
             if self._all is None:
-                self._all = self._everyone()
+                self._all = self._every()
                 self._made = {}
             return self._all
-        if self._all is not None:
-            listed = cast("list[int]", rows.tolist())
-            return [self._all[row] for row in listed]
         wanted = cast("list[int]", rows.tolist())
+        if self._all is not None:
+            return [self._all[row] for row in wanted]
         missing = [row for row in wanted if row not in self._made]
-        self._made.update(zip(missing, self._some(missing), strict=True))
+        self._made.update(zip(missing, self._missing(missing), strict=True))
         return [self._made[row] for row in wanted]
 
-    def _everyone(self) -> list[Agent]:
-        everyone = self._kept or self._thawed(None)
+    def _every(self) -> list[Agent]:
+        every = self._kept or self._thawed(None)
         for row, agent in self._made.items():
-            everyone[row] = agent
-        return everyone
+            every[row] = agent
+        return every
 
-    def _some(self, rows: list[int]) -> list[Agent]:
+    def _missing(self, rows: list[int]) -> list[Agent]:
         if self._kept is not None:
             return [self._kept[row] for row in rows]
         return self._thawed(np.array(rows, np.intp)) if rows else []
 
     def _thawed(self, rows: Rows | None) -> list[Agent]:
-        herd, cls = self._herd, self._cls
-        names = (*herd.fields.names, "id", "scope", "_node")
-        columns = [_listed(herd.value(name), rows) for name in herd.fields.names]
-        columns.append(self._names(rows))
+        state, cls = self._state, self._cls
+        names = (*state.fields.names, "id", "scope", "_node")
+        columns = [_listed(state.value(name), rows) for name in state.fields.names]
+        columns.append(self._ids(rows))
         made: list[Agent] = []
         new = cls.__new__
         for values in zip(*columns, strict=True):
@@ -82,15 +79,15 @@ class RowAdapter:
             made.append(agent)
         return made
 
-    def _names(self, rows: Rows | None) -> list[str]:
+    def _ids(self, rows: Rows | None) -> list[str]:
         if rows is not None:
-            return self._ids.take(rows).texts()
-        if self._everyones is None:
-            self._everyones = self._ids.texts()
-        return self._everyones
+            return self._state.ids.take(rows).texts()
+        if self._texts is None:
+            self._texts = self._state.ids.texts()
+        return self._texts
 
     def drop(self, row: int) -> None:
-        """One is no mere row any more."""
+        """Forget an agent that has left the arrays."""
         if self._all is not None:
             self._made = dict(enumerate(self._all))
             self._all = None
@@ -98,20 +95,20 @@ class RowAdapter:
         del self._made[row]
 
     def forget(self) -> None:
-        """All of them are to be made anew: their rows change otherwise."""
+        """Forget all agents, because their rows are about to be written otherwise."""
         self._made, self._all, self._kept = {}, None, None
 
     def keep(self, part: Columns) -> None:
-        """Let all of them stay beside the columns that they are in the end."""
-        everyone = self._all or self._kept
-        if everyone is not None and part.columns and part.ids is self._ids:
-            names = self._names(None)
-            part.columns[0].kept = self._cls, self._ids, part.columns[1:], everyone, names
+        """Keep all agents beside the columns that they are at the end of the frame."""
+        every = self._all or self._kept
+        if every is not None and part.columns and part.ids is self._state.ids:
+            ids = self._ids(None)
+            part.columns[0].kept = self._cls, self._state.ids, part.columns[1:], every, ids
 
     def settle(self) -> list[tuple[int, Agent]]:
-        """Put their states into the arrays; those that have got a scope are given back.
+        """Write the agents' states into the arrays; returns those that have got a scope.
 
-        Raises MisuseError where an attribute has a value of a wrong type; `at_fault` says whose.
+        Raises MisuseError where an attribute has a value of a wrong type; `at_fault` is its row.
         """
         agents = self._all if self._all is not None else list(self._made.values())
         if not agents:
@@ -120,25 +117,25 @@ class RowAdapter:
         at = None if rows is None else np.array(rows, np.intp)
         states = [agent.__dict__ for agent in agents]
         self._check_ids(at, states)
-        usual = set(map(len, states)) == {len(self._herd.fields.names) + _OWN}
+        usual = set(map(len, states)) == {len(self._state.fields.names) + _OWN}
         arrays = self._usual(states) if usual else None
         grown = self._grown(rows, agents, states)
         if arrays is None:
             arrays = self._checked(rows, agents)
-        for name, values in zip(self._herd.fields.names, arrays, strict=True):
-            self._herd.write(name, at, values)
+        for name, values in zip(self._state.fields.names, arrays, strict=True):
+            self._state.write(name, at, values)
         return grown
 
     def _check_ids(self, rows: Rows | None, states: list[dict[str, Any]]) -> None:
-        """Nobody has become another."""
-        names = self._names(rows)
-        if list(map(_id, states)) == names:
+        """Check that no agent has changed its id."""
+        ids = self._ids(rows)
+        if list(map(_id, states)) == ids:
             return
-        for place, (name, state) in enumerate(zip(names, states, strict=True)):
-            if _id(state) != name:
+        for place, (agent_id, state) in enumerate(zip(ids, states, strict=True)):
+            if _id(state) != agent_id:
                 self.at_fault = place if rows is None else int(rows[place])
                 raise StateError(
-                    f"an agent keeps its id; #{name} cannot become #{_id(state)}", "id"
+                    f"an agent keeps its id; #{agent_id} cannot become #{_id(state)}", "id"
                 )
 
     def _grown(
@@ -150,12 +147,12 @@ class RowAdapter:
         return [(row, agent) for row, agent in every if agent.freeze().scope.pieces]
 
     def _usual(self, states: list[dict[str, Any]]) -> list[NDArray[Any]] | None:
-        """The values of each attribute where all are of its very type."""
-        found: list[NDArray[Any]] = []
-        for one in self._herd.fields.all:
-            kind, dtype = _TYPES[one.type.kind]
+        """The values of each attribute if all have exactly the declared type, else None."""
+        arrays: list[NDArray[Any]] = []
+        for field in self._state.fields.all:
+            kind, dtype = _TYPES[field.type.kind]
             try:
-                values = list(map(itemgetter(one.name), states))
+                values = list(map(itemgetter(field.name), states))
                 if set(map(type, values)) != {kind}:
                     return None
                 array = np.array(values, dtype)
@@ -163,16 +160,16 @@ class RowAdapter:
                 return None
             if kind is float and not np.isfinite(array).all():
                 return None
-            found.append(array)
-        return found
+            arrays.append(array)
+        return arrays
 
     def _checked(self, rows: list[int] | None, agents: list[Agent]) -> list[Sequence[Any]]:
-        nodes: list[tuple[Any, ...]] = []
+        values: list[tuple[Any, ...]] = []
         for place, agent in enumerate(agents):
             self.at_fault = place if rows is None else rows[place]
-            nodes.append(agent.freeze().values)
-        self.forget()  # names that begin with _ do not last
-        return list(zip(*nodes, strict=True))
+            values.append(agent.freeze().values)
+        self.forget()  # attributes whose names begin with _ do not last
+        return list(zip(*values, strict=True))
 
 
 _id = methodcaller("get", "id")
@@ -180,7 +177,7 @@ _scope = methodcaller("get", "scope")
 
 
 def _taken(part: Columns, cls: type[Agent]) -> tuple[list[Agent] | None, list[str] | None]:
-    """The agents that stayed beside these very columns, and their ids; they do so no more."""
+    """The agents kept beside these columns and their ids; the columns forget them."""
     kept = part.columns[0].kept if part.columns else None
     if kept is None:
         return None, None

@@ -5,25 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.columns import Columns, has_columns, packed, rewritten
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
     Node,
-    Piece,
     Scene,
     agents,
     identities,
-    rebuild,
     rescoped,
     with_scope,
 )
+from minerva_bus.world.addressing import Addressed, addressed
 from minerva_bus.world.agent import Agent
-from minerva_bus.world.kinds import ActivityError, Addressed, Kinds, addressed, kinds_of
-from minerva_bus.world.population_views import returned, views_of_many
+from minerva_bus.world.kinds import ActivityError, Kinds, kinds_of
+from minerva_bus.world.population_views import returned, view_of_population
 
 
 def visualize(
@@ -37,36 +36,30 @@ def visualize(
     An agent whose kind has no view for any of the events shows as ε. Raises ActivityError where
     user code did.
     """
-    found = addressed(events)
-    known = kinds_of(kinds)
+    concerning = addressed(events)
+    classes = kinds_of(kinds)
 
     def leave(node: Node, scope: Scene) -> Scene | Node:
         if not isinstance(node, AgentNode):
             return rescoped(node, scope)
-        cls = known.get(node.symbol)
+        cls = classes.get(node.symbol)
         if cls is None:
             return EMPTY
         result = EMPTY
-        for event in found.to(node.id, cls.views):
+        for event in single(event for _, event in concerning.to(node.id, cls.views)):
             node = with_scope(node, scope)
             if not event.condition or holds(event.condition, node.state):
                 result += _view(cls, node, event, frame)
         return result
 
-    if not any(isinstance(piece, Columns) for piece in scene.pieces):
-        return rebuild(scene, leave)
-    shown: list[Piece] = []
-    for piece in scene.pieces:
-        if not isinstance(piece, Columns):
-            shown += rebuild(Scene((piece,)), leave).pieces
-        elif piece.ids is None:
-            shown.append(piece)
-        else:
-            cls = known.get(piece.symbol)
-            view = views_of_many(piece, found, cls, frame) if cls is not None else EMPTY
-            alone = Scene(piece.nodes()) if view is None else EMPTY
-            shown += rebuild(alone, leave).pieces if view is None else view.pieces
-    return packed(Scene(tuple(shown))) if shown else EMPTY
+    def whole(part: Columns) -> Scene | None:
+        if part.ids is None:
+            return Scene((part,))
+        cls = classes.get(part.symbol)
+        return EMPTY if cls is None else view_of_population(part, concerning, cls, frame)
+
+    shown = rewritten(scene, leave, whole)
+    return packed(shown) if has_columns(scene) else shown
 
 
 def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:

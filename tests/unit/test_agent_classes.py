@@ -299,7 +299,7 @@ DEEDS = {
     ("infinite", "of AHerdsman#a2 .*x must be a finite number, not (inf|nan)"),
     ("stranger", "has no y; declare it"),
     ("id", "an agent keeps its id"),
-    ("mask", r"a mask has 3 truths, one for each of these agents, not float64 \(3,\)"),
+    ("mask", r"a mask is an array of bool, shape \(3,\), not float64 \(3,\)"),
     ("births", "declare `births: int = 0`"),
     ("stream", "a population draws from moment.chance"),
     ("events", "2 events from 3 agents"),

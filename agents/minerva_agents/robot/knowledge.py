@@ -32,6 +32,7 @@ MARKER: Final = 16
 
 Cell: TypeAlias = tuple[int, int]
 Mask: TypeAlias = NDArray[np.bool_]
+Reals: TypeAlias = NDArray[np.float64]
 Codes: TypeAlias = NDArray[np.int16]
 
 _HIT: Final = 3
@@ -68,6 +69,12 @@ _NONE: Final = np.empty(0, np.intp)
 def at_distance(row: float, column: float, angle: float, dist: float) -> tuple[float, float]:
     """(r + dist cos angle, c + dist sin angle), section 4.2.3; cells and degrees."""
     heading = math.radians(angle)
+    return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
+
+
+def at_distances(row: float, column: float, angles: Reals, dist: Reals) -> tuple[Reals, Reals]:
+    """`at_distance` of n angles and distances, (n,) each; the same values to the last bit."""
+    heading = np.radians(angles)
     return row + dist * portable.cos(heading), column + dist * portable.sin(heading)
 
 

@@ -13,6 +13,7 @@ pose within the uncertainty of the last move.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -29,7 +30,7 @@ from minerva_agents.robot.knowledge import (
 from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.motion import wrapped
 from minerva_agents.robot.robot import ARobot
-from minerva_bus import Context, Degrees, Event, Metres, portable
+from minerva_bus import Context, Degrees, Event, EventBatch, Metres, on, portable
 
 _GAP: Final = 0.6
 """Maximum gap in metres between neighbouring hits on one wall."""
@@ -54,13 +55,15 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
     _hits: tuple[tuple[float, float], ...] = ()
     _misses: tuple[tuple[float, float], ...] = ()
 
-    def sense_obstacle(self, laser: Event, moment: Context) -> None:
-        """Buffer (metres, degrees) of a hit until the scan is complete, in the same frame."""
-        self._hits = (*self._hits, (laser.dist, laser.angle))
+    @on("eLaser", together=True, population=False)
+    def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
+        """Buffer (metres, degrees) of hits until the scan is complete, in the same frame."""
+        self._hits = (*self._hits, *_beams(laser))
 
-    def sense_free(self, beam: Event, moment: Context) -> None:
-        """Buffer (metres, degrees) of a beam without a hit until the scan is complete."""
-        self._misses = (*self._misses, (beam.dist, beam.angle))
+    @on("eClear", together=True, population=False)
+    def sense_free(self, beam: EventBatch | Event, moment: Context) -> None:
+        """Buffer (metres, degrees) of beams without a hit until the scan is complete."""
+        self._misses = (*self._misses, *_beams(beam))
 
     def sense_marker(self, camera: Event, moment: Context) -> None:
         """g', after the pose is corrected."""
@@ -114,3 +117,9 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         for dist, angle in misses.tolist():
             to = at_distance(row, column, self.angle + angle, dist)
             clear_open_beam(grid, row, column, *to, part)
+
+
+def _beams(event: EventBatch | Event) -> Iterator[tuple[float, float]]:
+    """Distances in metres and angles in degrees."""
+    dist, angle = np.atleast_1d(event.dist), np.atleast_1d(event.angle)
+    return zip(dist.tolist(), angle.tolist(), strict=True)

@@ -6,10 +6,13 @@ agent's state, so another process can continue it from any frame.
 
 from __future__ import annotations
 
+import numpy as np
+
 from minerva_agents.robot import deciding, errand
 from minerva_agents.robot.ground import Position, room_of
 from minerva_agents.robot.knowledge import (
     at_distance,
+    at_distances,
     clear_beam,
     clear_open_beam,
     clearing_part,
@@ -27,6 +30,7 @@ from minerva_bus import (
     Context,
     Degrees,
     Event,
+    EventBatch,
     Metres,
     MetresPerSecond,
     Scene,
@@ -109,21 +113,20 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
     load: tuple[str, ...] = ()
     waits: int = 0
 
-    @on("eLaser")
-    def sense_obstacle(self, laser: Event, moment: Context) -> None:
-        """g': an obstacle at (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
-        grid, dist = self.writable("grid"), laser.dist / self.cell
-        row, column = at_distance(self.row, self.column, self.angle + laser.angle, dist)
-        part = clearing_part(moment.number)
-        clear_beam(grid, self.row, self.column, row, column, part)
-        mark_obstacle(grid, row, column)
+    @on("eLaser", together=True, population=False)
+    def sense_obstacle(self, laser: EventBatch | Event, moment: Context) -> None:
+        """g': obstacles at (r + dist cos(ang + angle), c + dist sin(ang + angle)), in order."""
+        grid, part = self.writable("grid"), clearing_part(moment.number)
+        for end in self.ends(laser):
+            clear_beam(grid, self.row, self.column, *end, part)
+            mark_obstacle(grid, *end)
 
-    @on("eClear")
-    def sense_free(self, beam: Event, moment: Context) -> None:
+    @on("eClear", together=True, population=False)
+    def sense_free(self, beam: EventBatch | Event, moment: Context) -> None:
         """g': no obstacle up to (r + dist cos(ang + angle), c + dist sin(ang + angle))."""
-        dist, part = beam.dist / self.cell, clearing_part(moment.number)
-        end = at_distance(self.row, self.column, self.angle + beam.angle, dist)
-        clear_open_beam(self.writable("grid"), self.row, self.column, *end, part)
+        grid, part = self.writable("grid"), clearing_part(moment.number)
+        for end in self.ends(beam):
+            clear_open_beam(grid, self.row, self.column, *end, part)
 
     @on("eCamera")
     def sense_marker(self, camera: Event, moment: Context) -> None:
@@ -257,6 +260,12 @@ class ARobot(Agent, symbol="ARobot", rest=("action",)):
         if self.objective not in self.markers:
             return None
         return place_of(self.grid, self.markers.index(self.objective))
+
+    def ends(self, beams: EventBatch | Event) -> list[Position]:
+        """Where beams end, in cells, from `dist` in metres and `angle` in degrees."""
+        angles, dist = self.angle + np.atleast_1d(beams.angle), np.atleast_1d(beams.dist)
+        rows, columns = at_distances(self.row, self.column, angles, dist / self.cell)
+        return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
     def metres(self, position: Position) -> Position:
         """A grid position in metres of the world."""

@@ -1,0 +1,76 @@
+"""Events of one type as a method gets them that takes all events of a frame in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.columns import Rows
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.ids import Ids
+
+
+class EventBatch:
+    """Events of one type: their data by name, arrays of shape (n,).
+
+    Iterating over it gives single events, which are made only then.
+    """
+
+    __slots__ = ("_chosen", "_events", "_row")
+
+    def __init__(self, events: Events, row: Rows | None = None, chosen: Rows | None = None) -> None:
+        self._events = events
+        self._chosen = chosen
+        self._row = row
+
+    @property
+    def row(self) -> Rows:
+        """For each event, the row of the agent that it is for, shape (n,)."""
+        return np.arange(self._events.count) if self._row is None else self._row
+
+    @property
+    def sender(self) -> Ids | None:
+        """The senders; None where a generator made the events."""
+        return self._selected().senders
+
+    def __len__(self) -> int:
+        return self._events.count if self._chosen is None else len(self._chosen)
+
+    def __iter__(self) -> Iterator[Event]:
+        return iter(self._selected())
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self.__slots__:  # not set yet: the object is being copied or unpickled
+            raise AttributeError(name)
+        events = self._selected()
+        if name not in events.names:
+            known = ", ".join(events.names) or "no data"
+            raise AttributeError(f"{events.type} has no {name}; it has {known}")
+        return events.data(name)
+
+    def _selected(self) -> Events:
+        if self._chosen is not None:  # only when asked for: most methods read few columns
+            self._events, self._chosen = self._events.take(self._chosen), None
+        return self._events
+
+
+def joined(parts: Sequence[Events]) -> Events | None:
+    """Events of one type, each for a known agent, as one batch; None where their forms differ.
+
+    Some may name their receivers and some be for all; then the batch names none.
+    """
+    batch = Events.concatenated(parts)
+    if batch is None:
+        batch = Events.concatenated([replace(part, receivers=None) for part in parts])
+    return batch
+
+
+def merged(items: Sequence[AnyEvent]) -> Sequence[Events]:
+    """Events of one type for one agent, in order, in as few batches as their forms allow."""
+    parts = [item if isinstance(item, Events) else Events.repeated(item, 1) for item in items]
+    batch = joined(parts)
+    return parts if batch is None else [batch]
