@@ -1,113 +1,276 @@
-"""The system algorithm, Table 2, as a pure state machine: stimulus in, instructions out.
+"""Table 2 of the paper as a pure state machine: stimulus in, instructions out.
 
-Two rules of this file: it does no input or output and reads no clock, and whatever it iterates
-over is in an order that does not depend on who answered first.
-
-    WAITING ─▶ READY ─Begin─▶ TICK ─▶ EVOLVE ─▶ READY ─▶ ...      one frame: steps 2 to 8
-                                        └─▶ CLOSING ─▶ STOPPING ─▶ ENDED
+It does no input or output and reads no clock. Whatever it iterates over is in an order that does
+not depend on who answered first. The phases and their transitions are in `phases.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
-from itertools import islice
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.attendance import Attendance
-from minerva_bus.frame.core import Phase
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.frame.collection import HANDED_OVER, visual_events
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
-from minerva_bus.frame.enforcement import PEOPLE
+from minerva_bus.frame.goal import Goal
+from minerva_bus.frame.in_flight import FrameInFlight
+from minerva_bus.frame.inbox import PEOPLE, Inbox
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
-from minerva_bus.frame.showing import check_all, patch_all
-from minerva_bus.frame.steps import HANDED_OVER
-from minerva_bus.grammar.batch import AnyEvent, count_of
-from minerva_bus.grammar.columns import Columns, packed
-from minerva_bus.grammar.events import Event
+from minerva_bus.frame.instructions import Instructions
+from minerva_bus.frame.joining import Joining
+from minerva_bus.frame.live import FrameSource, LiveSource
+from minerva_bus.frame.members import MemberChange, Members
+from minerva_bus.frame.norms import Norms
+from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
+from minerva_bus.frame.placement import Placement
+from minerva_bus.frame.shutdown import Shutdown
+from minerva_bus.frame.views import Views, due_views
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.scene import Piece, Scene, agents
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.world.evolution import Policy
-from minerva_bus.world.lineage import copy_id
+from minerva_bus.world.norms import SOURCE
 
-STRANGERS_NAMED = 3
-REPORT_LINES = 10
-"""Of what a member says of its failure, so many lines are shown; its traceback is for the log."""
-
-MOST_WAITING = 100_000
-"""Events of one free-running generator that wait for a frame; a paused world takes none."""
+MAX_NAMED_STRANGERS: Final = 3
+MAX_PROBLEM_LINES: Final = 10
+"""Lines of a member's failure that are shown; its traceback is for the log file."""
 
 
-class FrameAlgorithm(Attendance):
-    """Runs one world. `receive` takes a stimulus and returns what is to be done."""
+class FrameAlgorithm:
+    """Runs one world. `receive` takes a stimulus and returns the instructions that follow.
 
-    def __init__(self, world: World) -> None:
-        super().__init__(world)
-        self._do: dict[type, Callable[[Any], None]] = {
-            s.Begin: self._on_begin,
-            m.TickReply: self._on_tick_reply,
-            m.EvolveReply: self._on_evolve_reply,
-            m.Emitted: self._on_emitted,
-            s.Order: self._on_order,
-            s.Drain: self._on_drain,
-            s.Appeared: self._on_appeared,
-            m.Hello: self._on_hello,
-            s.Vanished: self._on_vanished,
-            s.Abandoned: self._on_gave_up,
-            s.Violation: self._on_violation,
-            s.Silent: self._on_silent,
-            s.Skip: self._on_skip,
-            m.Failed: self._on_failed,
-            m.Resync: self._on_resync,
-            m.Leaving: self._on_leaving,
-            m.MemberMetrics: self._on_doing,
-            m.Report: self._on_report,
-            s.End: self._on_end,
-        }
+    `source` makes what carries out the steps that depend on members; by default these are live.
+    """
+
+    def __init__(
+        self, world: World, source: Callable[[FrameAlgorithm], FrameSource] | None = None
+    ) -> None:
+        past, literal = world.past, world.policy is Policy.LITERAL
+        self.world = world
+        self.phase = Phase.WAITING
+        self.frame: int = past.frame
+        self.in_flight = FrameInFlight()
+        self.members = Members(world.expected)
+        self.members.saved.update(past.saved)
+        self.composition = Composition(world.scene, columns=not literal)
+        limit = world.placement.agents_per_host
+        self.placement = Placement(world.vocabulary, self.composition, limit)
+        self.views = Views(world)
+        self.inbox = Inbox(past)
+        counts = past.saved.get(SOURCE, {})
+        self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
+        self.goal = Goal(world, self.composition, self.members.saved)
+        self.shutdown = Shutdown()
+        self.out = Instructions(self.members)
+        self.joining = Joining(self)
+        self.source: FrameSource = (source or LiveSource)(self)
 
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
-        """Take one stimulus; what is to be done because of it, in order."""
-        self._out = []
-        who: str = getattr(stimulus, "member", "")
-        if who and not self.members.knows(who) and not isinstance(stimulus, s.Appeared):
-            self._on_stranger(who)
+        """Take one stimulus and return the instructions that follow from it, in order."""
+        self.out.take()
+        sender: str = getattr(stimulus, "member", "")
+        if sender and not self.members.knows(sender) and not isinstance(stimulus, s.Appeared):
+            self._note_stranger(sender)
         else:
-            self._do[type(stimulus)](stimulus)
-        return self._out
+            _HANDLERS[type(stimulus)](self, stimulus)
+            self.advance()
+        return self.out.take()
 
-    def _on_stranger(self, who: str) -> None:
-        """Somebody speaks who never appeared: nothing is kept of it but a count."""
-        self.strangers += 1
-        if self.strangers <= STRANGERS_NAMED:
-            more = "" if self.strangers < STRANGERS_NAMED else "; further strangers are not named"
-            self._say(who[:64], f"is no member and is not heard{more}")
+    def _note_stranger(self, sender: str) -> None:
+        # Senders that never appeared could use any number of names, so only a count is kept.
+        self.members.strangers += 1
+        strangers = self.members.strangers
+        if strangers <= MAX_NAMED_STRANGERS:
+            more = "" if strangers < MAX_NAMED_STRANGERS else "; further strangers are not named"
+            self.out.log(sender[:64], f"is no member and is not heard{more}")
+
+    # --- Table 2 ---
+
+    def advance(self) -> None:
+        """Carry out Table 2 as far as the answers that have arrived allow.
+
+        A phase ends when nothing is awaited any more; the next call continues from there. Step 1,
+        w = w₀ and t = 0, is the constructor; step 2 begins with the requests of `on_begin`.
+        """
+        source, in_flight = self.source, self.in_flight
+        if self.phase is Phase.TICK and not in_flight.pending:
+            source.collect()  # 2: e* = E(G*, t); 3: e^v of views; 4: e^u of evolution
+            self._enter(Awaited.EVENTS)
+            source.evolve()  # 5: w_next = η(w, e^u); 6: v = π(w, e^v)
+        if self.phase is Phase.EVOLVE and in_flight.requests.complete and source.settle():
+            self.show()  # 7: g = φ(v)
+            source.commit()  # 8: w = w_next; t = t + 1
+            self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
+        if self.phase is Phase.CLOSING and self.in_flight.requests.complete:
+            self.show()  # the last w, which no frame would show any more
+            self._stop(Awaited.RESULTS)
+        if self.phase is Phase.STOPPING and not self.shutdown.pending:
+            self._finish(Awaited.REPORTS)  # 11: end
+
+    def continue_or_close(self) -> None:
+        """Steps 9 and 10: announce the next frame, or show the last string once more."""
+        reason = self.source.why_over()
+        if self.phase is Phase.STOPPING:  # The frame has failed.
+            return
+        if reason:
+            self.close(reason)
+            return
+        if self.phase is Phase.EVOLVE:
+            self._enter(Awaited.RESULTS)
+        self.source.announce()
+
+    def start_if_complete(self) -> None:
+        """Announce the first frame once all expected members are present."""
+        if self.phase is not Phase.WAITING or self.members.awaited():
+            return
+        reason = self.source.why_over() if self.frame else ""
+        if reason:
+            self.close(reason)
+        else:
+            self._enter(Awaited.MEMBERS)
+            self.source.announce()
+
+    def show(self) -> None:
+        """Step 7: send every device its view of w, the string that this frame began with."""
+        last = self.phase is Phase.CLOSING
+        self.views.show(
+            self.frame, self.in_flight, self.composition, self.members, self.out, last=last
+        )
+
+    def close(self, reason: str) -> None:
+        """End a world whose frames are over: devices see its last string before it stops."""
+        self.shutdown.reason = reason
+        due = due_views(self.members.index, self.frame, (), closing=True)
+        self.in_flight = FrameInFlight()
+        self.in_flight.events.visual = visual_events(self, due)
+        self._enter(Awaited.OVER)
+        self.source.evolve()
+
+    def fail(self, reason: str) -> None:
+        """End the world before its time."""
+        self.shutdown.failed = True
+        self.shutdown.reason = reason
+        self._stop(Awaited.END)
+
+    def _stop(self, awaited: Awaited) -> None:
+        """Ask all members for their reports."""
+        self._enter(awaited)
+        self.in_flight.pending = set()
+        self.in_flight.requests.cancel()
+        self.shutdown.begin(member.name for member in self.members.active())
+        self.out.add(s.Stopping(self.shutdown.reason))
+        self.out.send(s.EVERYONE, m.Stop(self.shutdown.reason))
+
+    def _finish(self, awaited: Awaited) -> None:
+        """Step 11: the world is over."""
+        self._enter(awaited)
+        if self.norms.broken:
+            counts = sorted(self.norms.broken.items())
+            self.shutdown.add_figures(SOURCE, {f"norm_{name}": count for name, count in counts})
+        self.out.add(s.Ended(self.shutdown.reason, self.shutdown.total()))
+
+    def _enter(self, awaited: Awaited) -> None:
+        self.phase = TRANSITIONS[self.phase, awaited]
+
+    # --- handlers ---
+
+    def on_begin(self, begin: s.Begin) -> None:
+        """Begin a frame: step 2 asks all generators for their events.
+
+        A world that expects no members becomes ready by its first `Begin`.
+        """
+        if self.phase is Phase.WAITING:
+            self.start_if_complete()
+            return
+        if self.phase is not Phase.READY or not self.source.has_next():
+            return
+        self.joining.admit_joining()
+        self.in_flight = FrameInFlight(begin.due, begin.inputs)
+        self._enter(Awaited.BEGIN)
+        self.source.begin()
+
+    def on_drain(self, drain: s.Drain) -> None:
+        """Move a host's agents to other hosts when the next frame begins."""
+        member = self.members.get(drain.member)
+        if member.active and not member.drained:
+            member.drained = self.placement.outdated = True
+            self.out.log(member.name, "draining: its agents move to other hosts")
+
+    def on_silent(self, _: s.Silent) -> None:
+        """Mark the members that the world waits for as late."""
+        if self.phase is Phase.STOPPING:
+            self.shutdown.drop_departed()
+            return
+        for name in self.waiting_for():
+            self.members.change(self.members.get(name), MemberChange.SILENT)
+
+    def on_resync(self, resync: m.Resync) -> None:
+        """Send a keyframe to an observer that missed a view."""
+        keyframe = self.views.keyframe(resync.event_type)
+        if keyframe is not None and self.members.get(resync.member).active:
+            self.out.send(resync.member, keyframe)
+
+    def on_failed(self, failed: m.Failed) -> None:
+        """Log a member's failure, once per process: it is about to end."""
+        member = self.members.get(failed.member)
+        if not member.blamed:
+            member.blamed = True
+            when = f"failed in frame {failed.frame}" if failed.frame >= 0 else "failed"
+            lines = failed.problem.split("\n")[:MAX_PROBLEM_LINES]
+            self.out.log(member.name, f"{when}: {chr(10).join(lines)}", failed.traceback)
+
+    def on_end(self, end: s.End) -> None:
+        """End the world now; a second request does not wait for reports."""
+        if self.phase is Phase.ENDED:
+            return
+        self.shutdown.failed |= end.failed
+        if self.phase is Phase.STOPPING:
+            self._finish(Awaited.END)
+        else:
+            self.shutdown.reason = end.reason
+            self._stop(Awaited.END)
+
+    # --- whom the world waits for ---
 
     def waiting_for(self) -> list[str]:
-        """The members that the world waits for now, sorted."""
+        """The members that the world waits for, sorted."""
         if self.phase in (Phase.WAITING, Phase.READY):
             return [member.name for member in self.members.awaited()]
-        if self.phase in (Phase.TICK, Phase.STOPPING):
-            return sorted(self._pending)
-        names = {name for name, _ in self._parts}
-        if self._stranded:
+        if self.phase is Phase.TICK:
+            return sorted(self.in_flight.pending)
+        if self.phase is Phase.STOPPING:
+            return sorted(self.shutdown.pending)
+        requests = self.in_flight.requests
+        names = {host for host, _ in requests.outstanding}
+        if requests.unassigned:
             names.update(member.name for member in self.members.awaited())
         return sorted(names)
 
     def awaits(self, member: str) -> bool:
-        """Whether a frame waits for an answer of a member, this one or the next."""
-        if member in self._asked_ahead and member not in self._early:
+        """Whether a frame waits for an answer of a member, this frame or the next one."""
+        if self.inbox.early.awaits(member):
             return True
         if self.phase in (Phase.TICK, Phase.STOPPING):
-            return member in self._pending
-        if self.phase in (Phase.WAITING, Phase.READY) or self._stranded:
+            return self.awaits_answer(member)
+        requests = self.in_flight.requests
+        if self.phase in (Phase.WAITING, Phase.READY) or requests.unassigned:
             return member in self.waiting_for()
-        return any(name == member for name, _ in self._parts)
+        return bool(requests.of(member))
+
+    def awaits_answer(self, member: str) -> bool:
+        """Whether a tick reply or a report of a member is outstanding."""
+        return member in self.in_flight.pending or member in self.shutdown.pending
 
     def awaits_tick(self, member: str) -> bool:
         """Whether steps 1 to 4 of this frame wait for a member, whose answer counts once."""
-        return self.phase is Phase.TICK and member in self._pending
+        return self.phase is Phase.TICK and member in self.in_flight.pending
+
+    # --- state ---
 
     @property
     def in_frame(self) -> bool:
@@ -116,335 +279,148 @@ class FrameAlgorithm(Attendance):
 
     @property
     def at_rest(self) -> bool:
-        """Whether the next frame would change nothing, nor show anything new.
+        """Whether the next frame would neither change the string nor show anything new.
 
-        Nobody generates in step with it, no event waits, and every device has seen the string. A
-        world of a number of frames goes through them all the same.
+        No generator runs in step with it, no event waits, and every device has seen the string. A
+        world with a fixed number of frames runs them all.
         """
-        if self.world.frames or self.phase is not Phase.READY or self._rearrange:
+        if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
             return False
-        attending = self.members.index
-        unseen = self.frame - self._stirred < attending.every
-        busy = unseen or attending.tickers or attending.joining or self._fading
-        return not (busy or self._inbox or self._emitted or self._sanctions)
+        index = self.members.index
+        unseen = self.frame - self.views.last_change < index.every
+        busy = unseen or index.tickers or index.joining or self._fading
+        return not (busy or self.inbox)
 
     @property
     def _fading(self) -> bool:
-        """Whether a frame without events changes the string: to the letter, it leaves no agent."""
+        # Under the literal policy a frame without events removes every agent that has a host.
         literal = self.world.policy is Policy.LITERAL
-        return literal and self._distribution.homeless < self.composition.count
+        return literal and self.placement.unassigned_agents < self.composition.count
 
     @property
-    def scene(self) -> Scene:
-        """The string w of the frame that runs or comes next."""
-        return self.composition.scene
-
-    def feed(self, inputs: FrameInputs) -> list[s.Instruction]:
-        """Compute a frame from its logged inputs, before any member has appeared.
-
-        Raises ProtocolError if the inputs are not those of the next frame, or do not fit.
-        """
-        if inputs.frame != self.frame:
-            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
-        self._out = []
-        self._begin_frame_state()
-        self._take_logged(inputs)
-        self._gather(inputs.due)
-        try:
-            self.composition.lay_out(inputs.layout)
-            self._layout = inputs.layout
-            self._left_out = set(inputs.left_out)
-            self._feed_replies(inputs)
-            self._inbox = {source: list(events) for source, events in inputs.waiting.items()}
-            self._apply()
-        except Unfit as unfit:
-            raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
-        self._rearrange = True
-        return self._out
-
-    def _take_logged(self, inputs: FrameInputs) -> None:
-        """Let the logged events of a frame wait, and hand people's orders to generators here."""
-        self._logged = inputs
-        self._inbox = {source: list(events) for source, events in inputs.taken.items()}
-        self._ticked |= inputs.ticked
-        self._people = inputs.people
-        self._hand_over(tuple(self._inbox.pop(HANDED_OVER, ())))
-
-    def _feed_replies(self, inputs: FrameInputs) -> None:
-        """Merge the replies of hosts, one request after another, then apply norms."""
-        replies = iter(inputs.replies)
-        for count in inputs.answers:
-            for reply in islice(replies, count):
-                self._merge(reply, self._patched(reply))
-            self._hear()
-            self._asked_by = next(self._fewer, ()), ()
+    def failed(self) -> bool:
+        """Whether the world ended before its time because something went wrong."""
+        return self.shutdown.failed
 
     @property
-    def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
-        """The events that no whole frame has, by source, if people's are among them."""
-        taken: dict[str, Sequence[AnyEvent]] = {}
-        if self.phase is Phase.EVOLVE:
-            taken |= self._taken
-        if self.in_frame and self._handed_over:
-            taken[PEOPLE] = [*self._handed_over, *taken.get(PEOPLE, ())]
-        taken.pop(HANDED_OVER, None)
-        if PEOPLE not in taken and PEOPLE not in self._inbox:
-            return {}
-        sources = sorted({*taken, *self._inbox})
-        return {one: [*taken.get(one, ()), *self._inbox.get(one, ())] for one in sources}
+    def reached(self) -> bool:
+        """Whether every agent of the kinds that send `until` has sent it."""
+        return self.goal.met
 
-    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
-        """These events, by source, wait for the frame that comes next."""
-        self._inbox = {source: list(some) for source, some in events.items()}
-
-    def expect(self, members: Iterable[str]) -> None:
-        """Wait for these too before the world goes on."""
-        for name in sorted(members):
-            self.members.expect(name)
+    @property
+    def finished(self) -> str:
+        """Reason for the end by `until` and `give_up`; empty while an agent has sent neither."""
+        return self.goal.finished
 
     @property
     def over(self) -> bool:
-        """Whether the world has come to its own end."""
-        return bool(self._why_over())
+        """Whether no frame follows."""
+        return bool(self.source.why_over())
 
-    # --- steps 1 and 2: the frame begins, and generators answer ---
+    @property
+    def scene(self) -> Scene:
+        """The string w of the frame in flight, or of the next one."""
+        return self.composition.scene
 
-    def _on_begin(self, told: s.Begin) -> None:
-        if self.phase is not Phase.READY:
-            return
-        self._glances = told.due
-        for member in self.members.index.joining:
-            if member.hello is not None:
-                self._admit(member, member.hello)
-        self._begin_frame_state()
-        self.phase = Phase.TICK
-        attending = self.members.index
-        self._ticked, self._early = self._early, {}
-        if told.inputs is None:
-            self._hand_over_orders()
-        else:
-            self._take_logged(told.inputs)
-        self._pending = set(attending.tickers - self._ticked.keys())
-        if attending.anyone_ticks:
-            self._send(s.TICKED, m.TickRequest(self.frame))
-        self._ask_ahead(self.frame)
-        if not self._pending:
-            self._collect()
+    def offers(self) -> Offers:
+        """The kinds that each host may evolve, as far as the world's placement rules allow."""
+        return self.world.placement.allowed(self.members.offers(), self.members.machines())
 
-    def _hand_over_orders(self) -> None:
-        """Judge those orders that a generator takes, and give it what may be.
+    # --- checkpoints and logs ---
 
-        They are people's; what the generator makes of them counts as its own.
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """State beside the string, from which the world can resume; valid between frames."""
+        return Checkpoint(
+            self.frame,
+            dict(self.members.saved),
+            tuple(self.inbox.emitted),
+            self.inbox.waiting(),
+            self.goal.reached,
+            self.goal.striving,
+        )
+
+    @property
+    def shown(self) -> list[m.ViewShown]:
+        """The latest view of each visual event type, as a keyframe."""
+        return self.views.keyframes()
+
+    def show_again(self, view: m.ViewShown) -> None:
+        """Continue a view stream from a keyframe."""
+        self.views.restore(view)
+
+    @property
+    def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
+        """The events of no complete frame, by source, if people's events are among them."""
+        events = self.in_flight.events
+        taken: dict[str, Sequence[AnyEvent]] = {}
+        if self.phase is Phase.EVOLVE:
+            taken |= events.taken
+        if self.in_frame and events.orders:
+            taken[PEOPLE] = [*events.orders, *taken.get(PEOPLE, ())]
+        taken.pop(HANDED_OVER, None)
+        waiting = self.inbox.events
+        if PEOPLE not in taken and PEOPLE not in waiting:
+            return {}
+        sources = sorted({*taken, *waiting})
+        return {name: [*taken.get(name, ()), *waiting.get(name, ())] for name in sources}
+
+    def wait_with(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Let these events, by source, wait for the next frame."""
+        self.inbox.replace(events)
+
+    def expect(self, members: Iterable[str]) -> None:
+        """Wait for these members too before the next frame."""
+        for name in sorted(members):
+            self.members.expect(name)
+
+    def feed(self, inputs: FrameInputs) -> list[s.Instruction]:
+        """Run a frame from logged inputs, before any member has appeared.
+
+        Raises ProtocolError where they are not those of the next frame, or do not fit.
         """
-        given = [one for one in self._inbox.get(PEOPLE, ()) if self.members.takers(one.type)]
-        if not given:
-            return
-        left = [one for one in self._inbox.pop(PEOPLE) if not self.members.takers(one.type)]
-        self._inbox |= {PEOPLE: left} if left else {}
-        self._hand_over(tuple(given))
-
-    def _hand_over(self, orders: tuple[AnyEvent, ...]) -> None:
-        self._handed_over = orders
-        self._permitted = self._orders_allowed(orders)
-        for member in self.members.active():
-            self._give_orders(member)
-
-    def _on_tick_reply(self, reply: m.TickReply) -> None:
-        member = self.members.get(reply.member)
-        in_time = self.awaits_tick(reply.member) and reply.frame == self.frame
-        ahead = reply.frame == self._asked_ahead.get(reply.member, -1)
-        early = ahead and not (self.in_frame and reply.frame == self.frame)
-        if not member.active or not (in_time or early) or reply.member in self._early:
-            member.late += 1
-            return
-        if not self._may_generate(member, reply.events):
-            return
-        self._answered(member)
-        if early:
-            self._early[reply.member] = reply
-            return
-        self._pending.discard(reply.member)
-        self._ticked[reply.member] = reply
-        if not self._pending:
-            self._collect()
-
-    def _answered(self, member: MemberEntry) -> None:
-        member.last_reply = self.frame
-        if member.state is MemberState.LATE:
-            self.members.change(member, MemberChange.ANSWERED)
-
-    def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
-        allowed = member.hello.generates if member.hello is not None else ()
-        for event in events:
-            if event.type not in allowed:
-                self._on_violation(
-                    s.Violation(member.name, f"it sent {event.type} but said it makes {allowed}")
-                )
-                return False
-        objection = self._speaking.objection(member.name, events)
-        if objection:
-            self._on_violation(s.Violation(member.name, objection))
-        return not objection
-
-    def _on_emitted(self, told: m.Emitted) -> None:
-        member = self.members.get(told.member)
-        if not member.active or not self._may_generate(member, told.events):
-            return
-        member.last_reply = self.frame
-        count = sum(map(count_of, told.events))
-        waiting = self._inbox.setdefault(told.member, [])
-        held = self._held.get(told.member)
-        if held is None:  # The first since the last frame, or since the world went on.
-            held = sum(map(count_of, waiting))
-        if held < MOST_WAITING:
-            self._held[told.member] = held + count
-            waiting.extend(told.events)
-            return
-        if not member.dropped:
-            self._say(
-                member.name, f"has {MOST_WAITING} events waiting for a frame; more are dropped"
-            )
-        member.dropped += count
-
-    def _on_order(self, order: s.Order) -> None:
-        self._inbox.setdefault(PEOPLE, []).append(order.event)
-
-    def _on_drain(self, told: s.Drain) -> None:
-        member = self.members.get(told.member)
-        if member.active and not member.drained:
-            member.drained = self._rearrange = True
-            self._say(member.name, "is emptied: its agents go to other hosts")
-
-    # --- steps 5 and 6: hosts answer ---
-
-    def _on_evolve_reply(self, reply: m.EvolveReply) -> None:
-        member = self.members.get(reply.member)
-        key = (reply.member, reply.part)
-        if reply.frame != self.frame or key not in self._parts or not member.active:
-            member.late += 1
-            return
-        wrong, changed = self._wrong_with(reply, frozenset(self._parts[key])), dict[str, Scene]()
+        if inputs.frame != self.frame:
+            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
+        self.out.take()
+        self.in_flight = FrameInFlight()
+        live = LiveSource(self)
         try:
-            changed = {} if wrong else self._patched(reply)
-            for event_type, patches in reply.view_patches.items():
-                showing = self._showings.get(event_type)
-                check_all({} if showing is None else showing.parts, patches)
+            live.repeat(inputs)
+            self.show()
+            live.commit()
         except Unfit as unfit:
-            wrong = f"it sent {unfit}, not of what is there"
-        if wrong:
-            self._on_violation(s.Violation(reply.member, wrong))
-            return
-        del self._parts[key]
-        self._answered(member)
-        if reply.elapsed and not reply.part:
-            self._distribution.took(reply.member, reply.elapsed)
-        self._merge(reply, changed)
-        self._changed_by.update(dict.fromkeys(changed, reply.member))
-        self._finish_if_done()
-
-    def _merge(self, reply: m.EvolveReply, changed: m.Parts) -> None:
-        """Let what a host has answered count, with what it says has `changed`."""
-        self._replies.append(reply)
-        self._changed.update(changed)
-        self._sent.update(reply.emitted)
-        for event_type, parts in reply.views.items():
-            self._views.setdefault(event_type, {}).update(parts)
-        for event_type, patches in reply.view_patches.items():
-            self._view_patches.setdefault(event_type, {}).update(patches)
-
-    def _patched(self, reply: m.EvolveReply) -> dict[str, Scene]:
-        """What became of a host's fragments. Raises Unfit for patches of what is not there."""
-        changed = {
-            name: Scene((self.composition.fragments[name],))
-            for name in reply.patched
-            if name in self.composition.fragments
-        }
-        patch_all(changed, reply.patched)
-        parts = self.composition.parts
-        whole = {
-            name: packed(scene) if name in parts else scene for name, scene in reply.changed.items()
-        }
-        return {**whole, **changed}
-
-    def _wrong_with(self, reply: m.EvolveReply, mine: frozenset[str]) -> str:
-        """What a host has no right to say, or the empty text."""
-        named = set(reply.changed).union(reply.patched, *reply.views.values())
-        for fragment in sorted(named.union(*reply.view_patches.values()) - mine):
-            return f"it answered for #{fragment}, not its own"
-        for name, events in sorted(reply.emitted.items()):
-            part = self.composition.parts.get(name)
-            if (name if part is not None else self.composition.home(name)) not in mine:
-                return f"it sent events of #{name}, not its own"
-            senders = self._names_of(name)
-            if not all(_from(event, senders, part) for event in events):
-                return f"it sent events of #{name} in another's name"
-        born = dict(self._born)
-        for fragment, scene in sorted(reply.changed.items()):
-            for agent in agents(Scene(tuple(_loose(scene)))):
-                if born.get(agent.id, self.composition.home(agent.id) or fragment) != fragment:
-                    return f"it made a second agent #{agent.id}"
-                born[agent.id] = fragment
-        self._born = born
-        return ""
-
-    def _names_of(self, agent: str) -> frozenset[str]:
-        """The ids under which an agent sends; under the literal policy its copies' too."""
-        if self.world.policy is not Policy.LITERAL:
-            return frozenset((agent,))
-        copies = range(2, 1 + sum(map(count_of, self._evolving)))
-        return frozenset((agent, *(copy_id(agent, self.frame, number) for number in copies)))
-
-    # --- what may come at any time ---
-
-    def _on_silent(self, _: s.Silent) -> None:
-        if self.phase is Phase.STOPPING:
-            self._miss_reports()
-            return
-        for name in self.waiting_for():
-            self.members.change(self.members.get(name), MemberChange.SILENT)
-
-    def _on_resync(self, told: m.Resync) -> None:
-        showing = self._showings.get(told.event_type)
-        if showing is not None and self.members.get(told.member).active:
-            self._send(told.member, showing.key())
-
-    def _on_failed(self, told: m.Failed) -> None:
-        """Say it, once until it comes anew: one that has failed is about to end."""
-        member = self.members.get(told.member)
-        if not member.blamed:
-            member.blamed = True
-            when = f"failed in frame {told.frame}" if told.frame >= 0 else "failed"
-            lines = told.problem.split("\n")[:REPORT_LINES]
-            self._say(member.name, f"{when}: {chr(10).join(lines)}", told.traceback)
-
-    def _on_doing(self, told: m.MemberMetrics) -> None:
-        self.members.get(told.member).figures = told.figures
-
-    def _on_report(self, report: m.Report) -> None:
-        self._count_report(report.member, report.figures)
-
-    def _on_end(self, told: s.End) -> None:
-        if self.phase is Phase.ENDED:
-            return
-        self.failed = self.failed or told.failed
-        if self.phase is Phase.STOPPING:
-            self._over()
-        else:
-            self._end(told.reason)
+            raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
+        self.placement.outdated = True
+        return self.out.take()
 
 
-def _from(event: AnyEvent, senders: Container[str], part: Columns | None) -> bool:
-    """Whether events come from whom they are said to: one agent, or some of a part."""
-    if part is None or part.ids is None:
-        return isinstance(event, Event) and event.sender in senders
-    if isinstance(event, Event):
-        return part.ids.row_of(event.sender) >= 0
-    return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
+_HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
+    s.Begin: FrameAlgorithm.on_begin,
+    m.TickReply: lambda algorithm, reply: algorithm.source.receive(reply),
+    m.EvolveReply: lambda algorithm, reply: algorithm.source.receive(reply),
+    m.Emitted: lambda algorithm, emitted: algorithm.source.receive(emitted),
+    s.Order: lambda algorithm, order: algorithm.source.receive(order),
+    s.Seek: lambda algorithm, seek: algorithm.source.seek(seek.frame),
+    s.Appeared: lambda algorithm, appeared: algorithm.joining.appeared(appeared),
+    m.Hello: lambda algorithm, hello: algorithm.joining.hello(hello),
+    s.Vanished: lambda algorithm, vanished: algorithm.joining.vanished(vanished),
+    s.Abandoned: lambda algorithm, gave_up: algorithm.joining.gave_up(gave_up),
+    m.Leaving: lambda algorithm, leaving: algorithm.joining.leaving(leaving),
+    s.Violation: lambda algorithm, violation: algorithm.joining.violation(violation),
+    s.Skip: lambda algorithm, skip: algorithm.joining.skip(skip),
+    s.Drain: FrameAlgorithm.on_drain,
+    s.Silent: FrameAlgorithm.on_silent,
+    m.Failed: FrameAlgorithm.on_failed,
+    m.Resync: FrameAlgorithm.on_resync,
+    m.MemberMetrics: lambda algorithm, doing: _note_figures(algorithm, doing),
+    m.Report: lambda algorithm, report: algorithm.shutdown.report(report.member, report.figures),
+    s.End: FrameAlgorithm.on_end,
+}
+"""What handles each stimulus."""
 
 
-def _loose(scene: Scene) -> Iterator[Piece]:
-    """The nodes of a string that are not in columns; those of columns are looked at together."""
-    return (piece for piece in scene.pieces if not isinstance(piece, Columns))
+def _note_figures(algorithm: FrameAlgorithm, doing: m.MemberMetrics) -> None:
+    algorithm.members.get(doing.member).figures = doing.figures
 
 
 __all__ = ["FrameAlgorithm", "Phase"]

@@ -279,11 +279,11 @@ class Composition:
         """
         self._take_apart(self._held(scene), self._as_strings())
 
-    def cut(self, population: Sequence[str], sizes: Sequence[int]) -> None:
-        """Cut a population anew, in so many parts of these sizes; they get new names."""
+    def divide(self, population: Sequence[str], sizes: Sequence[int]) -> None:
+        """Divide a population into parts of these sizes; they get new names."""
         parts = self._as_strings()
-        cut = _in_place_of(population, self._pieces(population, sizes))
-        self._take_apart(fill(self.skeleton, {**parts, **cut}), parts)
+        divided = _in_place_of(population, self._pieces(population, sizes))
+        self._take_apart(fill(self.skeleton, {**parts, **divided}), parts)
 
     def _pieces(self, population: Sequence[str], sizes: Sequence[int]) -> list[Columns]:
         rows = Columns.concatenated([self.parts[name] for name in population])

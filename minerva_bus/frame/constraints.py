@@ -30,7 +30,7 @@ class Rule:
 
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class PlacementRules:
     """Rules by kind, and how many agents a host takes at most; 0: any number."""
 
     rules: Mapping[str, Rule] = field(default_factory=dict[str, Rule])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.checkpoint import Checkpoint, LastView
-from minerva_bus.frame.constraints import Placement
+from minerva_bus.frame.constraints import PlacementRules
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy
@@ -51,7 +51,7 @@ class World:
     norms: tuple[Norm, ...] = ()
     people: tuple[str, ...] = ()
     speaks_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    placement: Placement = field(default_factory=Placement)
+    placement: PlacementRules = field(default_factory=PlacementRules)
     past: Checkpoint = field(default_factory=Checkpoint)
     shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])
 

@@ -1,4 +1,4 @@
-"""How quick hosts are, so that each gets as much of a population as it can do in the same time."""
+"""Speed of hosts, so that each gets the share of a population that takes all the same time."""
 
 from __future__ import annotations
 
@@ -7,47 +7,50 @@ from statistics import median
 from typing import Final
 
 WINDOW: Final = 16
-_WORTH: Final = 8192
-"""Moving rows costs more than it gains where a host has fewer than this."""
+"""Frames over which the speed of a host is measured."""
 
-_BY_HOW_MUCH: Final = 1.3
+_MIN_ROWS: Final = 8192
+"""Rows per host below which moving rows costs more than it gains."""
+
+_MAX_RATIO: Final = 1.3
+"""Ratio of the slowest host's time to the balanced time that is worth moving rows."""
 
 
 class Load:
-    """What hosts have done of late: rows a second, the median of some frames."""
+    """Speed of hosts in rows per second: the median over the last `WINDOW` frames."""
 
     def __init__(self) -> None:
         self._speeds: dict[str, list[float]] = {}
 
-    def took(self, host: str, rows: int, seconds: float) -> None:
-        """A host has done so many rows in this time."""
-        if rows and seconds > 0:
+    def note(self, host: str, rows: int, elapsed: float) -> None:
+        """Note how many seconds a host needed for some rows."""
+        if rows and elapsed > 0:
             speeds = self._speeds.setdefault(host, [])
-            speeds.append(rows / seconds)
+            speeds.append(rows / elapsed)
             del speeds[:-WINDOW]
 
     def weights(self, hosts: Sequence[str], rows: int) -> list[float]:
-        """The shares of so many rows that suit these hosts.
+        """Shares of some rows by the speed of these hosts.
 
-        Equal ones while nothing is known of one of them, and where rows are few: what a host needs
-        for a frame is then no matter of rows, and whoever has fewer would seem to be slow.
+        The shares are equal while the speed of a host is unknown, and where there are few rows: the
+        time of a frame does then not depend on rows, so a host with fewer would seem slower.
         """
         known = [self._speed(host) for host in hosts]
-        return known if _many(rows, hosts) and all(known) else [1.0] * len(hosts)
+        return known if _enough(rows, hosts) and all(known) else [1.0] * len(hosts)
 
-    def lopsided(self, rows: Mapping[str, int]) -> bool:
-        """Whether hosts with so many rows each would be much quicker with other shares."""
+    def imbalanced(self, rows: Mapping[str, int]) -> bool:
+        """Whether other shares would be much faster than this number of rows per host."""
         speeds = [self._speed(host) for host in rows]
-        if len(rows) < 2 or not all(speeds) or not _many(sum(rows.values()), rows):
+        if len(rows) < 2 or not all(speeds) or not _enough(sum(rows.values()), rows):
             return False
         slowest = max(count / speed for count, speed in zip(rows.values(), speeds, strict=True))
-        return slowest > _BY_HOW_MUCH * sum(rows.values()) / sum(speeds)
+        return slowest > _MAX_RATIO * sum(rows.values()) / sum(speeds)
 
     def _speed(self, host: str) -> float:
         speeds = self._speeds.get(host, [])
         return median(speeds) if len(speeds) == WINDOW else 0.0
 
 
-def _many(rows: int, hosts: Sized) -> bool:
-    """Whether a host's time is a matter of how many rows it has."""
-    return rows >= _WORTH * len(hosts)
+def _enough(rows: int, hosts: Sized) -> bool:
+    """Whether the number of its rows determines the time that a host needs."""
+    return rows >= _MIN_ROWS * len(hosts)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
 from minerva_bus.frame.messages import Figures, Hello
 
@@ -152,6 +152,8 @@ class Members:
         self._index: MemberIndex | None = None
         self.publishers: dict[str, tuple[str, ...]] = {}
         """The lockstep publishers of each sensor topic, as last announced to all members."""
+        self.saved: dict[str, Mapping[str, Any]] = {}
+        """What members saved in their last complete frame; names with ~ are the coordinator's."""
         self.strangers: int = 0
         """Number of messages from senders that never appeared."""
 

@@ -20,7 +20,7 @@ from minerva_bus.frame.calling import made_events, restore, saved_by
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.intake import Intake
-from minerva_bus.frame.showing import patch_all
+from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.batch import AnyEvent, in_columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.source import handler_name

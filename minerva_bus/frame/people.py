@@ -6,14 +6,15 @@ from collections.abc import Iterable
 from typing import cast
 
 from minerva_bus.errors import nearest
-from minerva_bus.frame.core import Core, Phase
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
 
 _LISTED = 12
 
 
-def refusal_of_order(world: Core, event_type: str) -> str:
+def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     """Why people may not send an event of a type, or the empty text.
 
     They may send what a generator takes orders for, what the world file lists, and what no
@@ -39,7 +40,7 @@ def refusal_of_order(world: Core, event_type: str) -> str:
     return ""
 
 
-def unknown_value(world: Core, event: Event) -> str:
+def unknown_value(world: FrameAlgorithm, event: Event) -> str:
     """Why an order names what the world does not have, or the empty text.
 
     It looks in the string for the texts that the event's type takes from there. A string without

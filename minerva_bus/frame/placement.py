@@ -1,16 +1,274 @@
-"""Which host evolves which agent: rendezvous hashing, so that few move when hosts come and go."""
+"""Placement: which host has which fragments, and which fragments a frame's events concern."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from hashlib import blake2b
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from minerva_bus.frame.capacity import Capacity, agents_in, apportion, fit
+from minerva_bus.frame.composition import Composition, Fragment, fragment_in
+from minerva_bus.frame.constraints import Offers
+from minerva_bus.frame.load import Load
+from minerva_bus.frame.messages import Fragments
+from minerva_bus.frame.rendezvous import place
+from minerva_bus.frame.unassigned import UnassignedLog
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+MIN_BATCH: Final = 16
+"""Receivers of an event above which they are looked up together."""
+
+MIN_AGENTS: Final = 64
+"""Agents that justify a further host for a population."""
 
 
-def weight(host: str, agent: str) -> bytes:
-    """How strongly a host and an agent attract each other."""
-    return blake2b(f"{host}\0{agent}".encode(), digest_size=8).digest()
+class Placement:
+    """Assignment of fragments to hosts; a host never receives what it already holds.
+
+    `unassigned`: fragments without a host, and their kinds. They keep their state.
+    `outdated`: hosts or the string have changed, so fragments must be arranged before the next
+    request.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, composition: Composition, limit: int = 0) -> None:
+        """`limit`: the number of agents that one host takes; 0: any number."""
+        self._vocabulary = vocabulary
+        self._limit = limit
+        self._composition = composition
+        self._offers: Offers = {}
+        self._host: dict[str, str] = {}
+        self._load = Load()
+        self._held: dict[str, dict[str, Fragment | None]] = {}
+        self._stale: dict[str, set[str]] = {}
+        self._types: dict[str, frozenset[str]] = {}
+        self._unwanted: dict[str, tuple[str, ...]] = {}
+        self.unassigned: dict[str, frozenset[str]] = {}
+        self.outdated = True
+        self.log = UnassignedLog(limit)
+
+    def arrange(self, offers: Offers, *, mid_frame: bool = False) -> None:
+        """Assign each fragment to a host that offers all of its kinds.
+
+        Between frames populations are divided again where the number of hosts has changed, and no
+        host gets more agents than its limit. `mid_frame` the remaining hosts take over whatever
+        the limit, because the frame waits for the fragments.
+        """
+        self._offers = offers
+        capacity = Capacity(offers, 0 if mid_frame else self._limit)
+        if not mid_frame:
+            self._divide(offers)
+        preferred = self._shares(offers)
+        if mid_frame:  # A host that is evolving a part must keep it.
+            preferred |= {
+                part: host
+                for part, host in self._host.items()
+                if host in offers and part in preferred
+            }
+        self._host, self.unassigned = {}, {}
+        self._stale = {host: set() for host in offers}
+        kinds_on: dict[str, set[str]] = {host: set() for host in offers}
+        for fragment, node in self._composition.fragments.items():
+            kinds, count = kinds_of(node), agents_in(node) if self._limit else 1
+            hosts = capacity.with_room(_able(kinds, offers), count)
+            host = preferred.get(fragment)
+            if host not in hosts:
+                host = place(fragment, hosts)
+            if host is None:
+                self.unassigned[fragment] = kinds
+                continue
+            self._host[fragment] = host
+            capacity.take(host, count)
+            kinds_on[host] |= kinds
+            if self._held.get(host, {}).get(fragment) is not node:
+                self._stale[host].add(fragment)
+        self._types = {host: self._types_of(kinds) for host, kinds in kinds_on.items()}
+        self._unwanted = {host: self._unwanted_on(host) for host in offers}
+
+    def _divide(self, offers: Offers) -> None:
+        """Divide each population into one part per host, sized by the hosts' speed.
+
+        Rows that exceed the capacity of the hosts form one more part.
+        """
+        capacity = Capacity(offers, self._limit)
+        for population in list(self._composition.populations):
+            parts = [self._composition.parts[name] for name in population]
+            rows = sum(part.count for part in parts)
+            hosts = self._hosts_for(parts[0].symbol, rows, offers, capacity)
+            limits = [capacity.left(host) for host in hosts]
+            weights = self._load.weights(hosts, rows) if hosts else [1.0]
+            sizes = apportion(rows, weights, limits)
+            for host, size in zip(hosts, sizes, strict=False):
+                capacity.take(host, size)
+            if (
+                len(sizes) != len(parts)
+                or self._imbalanced(population)
+                or not fit([part.count for part in parts], sizes, limits)
+            ):
+                self._composition.divide(population, sizes)
+
+    def _hosts_for(self, symbol: str, rows: int, offers: Offers, capacity: Capacity) -> list[str]:
+        """The hosts that share a population: as many as its size justifies or requires."""
+        able = sorted(host for host, kinds in offers.items() if symbol in kinds)
+        able = capacity.with_room(able, 1)
+        chosen = able[: max(1, rows // MIN_AGENTS)]
+        while len(chosen) < len(able) and sum(map(capacity.left, chosen)) < rows:
+            chosen.append(able[len(chosen)])
+        return chosen
+
+    def _imbalanced(self, population: Sequence[str]) -> bool:
+        """Whether some hosts need much more time for their parts than others."""
+        parts = self._composition.parts
+        on = {self._host[name]: parts[name].count for name in population if name in self._host}
+        return len(on) == len(population) and self._load.imbalanced(on)
+
+    def note_elapsed(self, host: str, seconds: float) -> None:
+        """Note how long a host needed for its parts of populations."""
+        parts = self._composition.parts
+        rows = sum(part.count for name, part in parts.items() if self._host.get(name) == host)
+        self._load.note(host, rows, seconds)
+
+    @property
+    def imbalanced(self) -> bool:
+        """Whether a population should be divided again."""
+        if self._limit and (self.unassigned or self._overfull()):
+            return True
+        return any(map(self._imbalanced, self._composition.populations))
+
+    def _overfull(self) -> bool:
+        return any(part.count > self._limit for part in self._composition.parts.values())
+
+    @property
+    def unassigned_agents(self) -> int:
+        """Number of agents without a host; they keep their state."""
+        return sum(agents_in(self._composition.fragments[name]) for name in self.unassigned)
+
+    def _shares(self, offers: Offers) -> dict[str, str]:
+        """The host of each part of a population, in order."""
+        shares: dict[str, str] = {}
+        capacity = Capacity(offers, self._limit)
+        for population in self._composition.populations:
+            parts = [self._composition.parts[name] for name in population]
+            rows = sum(part.count for part in parts)
+            hosts = self._hosts_for(parts[0].symbol, rows, offers, capacity)
+            for name, part, host in zip(population, parts, hosts, strict=False):
+                shares[name] = host
+                capacity.take(host, part.count)
+        return shares
+
+    def _unwanted_on(self, host: str) -> tuple[str, ...]:
+        held = self._held.get(host, {})
+        return tuple(sorted(fragment for fragment in held if self._host.get(fragment) != host))
+
+    def _types_of(self, kinds: Iterable[str]) -> frozenset[str]:
+        known = [self._vocabulary.kinds[kind] for kind in kinds]
+        return frozenset[str]().union(*(kind.subscribes | kind.views for kind in known))
+
+    def forget(self, host: str) -> None:
+        """Forget what a host holds: its process is gone."""
+        self._held.pop(host, None)
+
+    def may_take_over(self, host: str, offers: Offers) -> bool:
+        """Whether hosts with these offers can take over all fragments of a host that is gone."""
+        capacity, left = Capacity(offers, self._limit), list[Fragment]()
+        for fragment, node in self._composition.fragments.items():
+            on = self._host.get(fragment)
+            if on == host:
+                left.append(node)
+            elif on is not None and on in offers:
+                capacity.take(on, agents_in(node))
+        for node in left:
+            kinds, count = kinds_of(node), agents_in(node)
+            hosts = capacity.with_room(_able(kinds, offers), count)
+            if not hosts:
+                return False
+            capacity.take(hosts[0], count)
+        return True
+
+    def fragments_of(self, host: str) -> list[str]:
+        """The fragments assigned to a host."""
+        return [fragment for fragment, on in self._host.items() if on == host]
+
+    def host_of(self, fragment: str) -> str | None:
+        """The host of a fragment, or None."""
+        return self._host.get(fragment)
+
+    @property
+    def occupied(self) -> list[str]:
+        """The hosts with at least one fragment, sorted."""
+        return sorted(set(self._host.values()))
+
+    def concerned(self, events: Iterable[AnyEvent], visual: Iterable[AnyEvent]) -> list[str]:
+        """The hosts with an agent that one of the events may concern, sorted.
+
+        A visual event with receivers concerns other agents too: their view is ε (equation 4).
+        """
+        shown = {event.type for event in visual}
+        hosts = {host for host, types in self._types.items() if types & shown}
+        for event in events:
+            if len(hosts) == len(self._types):
+                break
+            if event.receivers is not None and len(event.receivers):
+                homes = self._homes(event.receivers)
+                hosts.update(self._host[home] for home in homes if home in self._host)
+            else:
+                hosts.update(host for host, types in self._types.items() if event.type in types)
+        return sorted(hosts)
+
+    def _homes(self, receivers: Ids | tuple[str, ...]) -> Iterable[str]:
+        if isinstance(receivers, Ids):
+            return self._composition.homes(receivers)
+        if len(receivers) > MIN_BATCH:
+            return self._composition.homes(Ids.of(receivers))
+        homes = (self._composition.home(receiver) for receiver in receivers)
+        return (home for home in homes if home is not None)
+
+    def lacking(self, host: str) -> Fragments | None:
+        """What a host must receive before it can evolve its fragments; None: nothing."""
+        stale, dropped = self._stale[host], self._unwanted[host]
+        if not stale and not dropped:
+            return None
+        fragments = self._composition.fragments
+        held = self._held.setdefault(host, {})
+        given = {name: fragments[name] for name in sorted(stale)}
+        held.update(given)
+        for name in dropped:
+            del held[name]
+        stale.clear()
+        self._unwanted[host] = ()
+        return Fragments({name: Scene((node,)) for name, node in given.items()}, dropped)
+
+    def changed(self, host: str, fragment: str, result: Scene) -> None:
+        """Note a host's result; the host keeps it if it is still that agent alone."""
+        held = self._held.setdefault(host, {})
+        placed = self._host.get(fragment, host)
+        if placed != host:  # It moved after its former host had been asked.
+            self._stale[placed].add(fragment)
+        if fragment not in held:  # The former host was told to drop it.
+            return
+        piece = fragment_in(result, fragment)
+        if piece is None:
+            del held[fragment]
+        else:
+            held[fragment] = piece
+
+    def resend(self, fragment: str) -> None:
+        """Send a fragment to its host again: a norm has rejected what the host made of it."""
+        host = self._host.get(fragment)
+        if host is not None and fragment in self._composition.fragments:
+            self._stale[host].add(fragment)
+            self._held.setdefault(host, {})[fragment] = None
 
 
-def place(agent: str, hosts: Iterable[str]) -> str | None:
-    """The host for an agent among those that can evolve it; None where there is none."""
-    return max(hosts, key=lambda host: (weight(host, agent), host), default=None)
+def _able(kinds: frozenset[str], offers: Offers) -> list[str]:
+    """The hosts that offer all of these kinds."""
+    return [host for host, offered in offers.items() if kinds <= offered]
+
+
+def kinds_of(node: Fragment) -> frozenset[str]:
+    """The kinds that a host must offer for a fragment."""
+    if isinstance(node, Columns):
+        return frozenset((node.symbol,))
+    return frozenset(agent.symbol for agent in agents(Scene((node,))))

@@ -1,4 +1,4 @@
-"""Frame algorithm for replaying a recorded run: strings are read, views are computed.
+"""Source of the frames of a recorded run: strings are read, views are computed.
 
 λ does not run, because the log has the string of each frame. θ runs in the coordinator, so devices
 can join that did not take part in the original run. Other members can join, but receive no
@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from operator import is_
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.collection import visual_events
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.core import Phase
-from minerva_bus.frame.description import World
+from minerva_bus.frame.evolution import frame_record
 from minerva_bus.frame.hosting import Host
+from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.phases import Phase
+from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
@@ -27,6 +29,9 @@ from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.kinds import Kinds
 from minerva_bus.world.order import collect
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
 
 OVER = "the record is over"
 _HERE = "~replay"
@@ -54,121 +59,134 @@ class FrameCursor(Protocol):
         ...
 
 
-class ReplayAlgorithm(FrameAlgorithm):
-    """Replays a recorded run; `world` is the state before the first frame to play.
+class RecordedSource:
+    """Frames of a recorded run: strings are read, and views are computed in this process.
 
     The world ends with the recorded run. With `stay` it remains open at the end while a member is
     present, because that member may seek backwards.
     """
 
     def __init__(
-        self, world: World, cursor: FrameCursor, kinds: Kinds, *, stay: bool = False
+        self,
+        algorithm: FrameAlgorithm,
+        *,
+        cursor: FrameCursor,
+        kinds: Kinds,
+        stay: bool = False,
     ) -> None:
-        super().__init__(world)
-        self.cursor = cursor
+        self._algorithm = algorithm
+        self._cursor = cursor
         self._stay = stay
         self._host = Host(_HERE, kinds)
-        self._slots = _Slots(self.composition, world.scene)
-        self._do[s.Seek] = self._on_seek
+        self._slots = _Slots(algorithm.composition, algorithm.world.scene)
 
     # --- a frame ---
 
-    def _on_begin(self, told: s.Begin) -> None:
-        """Play one frame. The first call only becomes ready if no member is expected."""
-        if self.phase is Phase.WAITING:
-            self._ready_if_all_here()
-            return
-        recorded = self.cursor.ahead
-        if self.phase is not Phase.READY or recorded is None:
-            return
-        self._glances = told.due
-        for member in self.members.index.joining:
-            if member.hello is not None:
-                self._admit(member, member.hello)
-        self.frame = recorded.number
-        self._begin_frame_state()
-        self._sort_events(recorded.events)
-        self._visual = self._to_show(closing=False)
-        self.phase = Phase.EVOLVE
-        self._dispatch()
+    def has_next(self) -> bool:
+        """Whether a frame follows."""
+        return self._cursor.ahead is not None
 
-    def _to_show(self, *, closing: bool) -> tuple[AnyEvent, ...]:
+    def begin(self) -> None:
+        """Continue with the frame before which the cursor stands."""
+        if self._cursor.ahead is not None:
+            self._algorithm.frame = self._cursor.ahead.number
+
+    def collect(self) -> None:
+        """Steps 2 to 4: the recorded events, and the visual events of the devices here."""
+        algorithm = self._algorithm
+        recorded = self._cursor.ahead.events if self._cursor.ahead is not None else ()
+        algorithm.in_flight.events.split(recorded, algorithm.world.vocabulary.events)
+        algorithm.in_flight.events.visual = self._visual(closing=False)
+
+    def _visual(self, *, closing: bool) -> tuple[AnyEvent, ...]:
         """Recorded visual events, and those requested by the devices of this replay."""
-        types, recorded = self.world.vocabulary.events, self.cursor.ahead
-        events = recorded.events if recorded is not None else ()
-        visual = [event for event in events if types[event.type].visual]
-        sources = {"~record": visual, "~device": self._visual_events(self._due_views(closing))}
-        return collect(self.world.order, sources)
+        algorithm, types = self._algorithm, self._algorithm.world.vocabulary.events
+        events = self._cursor.ahead.events if self._cursor.ahead is not None else ()
+        recorded = [event for event in events if types[event.type].visual]
+        clock = algorithm.in_flight.clock_views
+        due = due_views(algorithm.members.index, algorithm.frame, clock, closing=closing)
+        sources = {"~record": recorded, "~device": visual_events(algorithm, due)}
+        return collect(algorithm.world.order, sources)
 
-    def _dispatch(self) -> None:
-        """Run step 6 in this process, without hosts."""
-        self._make_views()
-        self._finish_if_done()
-
-    def _make_views(self) -> None:
-        if not self._visual:
+    def evolve(self) -> None:
+        """Step 6 in this process, without hosts; the next string is recorded."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        if not in_flight.events.visual:
             return
-        host, fragments = self._host, self.composition.fragments
+        host, fragments = self._host, algorithm.composition.fragments
         host.take(m.Fragments({}, tuple(host.fragments.keys() - fragments.keys())))
         host.fragments = dict(fragments)
-        world = self.world
-        request = m.EvolveRequest(self.frame, (_HERE,), visual=self._visual)
-        moment = Frame(self.frame, world.dt, world.seed)
-        reply = host.answer(request, moment, Policy.SEQUENTIAL, world.vocabulary)  # π alone
-        self._views = {name: dict(parts) for name, parts in reply.views.items()}
-        self._view_patches = {name: dict(new) for name, new in reply.view_patches.items()}
+        world = algorithm.world
+        request = m.EvolveRequest(algorithm.frame, (_HERE,), visual=in_flight.events.visual)
+        context = Frame(algorithm.frame, world.dt, world.seed)
+        reply = host.answer(request, context, Policy.SEQUENTIAL, world.vocabulary)  # π alone
+        in_flight.result.merge(reply, {})
 
-    def _commit(self) -> None:
-        self._show()
-        self._changed = self._slots.become(self.cursor.advance())
-        self._out.append(s.FrameDone(self.frame, self._record(self.frame), self._events))
-        self.frame += 1
-        self._end_or_go_on()
+    def settle(self) -> bool:
+        """Recorded results are final."""
+        return True
 
-    def _end_or_go_on(self) -> None:
-        if self.cursor.ahead is not None:
-            self.phase = Phase.READY
-            self._out.append(s.Ready(self.frame))
-        elif self._stay and self.members.active():
-            self.phase = Phase.READY
-            self._say("replay", f"{OVER}; minerva seek FRAME goes back")
+    def commit(self) -> None:
+        """Step 8: continue with the recorded string."""
+        algorithm = self._algorithm
+        algorithm.in_flight.result.changed = self._slots.become(self._cursor.advance())
+        events = algorithm.in_flight.events.ordered
+        algorithm.out.add(s.FrameDone(algorithm.frame, frame_record(algorithm), events))
+        algorithm.frame += 1
+
+    def why_over(self) -> str:
+        """Step 9: whether the recorded run is over and nobody stays."""
+        stays = self._stay and self._algorithm.members.active()
+        return "" if self.has_next() or stays else OVER
+
+    def announce(self) -> None:
+        """Step 10: announce the next frame, or log that the record is over."""
+        if self.has_next():
+            self._algorithm.out.add(s.Ready(self._algorithm.frame))
         else:
-            self._close(OVER)
+            self._algorithm.out.log("replay", f"{OVER}; minerva seek FRAME goes back")
 
     # --- at any time ---
 
-    def _on_seek(self, told: s.Seek) -> None:
+    def receive(self, stimulus: s.Stimulus) -> None:
+        """Ignore events and answers: recorded frames cannot change."""
+        if isinstance(stimulus, m.TickReply | m.EvolveReply):
+            self._algorithm.members.get(stimulus.member).late += 1
+
+    def ask(self, member: MemberEntry) -> None:
+        """Ignored: a recorded frame waits for nobody."""
+
+    def ask_again(self, fragments: list[str]) -> None:
+        """Ignored: a recorded frame waits for nobody."""
+
+    def seek(self, frame: int) -> None:
         """Move to another frame and show its string immediately."""
-        if self.phase is not Phase.READY:
+        algorithm = self._algorithm
+        if algorithm.phase is not Phase.READY:
             return
-        self._slots.become(self.cursor.seek(told.frame))
-        self.frame = told.frame
+        self._slots.become(self._cursor.seek(frame))
+        algorithm.frame = frame
         self._look()
-        self._end_or_go_on()
+        algorithm.continue_or_close()
 
     def _look(self) -> None:
         """Show the current string to all devices."""
-        self._begin_frame_state()
-        self._visual = self._to_show(closing=True)
-        self._make_views()
-        self._show()
+        algorithm = self._algorithm
+        algorithm.in_flight = FrameInFlight()
+        algorithm.in_flight.events.visual = self._visual(closing=True)
+        self.evolve()
+        algorithm.show()
 
-    def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
-        super()._admit(member, hello)
-        if self.phase is Phase.READY and not self._showings.keys() >= set(hello.draws):
-            self._look()
-
-    def _go_on_without(self, member: MemberEntry) -> None:
-        super()._go_on_without(member)
-        rests = self.phase is Phase.READY and self.cursor.ahead is None
-        if rests and not self.members.active():
-            self._close(OVER)
-
-    def _on_emitted(self, told: m.Emitted) -> None:
-        """Ignore events: recorded frames cannot change."""
-
-    def _on_order(self, order: s.Order) -> None:
-        """Ignore events: recorded frames cannot change."""
+    def members_changed(self, hello: m.Hello | None) -> None:
+        """Show a newcomer the current string; end the replay when the last viewer leaves."""
+        algorithm = self._algorithm
+        if algorithm.phase is not Phase.READY:
+            return
+        if hello is not None:
+            if not set(algorithm.views.event_types) >= set(hello.draws):
+                self._look()
+        elif not self.has_next() and not algorithm.members.active():
+            algorithm.close(OVER)
 
 
 class _Slots:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.frame.core import Phase
+from minerva_bus.frame.phases import Phase
 from minerva_bus.world.operator import WorldStatus
 
 PATIENCE: Final = 2.0

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any, cast
 
 from minerva_bus.errors import nearest
-from minerva_bus.frame.constraints import Placement, Rule
+from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.table import Table
 from minerva_bus.settings.kinds import TEXT, TEXTS
 from minerva_bus.settings.tables import PlacementSettings
 
 
-def read_placement(table: Table, vocabulary: Vocabulary) -> Placement:
+def read_placement(table: Table, vocabulary: Vocabulary) -> PlacementRules:
     """The placement rules of a world file. Raises WorldFileError."""
     limit = table.read(PlacementSettings).agents_per_host
     rules: dict[str, Rule] = {}
@@ -25,7 +25,7 @@ def read_placement(table: Table, vocabulary: Vocabulary) -> Placement:
                 f" it has {', '.join(known) or 'none'}",
             )
         rules[kind] = _rule(table, kind, hosts)
-    return Placement(rules, limit)
+    return PlacementRules(rules, limit)
 
 
 def _rule(table: Table, kind: str, hosts: Any) -> Rule:

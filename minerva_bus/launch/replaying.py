@@ -16,9 +16,9 @@ from minerva_bus.errors import MinervaError, MisuseError, ProtocolError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.core import Phase
 from minerva_bus.frame.description import World
-from minerva_bus.frame.replaying import ReplayAlgorithm
+from minerva_bus.frame.phases import Phase
+from minerva_bus.frame.replaying import RecordedSource
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.resuming import (
     completed,
@@ -70,7 +70,8 @@ class ReplayCoordinator(MeasuringCoordinator):
         cursor = Cursor(Record(path))
         cursor.seek(world.past.frame)
         self.cursor = cursor
-        self.algorithm: FrameAlgorithm = ReplayAlgorithm(world, cursor, kinds, stay=stay)
+        source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
+        self.algorithm = FrameAlgorithm(world, source)
 
     def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         ask = asked.get("ask")

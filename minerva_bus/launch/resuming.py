@@ -19,7 +19,7 @@ from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import HALTED, Checkpoint, LastView
 from minerva_bus.frame.description import World
-from minerva_bus.frame.endings import GIVEN_UP
+from minerva_bus.frame.goal import GIVEN_UP
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import PART, Fragment
-from minerva_bus.frame.distribution import kinds_of
 from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.wire.codec import encode

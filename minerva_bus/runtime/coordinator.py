@@ -109,7 +109,7 @@ class BusCoordinator:
         beside = Decoder(world.vocabulary, limits)
         self._large = LargeMessages(beside, system, self.inbox.put)
         self._questions = Questions(limits.questions, self._answer, world.name, system)
-        self.algorithm.most_taken = limits.single_events
+        self.algorithm.inbox.max_single_events = limits.single_events
         self._ticked: int = -1
         self._empty_reply = b""
         self._begin_at: float | None = None

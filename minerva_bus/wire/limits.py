@@ -10,8 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Any, Final, get_args, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.frame.algorithm import MOST_WAITING
-from minerva_bus.frame.core import SINGLE_EVENTS
+from minerva_bus.frame.inbox import MAX_SINGLE_EVENTS, MAX_WAITING
 from minerva_bus.frame.schema import Note
 
 
@@ -62,7 +61,7 @@ class Limits:
             " generator, in a frame"
         ),
         Configurable(1),
-    ] = SINGLE_EVENTS
+    ] = MAX_SINGLE_EVENTS
     host_events: Annotated[int, Note("events of an `evolved` that are not in columns")] = 100_000
     receivers: Annotated[int, Note("receivers of the single events of a `ticked` or `emitted`")] = (
         20_000
@@ -97,7 +96,7 @@ class Limits:
             "events of a free-running generator that wait for a frame; those over `single_events`"
             " wait for the next frame, further ones are dropped"
         ),
-    ] = MOST_WAITING
+    ] = MAX_WAITING
 
 
 def limit_notes() -> Mapping[str, str]:

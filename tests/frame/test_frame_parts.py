@@ -24,8 +24,8 @@ from minerva_bus.frame.members import (
 )
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pacing import Pace
-from minerva_bus.frame.placement import place
-from minerva_bus.frame.showing import Showing
+from minerva_bus.frame.rendezvous import place
+from minerva_bus.frame.views import ViewStream
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
 from minerva_bus.grammar.slots import fill
@@ -285,18 +285,18 @@ def test_twins_are_refused_and_nothing_changes():
 
 def test_deltas_add_up_to_the_whole():
     skeleton, dot = read("AMortal#a · AMortal#b"), read("PDot<size=1>")
-    showing = Showing("eShow")
+    showing = ViewStream("eShow")
     alive = {"a", "b"}
     first = showing.next(0, skeleton, {"a": dot}, {}, alive)
     assert (first.sequence, first.skeleton, first.parts) == (1, skeleton, {"a": dot})
     second = showing.next(1, skeleton, {"b": dot}, {}, alive)
     assert (second.sequence, second.skeleton, second.parts) == (2, None, {"b": dot})
-    assert showing.key().parts == {"a": dot, "b": dot}
-    assert showing.key().sequence == 2
+    assert showing.keyframe().parts == {"a": dot, "b": dot}
+    assert showing.keyframe().sequence == 2
 
 
 def test_the_dead_are_forgotten_with_their_skeleton():
-    dot, showing = read("PDot<size=1>"), Showing("eShow")
+    dot, showing = read("PDot<size=1>"), ViewStream("eShow")
     showing.next(0, read("AMortal#a · AMortal#b"), {"a": dot, "b": dot}, {}, {"a", "b"})
     whole = showing.next(1, read("AMortal#b"), {}, {}, {"b"})
     assert whole.parts == {"b": dot}

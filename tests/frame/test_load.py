@@ -7,7 +7,7 @@ def measured(**speeds):
     load = Load()
     for host, speed in speeds.items():
         for _ in range(WINDOW):
-            load.took(host, 1000, 1000 / speed)
+            load.note(host, 1000, 1000 / speed)
     return load
 
 
@@ -15,17 +15,17 @@ def test_shares_are_equal_until_all_hosts_are_known():
     load = Load()
     assert load.weights(["a", "b"], 10**6) == [1.0, 1.0]
     for _ in range(WINDOW):
-        load.took("a", 1000, 0.1)
+        load.note("a", 1000, 0.1)
     assert load.weights(["a", "b"], 10**6) == [1.0, 1.0]
-    assert not load.lopsided({"a": 10**6, "b": 10**6})
+    assert not load.imbalanced({"a": 10**6, "b": 10**6})
 
 
 def test_a_host_twice_as_quick_gets_twice_as_much():
     load = measured(a=2e6, b=1e6)
     one, other = load.weights(["a", "b"], 10**6)
     assert round(one / other, 6) == 2.0
-    assert load.lopsided({"a": 500_000, "b": 500_000})
-    assert not load.lopsided({"a": 666_000, "b": 333_000})
+    assert load.imbalanced({"a": 500_000, "b": 500_000})
+    assert not load.imbalanced({"a": 666_000, "b": 333_000})
 
 
 def test_of_few_rows_each_host_has_as_many():
@@ -34,18 +34,18 @@ def test_of_few_rows_each_host_has_as_many():
 
 
 def test_few_rows_are_not_worth_moving_and_one_host_has_all():
-    assert not measured(a=2e6, b=1e6).lopsided({"a": 1000, "b": 1000})
-    assert not measured(a=2e6).lopsided({"a": 10**6})
+    assert not measured(a=2e6, b=1e6).imbalanced({"a": 1000, "b": 1000})
+    assert not measured(a=2e6).imbalanced({"a": 10**6})
 
 
 def test_one_slow_frame_changes_nothing():
     load = measured(a=1e6, b=1e6)
-    load.took("a", 1000, 60.0)
-    assert not load.lopsided({"a": 500_000, "b": 500_000})
+    load.note("a", 1000, 60.0)
+    assert not load.imbalanced({"a": 500_000, "b": 500_000})
 
 
 def test_what_was_long_ago_is_forgotten():
     load = measured(a=1e6, b=1e6)
     for _ in range(WINDOW):
-        load.took("b", 1000, 1000 / 4e6)
-    assert load.lopsided({"a": 500_000, "b": 500_000})
+        load.note("b", 1000, 1000 / 4e6)
+    assert load.imbalanced({"a": 500_000, "b": 500_000})

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.frame.constraints import Placement, Rule
-from minerva_bus.frame.room import divided, fit
+from minerva_bus.frame.capacity import apportion, fit
+from minerva_bus.frame.constraints import PlacementRules, Rule
 
 OFFERS = {
     "foxes-1": frozenset({"AFox", "ARabbit"}),
@@ -15,11 +15,11 @@ MACHINES = {"foxes-1": "east", "foxes-2": "west", "yard": "west", "sensor": "wes
 
 
 def allowed(machines=MACHINES, **rules):
-    return Placement(rules).allowed(OFFERS, machines)
+    return PlacementRules(rules).allowed(OFFERS, machines)
 
 
 def test_without_rules_all_is_allowed():
-    assert Placement().allowed(OFFERS, {}) == OFFERS
+    assert PlacementRules().allowed(OFFERS, {}) == OFFERS
 
 
 def test_a_kind_may_be_confined_to_hosts_by_name_or_pattern():
@@ -44,7 +44,7 @@ rooms = st.lists(st.integers(1, 100), min_size=1, max_size=5)
 
 @given(rows=st.integers(1, 300), rooms=rooms)
 def test_nobody_gets_more_than_there_is_room_for_and_nobody_is_forgotten(rows, rooms):
-    sizes = divided(rows, [1.0] * len(rooms), rooms)
+    sizes = apportion(rows, [1.0] * len(rooms), rooms)
     assert sum(sizes) == rows
     assert all(size <= room for size, room in zip(sizes, rooms, strict=False))
     assert len(sizes) == len(rooms) + (rows > sum(rooms))
@@ -52,8 +52,8 @@ def test_nobody_gets_more_than_there_is_room_for_and_nobody_is_forgotten(rows, r
 
 
 def test_with_room_for_all_shares_are_by_weight():
-    assert divided(90, [2.0, 1.0], [1000, 1000]) == [60, 30]
-    assert divided(90, [2.0, 1.0], [50, 1000]) == [50, 40]
+    assert apportion(90, [2.0, 1.0], [1000, 1000]) == [60, 30]
+    assert apportion(90, [2.0, 1.0], [50, 1000]) == [50, 40]
 
 
 def test_parts_stay_as_they_are_while_each_has_its_room():

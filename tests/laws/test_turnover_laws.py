@@ -26,7 +26,7 @@ from minerva_bus.errors import ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.hosting import Host
-from minerva_bus.frame.showing import patch_all
+from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.patch import Delta, difference, patched

@@ -1,6 +1,6 @@
 """A record is played again: the views are those of the run, wherever it is begun or moved to."""
 
-from functools import cache
+from functools import cache, partial
 
 import pytest
 
@@ -11,7 +11,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.participant import Participant
-from minerva_bus.frame.replaying import OVER, ReplayAlgorithm
+from minerva_bus.frame.replaying import OVER, RecordedSource
 from minerva_bus.launch.rerunning import recompute
 from minerva_bus.launch.resuming import kinds_in
 from minerva_bus.log.cursor import Cursor
@@ -67,7 +67,8 @@ class Projector:
             told.name, scene, told.vocabulary, told.seed, told.dt, told.order, told.policy,
             expected=frozenset(["seen"] if seen else []), past=Checkpoint(begin),
         )  # fmt: skip
-        self.algorithm = ReplayAlgorithm(world, self.cursor, kinds_in(file), stay=stay)
+        source = partial(RecordedSource, cursor=self.cursor, kinds=kinds_in(file), stay=stay)
+        self.algorithm = FrameAlgorithm(world, source)
         self.told, self.seen = [], Seen(name)
         members = [Participant("seen", self.seen)] if seen else []
         self.runner = InProcessRunner(self.algorithm, members, self.told.append)
@@ -164,7 +165,7 @@ def test_it_takes_no_orders(tmp_path):
     projector = Projector("meadow", tmp_path)
     vocabulary = projector.algorithm.world.vocabulary
     projector.runner.handle(s.Order(vocabulary.events["eStep"]()))
-    assert not projector.algorithm._inbox
+    assert not projector.algorithm.inbox.events
 
 
 # --- λ again ---

@@ -260,7 +260,7 @@ def test_events_of_people_that_wait_for_a_frame_come_in_it(tmp_path):
 
     def watch(told):
         if isinstance(told, s.FrameDone):
-            algorithm._inbox["~order"] = [order] if told.frame == 3 else []
+            algorithm.inbox.events["~order"] = [order] if told.frame == 3 else []
             record.frame(told)
 
     runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)

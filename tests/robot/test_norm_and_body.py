@@ -63,7 +63,7 @@ class Watched:
 
     @property
     def refused(self):
-        return sum(self.algorithm._enforcement.broken.values())
+        return sum(self.algorithm.norms.broken.values())
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,9 @@ def test_one_that_publishes_faster_than_the_world_consumes(tmp_path):
         world.runs("steps", "walkers", "torrent")
         with world.client() as asked:
             asked.operator.pause()
-            said = world.says("torrent │ has 100000 events waiting for a frame; more are dropped")
+            said = world.says(
+                "torrent │ event queue full: 100000 events wait for a frame; dropping further events"
+            )
             assert said
             coordinator = world.coordinator()
             before = resident(coordinator)

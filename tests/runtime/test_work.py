@@ -32,7 +32,7 @@ VOCABULARY = Vocabulary.of(PStone, eDrop)
 
 def rain():
     world = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
-    world.most_taken = 3
+    world.inbox.max_single_events = 3
     world.receive(s.Appeared("rain"))
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
     return world

@@ -1,6 +1,6 @@
 """More events than frames take: memory stays bounded, and what is dropped is counted and said."""
 
-from minerva_bus.frame import algorithm as a
+from minerva_bus.frame import inbox as a
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -15,7 +15,7 @@ eDrop = EventType("eDrop", number=int)
 
 
 def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
-    monkeypatch.setattr(a, "MOST_WAITING", 10)
+    monkeypatch.setattr(a, "MAX_WAITING", 10)
     world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop)))
     world.receive(s.Appeared("rain"))
     world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
@@ -23,14 +23,14 @@ def test_a_paused_world_keeps_so_many_events_and_no_more(monkeypatch):
     for number in range(25):
         out = world.receive(m.Emitted("rain", (eDrop(number),)))
         said += [one.text for one in out if isinstance(one, s.Notify)]
-    assert said == ["has 10 events waiting for a frame; more are dropped"]
+    assert said == ["event queue full: 10 events wait for a frame; dropping further events"]
     assert world.members.get("rain").dropped == 15
     done = [one for one in world.receive(s.Begin()) if isinstance(one, s.FrameDone)]
     assert [event.number for event in done[0].record.events] == list(range(10))
 
 
 def test_what_waited_when_the_world_went_on_counts(monkeypatch):
-    monkeypatch.setattr(a, "MOST_WAITING", 10)
+    monkeypatch.setattr(a, "MAX_WAITING", 10)
     past = Checkpoint(3, inbox={"rain": tuple(eDrop(number) for number in range(8))})
     world = FrameAlgorithm(World("w", PStone(), Vocabulary.of(PStone, eDrop), past=past))
     world.receive(s.Appeared("rain"))

@@ -88,5 +88,5 @@ def test_what_was_saved_is_what_was_saved_in_the_last_whole_frame():
     bus = MemoryBus(setting.world, setting.members)
     bus.start()
     bus.run(3)
-    early = bus.algorithm._early["steps"].saved
+    early = bus.algorithm.inbox.early.replies["steps"].saved
     assert bus.algorithm.checkpoint.saved["steps"] != early

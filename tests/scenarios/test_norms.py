@@ -10,8 +10,8 @@ from street import FINE, VOCABULARY, Light, Many, One, Passer, Steps, eFine, eSh
 
 from minerva_bus import Generator
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.enforcement import PEOPLE
 from minerva_bus.frame.messages import Emitted
+from minerva_bus.frame.norms import PEOPLE
 from minerva_bus.frame.stimuli import Begin, FrameDone, Order
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.columns import Columns
@@ -327,7 +327,7 @@ def test_a_norm_for_people_covers_what_a_generator_takes():
     passes = {"passes": service("passes", Passes)}
     shouts, bus = ordered(passes, [eShout(4.0), eShout(5.5)])
     assert shouts == ["eShout<loud=8>"]
-    assert bus.algorithm._enforcement.broken == {"hush": 1}
+    assert bus.algorithm.norms.broken == {"hush": 1}
     assert any("hush is broken by people in frame 1" in line for line in bus.trace)
     own = replace(HUSH, applies=("passes",))
     assert ordered(passes, [eShout(2.0), eShout(4.0)], (own,))[0] == ["eShout<loud=4>"]
@@ -354,7 +354,7 @@ def test_what_people_may_not_send_is_known_to_a_coordinator_that_goes_on():
     before = bus.algorithm
     bus.kill_coordinator()
     assert bus.algorithm is not before
-    assert bus.algorithm._enforcement.broken == before._enforcement.broken == {"hush": 2}
+    assert bus.algorithm.norms.broken == before.norms.broken == {"hush": 2}
     assert bus.algorithm.checkpoint == before.checkpoint
     assert bus.algorithm.scene.digest == before.scene.digest
 

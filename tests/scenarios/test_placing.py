@@ -6,8 +6,8 @@ import pytest
 from pond import VOCABULARY, Add, Counter, Minnow, Steps, host, service, world
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.constraints import Placement, Rule
-from minerva_bus.frame.distribution import Distribution
+from minerva_bus.frame.constraints import PlacementRules, Rule
+from minerva_bus.frame.placement import Placement
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.testing.memory_bus import MemoryBus
@@ -37,7 +37,7 @@ def on(machine, name, make):
 
 
 def homes(bus):
-    distribution = bus.algorithm._distribution
+    distribution = bus.algorithm.placement
     return {one: distribution.host_of(one) for one in bus.algorithm.composition.fragments}
 
 
@@ -46,17 +46,17 @@ def counts(bus):
 
 
 def test_a_kind_lives_only_where_it_may():
-    bus = pond({"east": "1", "west": "2"}, Placement({"ACounter": Rule(only=("we*",))}))
+    bus = pond({"east": "1", "west": "2"}, PlacementRules({"ACounter": Rule(only=("we*",))}))
     bus.run(3)
     assert set(homes(bus).values()) == {"west"}
-    plain = pond({"east": "1", "west": "2"}, Placement())
+    plain = pond({"east": "1", "west": "2"}, PlacementRules())
     plain.run(3)
     assert set(homes(plain).values()) == {"east", "west"}
     assert bus.digests == plain.digests
 
 
 def test_agents_follow_the_member_that_they_have_to_be_near():
-    near = Placement({"ACounter": Rule(near="add")})
+    near = PlacementRules({"ACounter": Rule(near="add")})
     bus = pond({"east": "field", "west": "lab"}, near)
     bus.run(2)
     assert set(homes(bus).values()) == {"west"}
@@ -70,7 +70,7 @@ def test_agents_follow_the_member_that_they_have_to_be_near():
 
 
 def test_a_host_takes_no_more_than_it_may_and_who_is_left_stands_still():
-    bus = pond({"east": "1"}, Placement(agents_per_host=3))
+    bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(2)
     assert sorted(counts(bus).values()) == [0, 2, 2, 2]
     assert [one for one in bus.said if "1 agents have no host and stand still" in one]
@@ -83,13 +83,13 @@ def test_a_host_takes_no_more_than_it_may_and_who_is_left_stands_still():
 
 
 def test_it_is_said_once_for_as_long_as_nothing_changes():
-    bus = pond({"east": "1"}, Placement(agents_per_host=3))
+    bus = pond({"east": "1"}, PlacementRules(agents_per_host=3))
     bus.run(40)
     assert len([one for one in bus.said if "stand still" in one]) == 1
 
 
 def test_kinds_that_no_host_offers_are_named_once():
-    bus = pond({}, Placement(), "ACounter#a · AMinnow#m")
+    bus = pond({}, PlacementRules(), "ACounter#a · AMinnow#m")
     bus.run(5)
     assert bus.said == [
         f"placement: no host evolves {kind}: such agents stand still; attach one that does"
@@ -117,9 +117,9 @@ MANY = " · ".join(f"AMinnow#m{n}<x={n}>" for n in range(150))
 
 @pytest.mark.parametrize("most", [0, 100, 400])
 def test_a_population_is_cut_so_that_its_parts_have_room(most):
-    alone = shoal(["one"], Placement(), MANY)
+    alone = shoal(["one"], PlacementRules(), MANY)
     alone.run(12)
-    bus = shoal(["one", "two", "six"], Placement(agents_per_host=most), MANY)
+    bus = shoal(["one", "two", "six"], PlacementRules(agents_per_host=most), MANY)
     bus.run(12)
     assert bus.digests == alone.digests
     if most == 100:
@@ -129,7 +129,7 @@ def test_a_population_is_cut_so_that_its_parts_have_room(most):
 
 
 def test_what_is_too_much_of_a_population_stands_still():
-    bus = shoal(["one"], Placement(agents_per_host=100), MANY)
+    bus = shoal(["one"], PlacementRules(agents_per_host=100), MANY)
     bus.run(1)
     parts = list(bus.algorithm.composition.parts.items())
     assert len(parts) == 2
@@ -142,9 +142,9 @@ def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():
     """Whoever is left takes all of its agents for the rest of the frame, and then what it may."""
     members = {"one": "1", "two": "1", "six": "1"}
     text = " · ".join(f"ACounter#n{n}" for n in range(9))
-    plain = pond(members, Placement(), text)
+    plain = pond(members, PlacementRules(), text)
     plain.run(3)
-    bus = pond(members, Placement(agents_per_host=3), text)
+    bus = pond(members, PlacementRules(agents_per_host=3), text)
     bus.run(2)
     bus.hold(("up", "two"))
     bus.frame()
@@ -159,7 +159,7 @@ def test_a_host_that_dies_amid_a_frame_leaves_its_string_as_it_is():
 
 
 def test_agents_wait_for_the_member_near_which_they_live_to_be_attached():
-    bus = pond({"east": "field"}, Placement({"ACounter": Rule(near="second")}))
+    bus = pond({"east": "field"}, PlacementRules({"ACounter": Rule(near="second")}))
     bus.run(2)
     assert set(counts(bus).values()) == {0}
     bus.makers["second"] = on("field", "second", service("second", Steps))
@@ -173,7 +173,7 @@ def distributed(rows, most, **hosts):
     assert [part.count for part in composition.parts.values()] == [150]
     composition.replace({name: Scene((part.take(slice(rows)),)) for name, part in
                          composition.parts.items()})  # fmt: skip
-    distribution = Distribution(VOCABULARY, composition, most)
+    distribution = Placement(VOCABULARY, composition, most)
     offers = dict.fromkeys(hosts or {"one": 0}, frozenset({"AMinnow"}))
     distribution.arrange(offers)
     return composition, distribution, offers
@@ -185,28 +185,28 @@ def sizes(composition):
 
 def test_where_agents_have_died_those_who_stood_still_go_on():
     composition, distribution, offers = distributed(150, 100)
-    assert (sizes(composition), distribution.homeless) == ([100, 50], 50)
+    assert (sizes(composition), distribution.unassigned_agents) == ([100, 50], 50)
     first, part = next(iter(composition.parts.items()))
     composition.replace({first: Scene((part.take(slice(60)),))})
-    assert distribution.lopsided
+    assert distribution.imbalanced
     distribution.arrange(offers)
-    assert (sizes(composition), distribution.homeless) == ([100, 10], 10)
+    assert (sizes(composition), distribution.unassigned_agents) == ([100, 10], 10)
 
 
 def test_where_agents_were_born_beyond_what_a_host_takes_others_help():
     composition, distribution, offers = distributed(140, 80, one=0, two=0)
-    assert (sizes(composition), distribution.homeless) == ([70, 70], 0)
+    assert (sizes(composition), distribution.unassigned_agents) == ([70, 70], 0)
     first, part = next(iter(composition.parts.items()))
     rest = next(iter(Composition(VOCABULARY.read(MANY)).parts.values())).take(slice(140, 150))
     composition.replace({first: Scene((Columns.concatenated([part, rest]),))})
     distribution.arrange(offers)
     assert sizes(composition) == [80, 70]
-    assert not distribution.lopsided
+    assert not distribution.imbalanced
     more = Columns.concatenated([composition.parts[first], _others(20)])
     composition.replace({first: Scene((more,))})
-    assert distribution.lopsided
+    assert distribution.imbalanced
     distribution.arrange(offers)
-    assert (max(sizes(composition)[:2]), distribution.homeless) == (80, 10)
+    assert (max(sizes(composition)[:2]), distribution.unassigned_agents) == (80, 10)
 
 
 def _others(rows):

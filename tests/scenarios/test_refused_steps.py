@@ -159,7 +159,7 @@ def test_a_refused_agent_is_at_rest_and_may_choose_anew():
     for _ in range(9):
         bus.run(1)
         pushes.append(states(bus)["a"]["push"])
-        refused.append(bus.algorithm._enforcement.broken.get("wall", 0))
+        refused.append(bus.algorithm.norms.broken.get("wall", 0))
     assert refused == [0, 0, 0, 0, 1, 1, 2, 2, 3]
     assert pushes == [1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]
 
@@ -168,7 +168,7 @@ def test_a_refused_agent_is_at_rest_and_may_choose_anew():
 def test_what_came_before_the_step_counts_and_sanctions_always_do(symbol):
     bus = world(f"{symbol}#a")
     end = together(bus, 14)["a"]
-    refused = bus.algorithm._enforcement.broken["wall"]
+    refused = bus.algorithm.norms.broken["wall"]
     assert refused >= 5
     assert end["words"] == 14, "eWord comes before eStep"
     assert end["after"] == 14 - refused, "eAfter follows it"
@@ -180,7 +180,7 @@ def test_a_fine_reaches_even_one_who_may_not_change_at_all():
     """What it is already is forbidden; of the rest nothing counts, each time."""
     bus = world("AWalker#a<x=9>", (replace(WALL, name="all"),))
     end = together(bus, 14)["a"]
-    assert bus.algorithm._enforcement.broken == {"all": 14}
+    assert bus.algorithm.norms.broken == {"all": 14}
     assert (end["fined"], end["refused"], end["words"], end["x"]) == (65, 13, 0, 9.0)
 
 

@@ -80,7 +80,7 @@ def test_an_answer_of_one_who_was_not_asked_is_dropped_and_counted():
     bus.release()
     bus.settle()
     assert [member(bus, name).late for name in ("screen", "host")] == [2, 2]
-    assert bus.algorithm.strangers == 2
+    assert bus.algorithm.members.strangers == 2
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
 
 
@@ -175,7 +175,7 @@ def test_a_host_that_answers_for_agents_of_another_is_shut_out(how):
         bus.appear(name)
     bus.settle()
     assert str(bus.algorithm.scene) == "ACounter#a<n=2>() · ACounter#b<n=2>()"
-    assert not bus.algorithm._emitted
+    assert not bus.algorithm.inbox.emitted
 
 
 @pytest.mark.parametrize("name", ["a", "b"])

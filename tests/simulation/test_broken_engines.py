@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.live import LiveSource
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.participant import Participant
 from minerva_bus.log.journal import Journal
@@ -40,16 +41,14 @@ def repeat_orders(patch):
 
 def take_stale_answers(patch):
     """An answer to an earlier frame, or to a coordinator before, counts for this one."""
-    on_tick, on_evolve = FrameAlgorithm._on_tick_reply, FrameAlgorithm._on_evolve_reply
+    receive = LiveSource.receive
 
-    def tick(self, reply):
-        on_tick(self, replace(reply, frame=self.frame))
+    def answer(self, stimulus):
+        stale = isinstance(stimulus, m.TickReply | m.EvolveReply)
+        frame = self._algorithm.frame
+        receive(self, replace(stimulus, frame=frame) if stale else stimulus)
 
-    def evolve(self, reply):
-        on_evolve(self, replace(reply, frame=self.frame))
-
-    patch.setattr(FrameAlgorithm, "_on_tick_reply", tick)
-    patch.setattr(FrameAlgorithm, "_on_evolve_reply", evolve)
+    patch.setattr(LiveSource, "receive", answer)
 
 
 def forget_orders(patch):

@@ -1,16 +1,18 @@
-"""Norms over a world's frames: which events happen, and what agents become."""
+"""Norms at run time: which events of a frame are permitted, and which outcomes of agents."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.inbox import PEOPLE, Inbox
+from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import Ruling, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
@@ -19,15 +21,12 @@ from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Book, Norm, Then, sanction_of
 
-PEOPLE: Final = "~order"
-"""The source of what people send, to which norms apply as to that of generators."""
-
 Sources = Mapping[str, Sequence[AnyEvent]]
 Sent = Mapping[str, tuple[AnyEvent, ...]]
 
 
-class Enforcement:
-    """The norms of a world at work. What is to be said and sent because of them gathers in it."""
+class Norms:
+    """Applies the norms of a world; log lines and sanctions gather until `publish`."""
 
     def __init__(
         self,
@@ -46,7 +45,7 @@ class Enforcement:
         self._frame = 0
         self._people = frozenset[str]()
         self._seen: dict[str, Any] = {}
-        self._told: list[str] = []
+        self._lines: list[str] = []
         self._sanctions: list[Event] = []
 
     def __bool__(self) -> bool:
@@ -54,30 +53,28 @@ class Enforcement:
 
     @property
     def broken(self) -> Mapping[str, int]:
-        """How often each norm has been broken."""
+        """Number of violations of each norm."""
         return self._book.broken
 
     def saved(self) -> dict[str, Any]:
-        """What is needed to go on, as plain data."""
+        """The counts as plain data, from which a resumed world continues."""
         return self._book.saved(self._norms, self._frame)
 
-    def take_sanctions(self) -> list[Event]:
-        """The events that follow for those who have broken norms, once."""
-        found, self._sanctions = self._sanctions, []
-        return found
-
-    def take_words(self) -> list[str]:
-        """What is to be said in the log, once: the first time that each norm is broken."""
-        found, self._told = self._told, []
-        return found
+    def publish(self, out: Instructions, inbox: Inbox, saved: dict[str, Mapping[str, Any]]) -> None:
+        """Log violations, let sanctions wait for the next frame, and save the counts."""
+        for text in self._lines:
+            out.log("norms", text)
+        inbox.sanctions += self._sanctions
+        self._lines, self._sanctions = [], []
+        saved[SOURCE] = self.saved()
 
     # --- events ---
 
     def events(self, frame: int, sources: Sources, people: Collection[str] = ()) -> Sources:
-        """What is left of a frame's events, by source, where w is the string that it begins with.
+        """The permitted events of a frame, by source; w is the string that the frame begins with.
 
-        The generators `people` stand for people. Raises nothing: an event whose sender is no more
-        is judged by its data alone.
+        The generators `people` stand for people. An event whose sender no longer exists is judged
+        by its data alone.
         """
         judged = [name for name in sorted(sources) if not name.startswith("~") or name == PEOPLE]
         if not self._on_events or not judged:
@@ -89,9 +86,9 @@ class Enforcement:
             for event_type in norm.on:
                 for source, events in left.items():
                     left[source] = [
-                        one
+                        permitted
                         for event in events
-                        for one in (
+                        for permitted in (
                             self._judged(norm, event, source)
                             if event.type == event_type
                             else (event,)
@@ -100,7 +97,7 @@ class Enforcement:
         return {name: left.get(name, events) for name, events in sources.items()}
 
     def _judged(self, norm: Norm, event: AnyEvent, source: str) -> Iterator[AnyEvent]:
-        """What a norm leaves of an event, or of many."""
+        """What a norm permits of an event or a batch of events."""
         if isinstance(event, Event):
             who = event.sender or source
             forbidden = self._forbids(norm, event, source) and self._breaks(
@@ -129,17 +126,17 @@ class Enforcement:
         return norm.holds(state)
 
     def _forbids_of_many(self, norm: Norm, events: Events, source: str) -> NDArray[np.bool_]:
-        found = np.zeros(events.count, np.bool_)
+        forbidden = np.zeros(events.count, np.bool_)
         if events.senders is None:
-            found[:] = norm.concerns(*self._known_as(source))
+            forbidden[:] = norm.concerns(*self._known_as(source))
             for condition in norm.conditions:
-                found &= condition.holds_of_many(self._many(norm, events), events.count)
-            return found
-        alone = np.ones(events.count, np.bool_)
+                forbidden &= condition.holds_of_many(self._many(norm, events), events.count)
+            return forbidden
+        single = np.ones(events.count, np.bool_)
         for part in self._composition.parts.values():
-            at = part.ids.rows_of(events.senders) if part.ids is not None else found - 1
+            at = part.ids.rows_of(events.senders) if part.ids is not None else forbidden - 1
             rows = np.flatnonzero(at >= 0)
-            alone[rows] = False
+            single[rows] = False
             if not len(rows) or not norm.concerns(part.symbol, *self._known_as(source)):
                 continue
             state = self._many(norm, events.take(rows))
@@ -147,13 +144,13 @@ class Enforcement:
             holds = np.ones(len(rows), np.bool_)
             for condition in norm.conditions:
                 holds &= condition.holds_of_many(state, len(rows))
-            found[rows] = holds
-        for row in np.flatnonzero(alone).tolist():
-            found[row] = self._forbids(norm, events.event(row), source)
-        return found
+            forbidden[rows] = holds
+        for row in np.flatnonzero(single).tolist():
+            forbidden[row] = self._forbids(norm, events.event(row), source)
+        return forbidden
 
     def _known_as(self, source: str) -> tuple[str, ...]:
-        """The names by which norms apply to a source."""
+        """The names under which norms may mention a source."""
         return (source, PEOPLE) if source in self._people else (source,)
 
     def _many(self, norm: Norm, events: Events) -> dict[str, Any]:
@@ -163,7 +160,7 @@ class Enforcement:
     # --- what agents become ---
 
     def agents(self, frame: int, changed: Mapping[str, Scene], sent: Sent) -> Trial | None:
-        """Judge what has become of fragments, before it is put into w; None: there is no norm."""
+        """Judge the results of fragments before they enter w; None where no norm concerns them."""
         if not self._on_agents or not changed:
             return None
         self._begin(frame)
@@ -173,14 +170,14 @@ class Enforcement:
         return trial
 
     def stages(self, trial: Trial, events: Sequence[AnyEvent]) -> Iterator[tuple[AnyEvent, ...]]:
-        """The events, ever fewer, by which those who are refused may still go on."""
+        """The reduced events by which agents with a rejected outcome may still continue."""
         always = {norm.sanction.type for norm in self._norms if norm.sanction is not None}
         if self._refusal is not None:
             always.add(self._refusal.name)
         return trial.stages(events, self._vocabulary, frozenset(always))
 
     def reconsider(self, trial: Trial, changed: Mapping[str, Scene], sent: Sent) -> None:
-        """Judge what has become of those who are refused by fewer events; nothing is counted."""
+        """Judge rejected agents again, evolved by reduced events; violations are not counted."""
         refusing = [norm for norm in self._on_agents if norm.refuses]
         trial.reconsider(changed, sent, refusing, self._exceeds)
 
@@ -188,7 +185,7 @@ class Enforcement:
         return self._book.exceeds(norm, who, self._frame)
 
     def ruling(self, trial: Trial) -> Ruling:
-        """What counts of a frame in the end."""
+        """The outcome of a frame after norms."""
         return trial.ruling(self._vocabulary)
 
     # --- both ---
@@ -198,27 +195,28 @@ class Enforcement:
         self._seen = {}
 
     def _breaks(self, norm: Norm, who: str, what: str = "") -> bool:
-        """Note what somebody does; whether it breaks the norm."""
+        """Count an act of an agent or source; True if it violates the norm."""
         if not self._book.breaks(norm, who, self._frame):
             return False
-        here = self._composition.home(who) is not None
+        is_agent = self._composition.home(who) is not None
         if self._book.broken[norm.name] == 1:
-            whom = "people" if who == PEOPLE else f"#{who}" if here else who
-            self._told.append(
+            whom = "people" if who == PEOPLE else f"#{who}" if is_agent else who
+            self._lines.append(
                 f"{norm.name} is broken by {whom} in frame {self._frame}"
-                f"{what[:_SHOWN]}: {_FOLLOWS[norm.then]}; from now on this is only counted"
+                f"{what[:_MAX_SHOWN]}: {_FOLLOWS[norm.then]}; from now on this is only counted"
             )
-        if here:
-            self._sanctions += [replace(one, receivers=(who,)) for one in self._follows(norm)]
+        if is_agent:
+            sanctions = self._sanctions_of(norm)
+            self._sanctions += [replace(event, receivers=(who,)) for event in sanctions]
         return True
 
-    def _follows(self, norm: Norm) -> list[Event]:
-        """What who breaks a norm gets in the next frame."""
-        found = [] if norm.sanction is None else [norm.sanction]
+    def _sanctions_of(self, norm: Norm) -> list[Event]:
+        """The events that a violator receives in the next frame."""
+        sanctions = [] if norm.sanction is None else [norm.sanction]
         if self._refusal is not None and norm.refuses and not norm.on:
-            told = sanction_of(norm.name, self._refusal, {})
-            found += [told] if told.type not in [one.type for one in found] else []
-        return found
+            refusal = sanction_of(norm.name, self._refusal, {})
+            sanctions += [refusal] if refusal.type not in [e.type for e in sanctions] else []
+        return sanctions
 
     def _elsewhere(self, name: str) -> Any:
         """The value of `#id.attribute`; None where there is no such agent."""
@@ -228,21 +226,20 @@ class Enforcement:
         return self._seen[name]
 
     def _state(self, who: str) -> Mapping[str, Any]:
-        """An agent's state in the string that the frame began with."""
+        """An agent's state in the string that the frame began with; empty where there is none."""
         home = self._composition.home(who)
         if home is None:
             return {}
         fragment = self._composition.fragments[home]
         if isinstance(fragment, Columns) and fragment.ids is not None:
-            found = cast("AgentNode", fragment.node(fragment.ids.row_of(who)))
-            return found.state
+            return cast("AgentNode", fragment.node(fragment.ids.row_of(who))).state
         for agent in agents(Scene((fragment,))):
             if agent.id == who:
                 return agent.state
         return {}
 
 
-_SHOWN = 200
+_MAX_SHOWN = 200
 _FOLLOWS = {Then.REFUSE: "refused", Then.SANCTION: "sanctioned", Then.COUNT: "allowed"}
 
 
@@ -251,4 +248,4 @@ def _elsewhere(norm: Norm) -> set[str]:
     return {name for name in names if name.startswith("#")}
 
 
-__all__ = ["SOURCE", "Enforcement", "Ruling"]
+__all__ = ["PEOPLE", "SOURCE", "Norms", "Ruling"]

@@ -1,0 +1,248 @@
+"""Steps 1 to 4 of Table 2: requests to generators, and the events of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.calling import NOTHING
+from minerva_bus.frame.inbox import AGENTS, PEOPLE
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.speaking import Speaking
+from minerva_bus.frame.views import due_views
+from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.events import Event
+from minerva_bus.world.norms import SOURCE
+from minerva_bus.world.order import collect
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
+
+HANDED_OVER: Final = "~handed"
+"""Name under which the inputs of a frame have the orders that generators took."""
+
+
+class Collection:
+    """Collects the events of frames from generators, agents, people and norms."""
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        self._algorithm = algorithm
+        self._speaking = Speaking(algorithm.world.speaks_for, algorithm.composition)
+
+    # --- requests ---
+
+    def begin(self) -> None:
+        """Ask the generators of a frame that begins, and hand them people's orders."""
+        algorithm, index = self._algorithm, self._algorithm.members.index
+        in_flight = algorithm.in_flight
+        in_flight.ticked = algorithm.inbox.early.take()
+        if in_flight.logged is None:
+            self._hand_over(algorithm.inbox.take_orders(self._has_taker))
+        else:
+            self._load(in_flight.logged)
+        in_flight.pending = set(index.tickers - in_flight.ticked.keys())
+        if index.anyone_ticks:
+            algorithm.out.send(s.TICKED, m.TickRequest(algorithm.frame))
+        self._ask_ahead(algorithm.frame)
+
+    def ask(self, member: MemberEntry) -> None:
+        """Ask a generator that has returned while the frame waits for it."""
+        self._give_orders(member)
+        self._algorithm.out.send(member.name, m.TickRequest(self._algorithm.frame))
+
+    def _hand_over(self, orders: tuple[AnyEvent, ...]) -> None:
+        """Judge the orders that generators take, and send them those that norms permit.
+
+        Orders are people's events; what a generator makes of them counts as its own.
+        """
+        algorithm, events = self._algorithm, self._algorithm.in_flight.events
+        events.orders = orders
+        events.permitted = self._permitted_orders(orders)
+        for member in algorithm.members.active() if orders else ():
+            self._give_orders(member)
+
+    def _load(self, inputs: FrameInputs) -> None:
+        """Let the logged events of a frame wait, and hand over the logged orders."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        algorithm.inbox.replace(inputs.taken)
+        in_flight.ticked |= inputs.ticked
+        in_flight.events.people = inputs.people
+        self._hand_over(tuple(algorithm.inbox.events.pop(HANDED_OVER, ())))
+
+    def _has_taker(self, event_type: str) -> bool:
+        return bool(self._algorithm.members.takers(event_type))
+
+    def _give_orders(self, member: MemberEntry) -> None:
+        algorithm = self._algorithm
+        taken = member.hello.orders if member.hello is not None else ()
+        permitted = algorithm.in_flight.events.permitted
+        orders = tuple([event for event in permitted if event.type in taken])
+        if orders:
+            frame = max(algorithm.frame, algorithm.inbox.early.last_asked(member.name) + 1)
+            algorithm.out.send(member.name, m.Orders(frame, orders))
+
+    def _ask_ahead(self, frame: int) -> None:
+        """Ask generators that do not depend on the world before the frame begins, once each."""
+        algorithm = self._algorithm
+        for member in algorithm.inbox.early.ask(algorithm.members.index.ahead, frame):
+            algorithm.out.send(member, m.TickRequest(frame))
+
+    # --- replies ---
+
+    def tick_reply(self, reply: m.TickReply) -> None:
+        """Accept C^d(t) of a lockstep member, for this frame or early for the next one."""
+        algorithm, early = self._algorithm, self._algorithm.inbox.early
+        member = algorithm.members.get(reply.member)
+        in_time = algorithm.awaits_tick(reply.member) and reply.frame == algorithm.frame
+        ahead = reply.frame == early.last_asked(reply.member)
+        is_early = ahead and not (algorithm.in_frame and reply.frame == algorithm.frame)
+        if not member.active or not (in_time or is_early) or reply.member in early.replies:
+            member.late += 1
+            return
+        if not self._may_generate(member, reply.events):
+            return
+        note_answer(algorithm, member)
+        if is_early:
+            early.replies[reply.member] = reply
+            return
+        algorithm.in_flight.pending.discard(reply.member)
+        algorithm.in_flight.ticked[reply.member] = reply
+
+    def emitted(self, emitted: m.Emitted) -> None:
+        """Accept events of a free-running generator for the next frame."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(emitted.member)
+        if not member.active or not self._may_generate(member, emitted.events):
+            return
+        member.last_reply = algorithm.frame
+        if algorithm.inbox.add(emitted.member, emitted.events):
+            return
+        if not member.dropped:
+            algorithm.out.log(
+                member.name,
+                "event queue full: "
+                f"{algorithm.inbox.max_waiting} events wait for a frame; dropping further events",
+            )
+        member.dropped += sum(map(count_of, emitted.events))
+
+    def order(self, order: s.Order) -> None:
+        """Accept an event from a person for the next frame."""
+        self._algorithm.inbox.add_order(order.event)
+
+    def _may_generate(self, member: MemberEntry, events: tuple[AnyEvent, ...]) -> bool:
+        declared = member.hello.generates if member.hello is not None else ()
+        undeclared = [event.type for event in events if event.type not in declared]
+        if undeclared:
+            reason = f"it sent {undeclared[0]} but said it makes {declared}"
+        else:
+            reason = self._speaking.objection(member.name, events)
+        if reason:
+            self._algorithm.joining.violation(s.Violation(member.name, reason))
+        return not reason
+
+    # --- steps 2 to 4 ---
+
+    def collect(self) -> None:
+        """Steps 2 to 4: e*, e^v and e^u."""
+        algorithm, world = self._algorithm, self._algorithm.world
+        in_flight, later = algorithm.in_flight, dict[str, list[AnyEvent]]()
+        due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
+        if in_flight.logged is None:
+            later = algorithm.inbox.hold_back()
+        else:  # Logged events were few enough for one frame.
+            due = tuple(sorted({*due, *in_flight.logged.due}))
+        self._gather(due)
+        algorithm.inbox.put_back(later)
+        if not world.frames or algorithm.frame + 1 < world.frames:
+            self._ask_ahead(algorithm.frame + 1)
+
+    def repeat(self, inputs: FrameInputs) -> None:
+        """Steps 2 to 4 from logged inputs."""
+        self._load(inputs)
+        self._gather(inputs.due)
+
+    def _gather(self, due: tuple[str, ...]) -> None:
+        algorithm, events = self._algorithm, self._algorithm.in_flight.events
+        taken, emitted = algorithm.inbox.take(self._has_taker), algorithm.inbox.emitted
+        events.taken = {**taken, HANDED_OVER: events.orders} if events.orders else taken
+        events.due = due
+        sources: dict[str, Sequence[AnyEvent]] = {**taken}
+        if emitted:
+            sources[AGENTS] = emitted
+        self._add_ticked(sources)
+        self._leave_out_foreign(sources)
+        if due:
+            sources["~device"] = visual_events(algorithm, due)
+        events.people = events.people or self._standing_for_people(sources)
+        allowed = self._permitted(sources)
+        if allowed:
+            events.split(collect(algorithm.world.order, allowed), algorithm.world.vocabulary.events)
+
+    def _add_ticked(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
+        """Add the events of lockstep members, and keep what they saved."""
+        saved = self._algorithm.members.saved
+        for member, reply in self._algorithm.in_flight.ticked.items():
+            if reply.events:
+                sources[member] = [*reply.events, *sources.get(member, ())]
+            if reply.saved is not None or member in saved:
+                saved[member] = NOTHING if reply.saved is None else reply.saved
+
+    def _leave_out_foreign(self, sources: dict[str, Sequence[AnyEvent]]) -> None:
+        """Drop events whose sender is not, or no longer, an agent that the source speaks for."""
+        algorithm = self._algorithm
+        for name in sorted(sources.keys() & algorithm.world.speaks_for.keys()):
+            kept = self._speaking.kept(name, sources[name])
+            dropped = sum(map(count_of, sources[name])) - sum(map(count_of, kept))
+            sources[name] = kept
+            if dropped:
+                member = algorithm.members.get(name)
+                if not member.dropped:
+                    gone = "from agents that are not in the string"
+                    algorithm.out.log(
+                        name, f"sent {dropped} events {gone}; such events are left out"
+                    )
+                member.dropped += dropped
+
+    # --- norms on events ---
+
+    def _standing_for_people(self, sources: dict[str, Sequence[AnyEvent]]) -> tuple[str, ...]:
+        """The sources that stand for people; only norms depend on them."""
+        if not self._algorithm.norms:
+            return ()
+        people = self._algorithm.members.standing_for_people()
+        return tuple(sorted(people.intersection(sources)))
+
+    def _permitted(self, sources: dict[str, Sequence[AnyEvent]]) -> dict[str, Sequence[AnyEvent]]:
+        """The events that norms permit, and the sanctions that follow from the last frame."""
+        algorithm = self._algorithm
+        sanctions, algorithm.inbox.sanctions = algorithm.inbox.sanctions, []
+        if algorithm.norms:
+            people = algorithm.in_flight.events.people
+            sources = dict(algorithm.norms.events(algorithm.frame, sources, people))
+            algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+        return {**sources, SOURCE: sanctions} if sanctions else sources
+
+    def _permitted_orders(self, orders: Sequence[AnyEvent]) -> tuple[AnyEvent, ...]:
+        """People's orders that norms permit, before a generator takes them."""
+        algorithm = self._algorithm
+        if not algorithm.norms or not orders:
+            return tuple(orders)
+        permitted = algorithm.norms.events(algorithm.frame, {PEOPLE: orders})
+        algorithm.norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+        return tuple(permitted[PEOPLE])
+
+
+def visual_events(algorithm: FrameAlgorithm, due: Sequence[str]) -> tuple[Event, ...]:
+    """The visual events that devices generate, without data or receivers."""
+    types = algorithm.world.vocabulary.events
+    return tuple([types[event_type]() for event_type in due])
+
+
+def note_answer(algorithm: FrameAlgorithm, member: MemberEntry) -> None:
+    """Note that a member has answered, so it is not late any longer."""
+    member.last_reply = algorithm.frame
+    if member.state is MemberState.LATE:
+        algorithm.members.change(member, MemberChange.ANSWERED)

@@ -1,0 +1,299 @@
+"""Steps 5, 6 and 8 of Table 2: requests to hosts, their replies, norms, and the next string."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Final
+
+from minerva_bus.errors import VocabularyError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.checkpoint import HALTED
+from minerva_bus.frame.collection import note_answer
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.phases import Phase
+from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
+from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.lineage import copy_id
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
+
+BALANCE_INTERVAL: Final = 32
+"""Frames between two checks whether hosts need the same time."""
+
+
+class Evolution:
+    """Lets hosts evolve and visualize their fragments, and makes the next string of the results."""
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        self._algorithm = algorithm
+
+    # --- requests ---
+
+    def request(self) -> None:
+        """Steps 5 and 6: ask all hosts concerned for w_next = η(w, e^u) and v = π(w, e^v)."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        requests, events = in_flight.requests, in_flight.events
+        self._arrange_if_needed()
+        requests.layout = algorithm.composition.layout
+        hosts = self._hosts_to_ask()
+        for host in hosts:
+            requests.outstanding[host, 0] = tuple(algorithm.placement.fragments_of(host))
+            self._give(host)
+        plain = [host for host in hosts if algorithm.members.declines_columns(host)]
+        others = tuple([host for host in hosts if host not in plain])
+        if others:
+            request = m.EvolveRequest(algorithm.frame, others, events.evolving, events.visual)
+            algorithm.out.send(s.HOSTS, request)
+        for host in plain:  # Each gets a message of its own, because it declines columns.
+            only = requests.outstanding[host, 0]
+            request = m.EvolveRequest(
+                algorithm.frame, (host,), events.evolving, events.visual, only=only
+            )
+            algorithm.out.send(host, request)
+
+    def _arrange_if_needed(self) -> None:
+        algorithm, placement = self._algorithm, self._algorithm.placement
+        due = algorithm.frame % BALANCE_INTERVAL == 0
+        if not (placement.outdated or (due and placement.imbalanced)):
+            return
+        placement.outdated = False
+        placement.arrange(algorithm.offers())
+        rules = bool(algorithm.world.placement.rules)
+        placement.log.count(placement.unassigned_agents, rules=rules, out=algorithm.out)
+        offers = algorithm.members.offers().values()
+        placement.log.kinds(offers, placement.unassigned.values(), algorithm.out)
+
+    def _hosts_to_ask(self) -> tuple[str, ...]:
+        """The hosts that this frame concerns; fragments without a host wait or keep their state."""
+        algorithm, placement = self._algorithm, self._algorithm.placement
+        events = algorithm.in_flight.events
+        evolves = algorithm.phase is Phase.EVOLVE
+        literal = algorithm.world.policy is Policy.LITERAL and evolves
+        if not (literal or events.evolving or events.visual):
+            return ()
+        if placement.unassigned:
+            self._wait_or_leave_out(placement.unassigned)
+        if literal:  # Equation 3 then changes every agent, whoever the events are for.
+            return tuple(placement.occupied)
+        return tuple(placement.concerned(events.evolving, events.visual))
+
+    def _give(self, host: str) -> None:
+        """Send a host the fragments that it lacks."""
+        lacking = self._algorithm.placement.lacking(host)
+        if lacking is not None:
+            self._algorithm.out.send(host, lacking)
+
+    def _wait_or_leave_out(self, unassigned: Mapping[str, frozenset[str]]) -> None:
+        """Wait for a host of these fragments if one is awaited; otherwise leave them out."""
+        requests = self._algorithm.in_flight.requests
+        awaited = self._algorithm.members.awaited_kinds()
+        for fragment, kinds in unassigned.items():
+            if kinds <= awaited:
+                requests.unassigned.add(fragment)
+            else:
+                requests.left_out.add(fragment)
+
+    def ask_again(self, fragments: list[str]) -> None:
+        """Ask for fragments once more in this frame, wherever they are placed now."""
+        algorithm, placement = self._algorithm, self._algorithm.placement
+        placement.outdated = algorithm.world.placement.agents_per_host > 0
+        placement.arrange(algorithm.offers(), mid_frame=True)
+        algorithm.in_flight.requests.unassigned = set()
+        unassigned = placement.unassigned
+        self._wait_or_leave_out({n: unassigned[n] for n in fragments if n in unassigned})
+        self._repeat_request(fragments)
+
+    def _repeat_request(self, fragments: Iterable[str]) -> None:
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        by_host: dict[str, list[str]] = {}
+        for fragment in fragments:
+            host = algorithm.placement.host_of(fragment)
+            if host is not None:
+                by_host.setdefault(host, []).append(fragment)
+        requests, events = in_flight.requests, in_flight.events
+        evolving, visual = requests.reduced or (events.evolving, events.visual)
+        for host, only in sorted(by_host.items()):
+            requests.repeats += 1
+            requests.outstanding[host, requests.repeats] = tuple(only)
+            self._give(host)
+            request = m.EvolveRequest(
+                algorithm.frame, (host,), evolving, visual, requests.repeats, tuple(only)
+            )
+            algorithm.out.send(host, request)
+
+    # --- replies ---
+
+    def reply(self, reply: m.EvolveReply) -> None:
+        """Accept what has become of a host's fragments, unless the host must not report it."""
+        algorithm, requests = self._algorithm, self._algorithm.in_flight.requests
+        member = algorithm.members.get(reply.member)
+        key = (reply.member, reply.part)
+        if reply.frame != algorithm.frame or key not in requests.outstanding or not member.active:
+            member.late += 1
+            return
+        wrong, changed = self._objection(reply, frozenset(requests.outstanding[key])), {}
+        try:
+            changed = {} if wrong else patched(reply, algorithm.composition)
+            for event_type, patches in reply.view_patches.items():
+                algorithm.views.check(event_type, patches)
+        except Unfit as unfit:
+            wrong = f"it sent {unfit}, not of what is there"
+        if wrong:
+            algorithm.joining.violation(s.Violation(reply.member, wrong))
+            return
+        del requests.outstanding[key]
+        note_answer(algorithm, member)
+        if reply.elapsed and not reply.part:
+            algorithm.placement.note_elapsed(reply.member, reply.elapsed)
+        algorithm.in_flight.result.merge(reply, changed)
+        algorithm.in_flight.result.changed_by.update(dict.fromkeys(changed, reply.member))
+
+    def _objection(self, reply: m.EvolveReply, asked: frozenset[str]) -> str:
+        """Reason for rejecting a reply, or an empty string."""
+        composition = self._algorithm.composition
+        reason = foreign_fragment(reply, asked)
+        for name, events in sorted(reply.emitted.items()):
+            reason = reason or foreign_sender(
+                name, events, self._sender_names(name), asked, composition
+            )
+        newborns = self._algorithm.in_flight.result.newborns
+        return reason or duplicate_agent(reply, newborns, composition)
+
+    def _sender_names(self, agent: str) -> frozenset[str]:
+        """The ids under which an agent sends; under the literal policy its copies' too."""
+        algorithm = self._algorithm
+        if algorithm.world.policy is not Policy.LITERAL:
+            return frozenset((agent,))
+        events = algorithm.in_flight.events.evolving
+        copies = range(2, 1 + sum(map(count_of, events)))
+        return frozenset((agent, *(copy_id(agent, algorithm.frame, copy) for copy in copies)))
+
+    def repeat(self, inputs: FrameInputs) -> None:
+        """Steps 5 and 6 from logged inputs, one request after another. Raises Unfit."""
+        composition, in_flight = self._algorithm.composition, self._algorithm.in_flight
+        composition.lay_out(inputs.layout)
+        in_flight.requests.layout = inputs.layout
+        in_flight.requests.left_out = set(inputs.left_out)
+        replies = iter(inputs.replies)
+        for count in inputs.answers:
+            for reply in islice(replies, count):
+                in_flight.result.merge(reply, patched(reply, composition))
+            self._judge()
+            in_flight.requests.reduced = next(in_flight.stages, ()), ()
+
+    # --- norms ---
+
+    def settle(self) -> bool:
+        """Whether the results are final; if a norm rejects some, ask again by fewer events."""
+        in_flight = self._algorithm.in_flight
+        while True:
+            self._judge()
+            stage = next(in_flight.stages, None)
+            if stage is None or in_flight.trial is None:
+                return True
+            in_flight.requests.reduced = stage, ()
+            rejected = in_flight.trial.open
+            for fragment in rejected:
+                self._algorithm.placement.resend(fragment)
+            self._repeat_request(rejected)
+            if in_flight.requests.outstanding:
+                return False
+
+    def _judge(self) -> None:
+        """Apply norms to results, those of the first request or those by fewer events."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        result, norms = in_flight.result, algorithm.norms
+        result.count_answers()
+        if in_flight.requests.reduced is None:
+            if norms:
+                in_flight.trial = norms.agents(algorithm.frame, result.changed, result.sent)
+                norms.publish(algorithm.out, algorithm.inbox, algorithm.members.saved)
+            if in_flight.trial is not None:
+                in_flight.stages = norms.stages(in_flight.trial, in_flight.events.evolving)
+        elif in_flight.trial is not None:
+            norms.reconsider(in_flight.trial, result.changed, result.sent)
+        if in_flight.trial is not None:
+            result.changed, result.sent = {}, {}
+
+    def enforce(self) -> None:
+        """Replace the results by what norms leave of them; rejected agents are halted."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        result = in_flight.result
+        halted = set(self._agents_left_out() if in_flight.events.visual else ())
+        if in_flight.trial is not None:
+            verdict = algorithm.norms.ruling(in_flight.trial)
+            result.changed, result.sent = verdict.changed, verdict.sent
+            result.rejected = verdict.overruled
+            halted.update(verdict.halted)
+        result.halted = tuple(sorted(halted))
+        if halted:  # A resumed world must know it, because its devices act on the last view.
+            halted_state = {"frame": algorithm.frame, "agents": list(result.halted)}
+            algorithm.members.saved[HALTED] = halted_state
+
+    def _agents_left_out(self) -> Iterator[str]:
+        """The agents that no host has evolved in this frame although events were for them."""
+        fragments = self._algorithm.composition.fragments
+        for name in self._algorithm.in_flight.requests.left_out & fragments.keys():
+            fragment = fragments[name]
+            ids = fragment.ids if isinstance(fragment, Columns) else None
+            if ids is not None:
+                yield from ids.texts()
+            else:
+                yield from (agent.id for agent in agents(Scene((fragment,))))
+
+    # --- step 8 ---
+
+    def commit(self) -> None:
+        """Step 8: make the results the next string; the world fails where they cannot be one."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        result, inbox = in_flight.result, algorithm.inbox
+        algorithm.goal.note(result.sent, algorithm.out)
+        inbox.emitted = self._sent_in_order()
+        try:
+            algorithm.placement.outdated |= algorithm.composition.replace(result.changed)
+        except VocabularyError as error:
+            algorithm.fail(f"frame {algorithm.frame}: {error}")
+            return
+        self._note_holders()
+        inputs = in_flight.inputs(algorithm.frame, inbox.events)
+        record = frame_record(algorithm)
+        algorithm.out.add(s.FrameDone(algorithm.frame, record, in_flight.events.ordered, inputs))
+        algorithm.frame += 1
+        if result.changed:
+            algorithm.views.last_change = algorithm.frame
+
+    def _note_holders(self) -> None:
+        """Note which hosts hold the changed fragments as they are now; others get them again."""
+        result, placement = self._algorithm.in_flight.result, self._algorithm.placement
+        accepted = {n: scene for n, scene in result.changed.items() if n not in result.rejected}
+        for fragment, scene in accepted.items():
+            host = result.changed_by.get(fragment)
+            if host is not None:
+                placement.changed(host, fragment, scene)
+            else:  # Its host is gone, and the next one may have received the former state.
+                placement.resend(fragment)
+        for fragment in result.rejected:
+            placement.resend(fragment)
+
+    def _sent_in_order(self) -> list[AnyEvent]:
+        """The events that agents sent, in the order of the agents in the string."""
+        sent = self._algorithm.in_flight.result.sent
+        if not sent:
+            return []
+        places = self._algorithm.composition.places(sent)
+        return [event for name in sorted(sent, key=places) for event in sent[name]]
+
+
+def frame_record(algorithm: FrameAlgorithm) -> Callable[[], m.FrameRecord]:
+    """Makes the record of the frame in flight; the digest is computed only when asked for."""
+    frame, composition = algorithm.frame, algorithm.composition
+    events = algorithm.in_flight.events.ordered
+    changed = algorithm.in_flight.result.changed
+    return lambda: m.FrameRecord(frame, events, changed, composition.scene.digest)

@@ -1,0 +1,90 @@
+"""Goal of a world: agents send the event of `until`, or of `give_up`, and the world is over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import World
+from minerva_bus.frame.instructions import Instructions
+from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.wording import counted
+
+GIVEN_UP: Final = "~given up"
+"""Key in `Checkpoint.saved` for the agents that have given up; no member can have this name."""
+
+_MAX_REASONS: Final = 3
+"""Agents that gave up and are named at the end."""
+
+
+class Goal:
+    """Which agents have sent `until`, and which `give_up`.
+
+    `reached`: agents that have sent `until`; `striving`: the kinds of agents that send either.
+    """
+
+    def __init__(
+        self, world: World, composition: Composition, saved: dict[str, Mapping[str, Any]]
+    ) -> None:
+        """`saved` is the world's saved state, which keeps the agents that have given up."""
+        self._until, self._give_up = world.until, world.give_up
+        self._composition = composition
+        self._saved = saved
+        self.reached = world.past.reached
+        self.striving = world.past.reaching
+
+    @property
+    def met(self) -> bool:
+        """Whether every agent of the kinds that send `until` has sent it."""
+        return bool(self.finished) and not self._given_up()
+
+    @property
+    def finished(self) -> str:
+        """Reason for the end: every agent has sent `until` or has given up; empty before that."""
+        given_up = self._given_up()
+        done = self.reached.union(given_up)
+        if not (self._until and done and done.issuperset(self._striving_agents())):
+            return ""
+        reasons = [f"#{agent} has given up: {given_up[agent]}" for agent in sorted(given_up)]
+        over = len(reasons) - _MAX_REASONS
+        more = [f"and {over} more"] if over > 0 else []
+        return "; ".join([*reasons[:_MAX_REASONS], *more]) or f"every agent has sent {self._until}"
+
+    def _striving_agents(self) -> Iterable[str]:
+        kind = self._composition.kind
+        return (agent for agent in self._composition.agents() if kind(agent) in self.striving)
+
+    def _given_up(self) -> Mapping[str, Any]:
+        """Agents that have sent `give_up` and not `until` since, with the event as text."""
+        return self._saved.get(GIVEN_UP, {})
+
+    def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
+        """Note who has sent `until` or `give_up`, by agent or fragment.
+
+        Kinds are noted before the frame's changes count, because the sender may be gone then.
+        """
+        ends = {self._until, self._give_up} - {""}
+        for name, events in sent.items() if ends else ():
+            ending = [event for event in events if event.type in ends]
+            for event in ending:
+                self._note_event(event, out)
+            if ending:
+                part = self._composition.parts.get(name)
+                kind = part.symbol if part is not None else self._composition.kind(name)
+                self.striving = self.striving.union((kind,))
+
+    def _note_event(self, event: AnyEvent, out: Instructions) -> None:
+        batch = isinstance(event, Events)
+        senders = tuple(event.senders or ()) if batch else (event.sender,)
+        given_up = self._given_up()
+        if event.type == self._until:
+            self.reached = self.reached.union(senders)
+            given_up = {name: why for name, why in given_up.items() if name not in senders}
+        else:
+            why = event.type if batch else f"{event.type}<{event.data_text()}>"
+            given_up = {**given_up, **dict.fromkeys(senders, why)}
+            who = senders[0] if len(senders) == 1 else counted(len(senders), "agent")
+            out.log(who, f"gave up: {why}")
+        if given_up or GIVEN_UP in self._saved:
+            self._saved[GIVEN_UP] = given_up

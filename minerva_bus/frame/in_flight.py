@@ -1,0 +1,153 @@
+"""State that lives during one frame only; each frame starts with a new `FrameInFlight`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.composition import Layout
+from minerva_bus.frame.inputs import FrameInputs
+from minerva_bus.frame.trial import Trial
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.patch import Delta
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import EventType
+
+Events = tuple[AnyEvent, ...]
+
+
+@dataclass(slots=True)
+class FrameEvents:
+    """Events of a frame (steps 2 to 4 of Table 2).
+
+    `orders`: people's orders that generators take, and `permitted`, those that norms permit.
+    `taken`: events from the inbox, by source; `people`: the sources that stand for people.
+    `due`: visual event types that devices generate in this frame.
+    `ordered`: e*, of which `visual` is e^v and `evolving` is e^u.
+    """
+
+    orders: Events = ()
+    permitted: Events = ()
+    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=dict[str, list[AnyEvent]])
+    people: tuple[str, ...] = ()
+    due: tuple[str, ...] = ()
+    ordered: Events = ()
+    visual: Events = ()
+    evolving: Events = ()
+
+    def split(self, events: Events, types: Mapping[str, EventType]) -> None:
+        """Steps 3 and 4: the events of views, and those of evolution."""
+        self.ordered = events
+        self.visual = tuple([event for event in events if types[event.type].visual])
+        self.evolving = tuple([event for event in events if not types[event.type].visual])
+
+
+@dataclass(slots=True)
+class Requests:
+    """Requests to hosts in a frame (steps 5 and 6).
+
+    `outstanding`: the fragments of each unanswered request, by host and part number. Part 0 is the
+    first request; `repeats` counts the later ones, which concern some fragments only.
+    `unassigned`: fragments that wait for a host to return.
+    `left_out`: fragments that keep their state in this frame because no host answered for them.
+    `reduced`: events and visual events of repeated requests after a norm rejected an outcome.
+    `layout`: how populations were divided when the hosts were asked.
+    """
+
+    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(
+        default_factory=dict[tuple[str, int], tuple[str, ...]]
+    )
+    repeats: int = 0
+    unassigned: set[str] = field(default_factory=set[str])
+    left_out: set[str] = field(default_factory=set[str])
+    reduced: tuple[Events, Events] | None = None
+    layout: Layout = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether the frame waits for no host."""
+        return not (self.outstanding or self.unassigned)
+
+    def of(self, host: str) -> list[tuple[str, int]]:
+        """Keys of a host's outstanding requests."""
+        return [key for key in self.outstanding if key[0] == host]
+
+    def cancel(self) -> None:
+        """Wait for nobody any longer."""
+        self.outstanding, self.unassigned = {}, set()
+
+
+@dataclass(slots=True)
+class FrameResult:
+    """Results of a frame (steps 5 and 6) as hosts reported them, later as norms leave them.
+
+    `replies`: the merged replies; `answers`: their number per request, for the log of inputs.
+    `changed`: what replaces each changed fragment; `changed_by`: the host that reported it.
+    `sent`: events that agents sent. `newborns`: the fragment of each agent in a changed fragment.
+    `views`, `view_patches`: changed views by visual event type and fragment.
+    `rejected`: fragments that are not what their hosts reported, because of a norm.
+    `halted`: agents whose actions devices must not execute in this frame.
+    """
+
+    replies: list[m.EvolveReply] = field(default_factory=list[m.EvolveReply])
+    answers: list[int] = field(default_factory=list[int])
+    changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    changed_by: dict[str, str] = field(default_factory=dict[str, str])
+    sent: dict[str, Events] = field(default_factory=dict[str, Events])
+    newborns: dict[str, str] = field(default_factory=dict[str, str])
+    views: dict[str, dict[str, Scene]] = field(default_factory=dict[str, dict[str, Scene]])
+    view_patches: dict[str, dict[str, Delta]] = field(default_factory=dict[str, dict[str, Delta]])
+    rejected: tuple[str, ...] = ()
+    halted: tuple[str, ...] = ()
+
+    def merge(self, reply: m.EvolveReply, changed: m.Parts) -> None:
+        """Add a host's reply; `changed` are its fragments with deltas applied."""
+        self.replies.append(reply)
+        self.changed.update(changed)
+        self.sent.update(reply.emitted)
+        for event_type, parts in reply.views.items():
+            self.views.setdefault(event_type, {}).update(parts)
+        for event_type, patches in reply.view_patches.items():
+            self.view_patches.setdefault(event_type, {}).update(patches)
+
+    def count_answers(self) -> None:
+        """Note how many replies the latest request has got."""
+        self.answers.append(len(self.replies) - sum(self.answers))
+
+
+@dataclass(slots=True)
+class FrameInFlight:
+    """One frame, from `Begin` to its result.
+
+    `clock_views`: visual event types whose devices want a view by the clock in this frame.
+    `pending`: members whose tick reply the frame waits for; `ticked`: replies by member.
+    `trial`: the outcome before norms that judge agents; `stages`: the reduced events by which
+    agents with a rejected outcome may still continue.
+    `logged`: inputs from a log, which count in place of those of members that are not here.
+    """
+
+    clock_views: tuple[str, ...] = ()
+    logged: FrameInputs | None = None
+    pending: set[str] = field(default_factory=set[str])
+    ticked: dict[str, m.TickReply] = field(default_factory=dict[str, m.TickReply])
+    events: FrameEvents = field(default_factory=FrameEvents)
+    requests: Requests = field(default_factory=Requests)
+    result: FrameResult = field(default_factory=FrameResult)
+    trial: Trial | None = None
+    stages: Iterator[Events] = field(default_factory=lambda: iter(()))
+
+    def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
+        """What the frame's outcome follows from, for the log; `waiting` counts in the next one."""
+        return FrameInputs(
+            number,
+            self.events.due,
+            self.ticked,
+            self.events.taken,
+            self.requests.layout,
+            self.result.replies,
+            waiting,
+            self.events.people,
+            tuple(self.result.answers),
+            tuple(sorted(self.requests.left_out)),
+        )

@@ -1,0 +1,142 @@
+"""What arrived for a later frame: events by source, and early answers of generators."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import accumulate
+from typing import Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.checkpoint import Checkpoint
+from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.events import Event
+from minerva_bus.world.norms import SOURCE
+
+PEOPLE: Final = "~order"
+"""Source of people's events, to which norms apply as to those of generators."""
+
+AGENTS: Final = "#"
+"""Source of all events that agents send; no generator can have this name."""
+
+MAX_WAITING: Final = 100_000
+"""Events of one free-running generator that wait for a frame; a paused world takes none."""
+
+MAX_SINGLE_EVENTS: Final = 2_000
+"""Events of one free-running generator, not in columns, that a frame takes; others wait."""
+
+
+class EarlyTicks:
+    """Generators that are asked before a frame begins because they do not depend on the world."""
+
+    def __init__(self) -> None:
+        self._asked: dict[str, int] = {}
+        self.replies: dict[str, m.TickReply] = {}
+
+    def ask(self, members: Iterable[str], frame: int) -> list[str]:
+        """The members that have not been asked about this frame yet; they count as asked now."""
+        new = [member for member in members if self._asked.get(member, -1) < frame]
+        self._asked.update(dict.fromkeys(new, frame))
+        return new
+
+    def last_asked(self, member: str) -> int:
+        """The latest frame that a member was asked about early, or -1."""
+        return self._asked.get(member, -1)
+
+    def awaits(self, member: str) -> bool:
+        """Whether an early reply of a member is outstanding."""
+        return member in self._asked and member not in self.replies
+
+    def take(self) -> dict[str, m.TickReply]:
+        """The replies for the frame that begins."""
+        taken, self.replies = self.replies, {}
+        return taken
+
+    def forget(self, member: str) -> None:
+        """Ask a member again: its process has been replaced."""
+        self.replies.pop(member, None)
+        self._asked.pop(member, None)
+
+
+class Inbox:
+    """Events that wait for the next frame, by source.
+
+    `emitted`: events that agents sent in the last frame. `sanctions`: events from norms.
+    """
+
+    def __init__(self, past: Checkpoint) -> None:
+        self.events: dict[str, list[AnyEvent]] = {
+            source: list(events) for source, events in past.inbox.items()
+        }
+        self.sanctions: list[AnyEvent] = self.events.pop(SOURCE, [])
+        self.emitted: list[AnyEvent] = list(past.emitted)
+        self.early = EarlyTicks()
+        self.max_single_events: int = MAX_SINGLE_EVENTS
+        self.max_waiting: int = MAX_WAITING
+        self._counts: dict[str, int] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self.events or self.emitted or self.sanctions)
+
+    def waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
+        """What waits for the next frame, by source, for a checkpoint."""
+        waiting = {source: tuple(events) for source, events in self.events.items()}
+        return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
+
+    def replace(self, events: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Let exactly these events wait for the next frame."""
+        self.events = {source: list(waiting) for source, waiting in events.items()}
+
+    def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
+        """Add events of a generator; False where too many wait already."""
+        waiting = self.events.setdefault(source, [])
+        held = self._counts.get(source)
+        if held is None:  # The first since the last frame, or since the world was resumed.
+            held = sum(map(count_of, waiting))
+        if held >= self.max_waiting:
+            return False
+        self._counts[source] = held + sum(map(count_of, events))
+        waiting.extend(events)
+        return True
+
+    def add_order(self, event: Event) -> None:
+        """Add an event from a person."""
+        self.events.setdefault(PEOPLE, []).append(event)
+
+    def take_orders(self, is_taken: Callable[[str], bool]) -> tuple[AnyEvent, ...]:
+        """Remove the orders whose event type a generator takes, and return them."""
+        orders = self.events.get(PEOPLE, ())
+        taken = tuple([event for event in orders if is_taken(event.type)])
+        if taken:
+            left = [event for event in self.events.pop(PEOPLE) if not is_taken(event.type)]
+            self.events |= {PEOPLE: left} if left else {}
+        return taken
+
+    def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
+        """Remove and return what waits for this frame.
+
+        Orders that a generator takes stay: they arrived after it was asked.
+        """
+        taken, self.events, self._counts = self.events, {}, {}
+        late = [event for event in taken.get(PEOPLE, ()) if is_taken(event.type)]
+        if late:
+            self.events[PEOPLE] = late
+            in_time = [event for event in taken.pop(PEOPLE) if not is_taken(event.type)]
+            taken |= {PEOPLE: in_time} if in_time else {}
+        return taken
+
+    def hold_back(self) -> dict[str, list[AnyEvent]]:
+        """Remove the events, by source, that exceed the limit of one frame."""
+        later: dict[str, list[AnyEvent]] = {}
+        for source, events in self.events.items():
+            singles = accumulate(isinstance(event, Event) for event in events)
+            if len(events) > self.max_single_events and source != PEOPLE:
+                taken = bisect_right(list(singles), self.max_single_events)
+                later[source] = events[taken:]
+                self.events[source] = events[:taken]
+        return {source: events for source, events in later.items() if events}
+
+    def put_back(self, later: Mapping[str, Sequence[AnyEvent]]) -> None:
+        """Let events that were held back wait, before those that arrived since."""
+        for source, events in later.items():
+            self.events[source] = [*events, *self.events.get(source, ())]

@@ -1,0 +1,238 @@
+"""Members join and leave: between frames, or during a frame that waits for them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.compatibility import incompatibility
+from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
+from minerva_bus.frame.phases import Phase
+
+if TYPE_CHECKING:
+    from minerva_bus.frame.algorithm import FrameAlgorithm
+
+
+class Joining:
+    """Handles members that appear, join, vanish, leave, are given up or misbehave."""
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        self._algorithm = algorithm
+
+    # --- joining ---
+
+    def appeared(self, appeared: s.Appeared) -> None:
+        """Greet a new process, which may replace one that has not vanished yet."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(appeared.member)
+        if member.active:
+            self._lose(member)
+            algorithm.advance()
+        member.blamed = False
+        algorithm.members.change(member, MemberChange.APPEARED)
+        if algorithm.phase in (Phase.STOPPING, Phase.ENDED):
+            algorithm.out.send(member.name, m.Stop(algorithm.shutdown.reason))
+        else:
+            algorithm.out.send(member.name, m.Greet())
+
+    def hello(self, hello: m.Hello) -> None:
+        """Check a hello, and admit its member now or when the next frame begins."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(hello.member)
+        if member.state is not MemberState.JOINING or member.greeted:
+            return
+        reason = incompatibility(hello, algorithm.world.vocabulary)
+        if reason:
+            self._refuse(member, reason)
+            return
+        algorithm.members.introduce(member, hello)
+        between = algorithm.phase in (Phase.WAITING, Phase.READY)
+        in_time = algorithm.phase is Phase.TICK and hello.kinds
+        awaited = algorithm.awaits_answer(member.name) or algorithm.in_flight.requests.unassigned
+        if between or in_time or awaited:
+            self._admit(member, hello)
+        algorithm.start_if_complete()
+
+    def _refuse(self, member: MemberEntry, reason: str) -> None:
+        algorithm = self._algorithm
+        self._blame(member, f"may not join: {reason}")
+        algorithm.out.send(member.name, m.Refused(reason))
+        if member.expected and algorithm.phase is Phase.WAITING:
+            algorithm.fail(f"{member.name} cannot take part: {reason}")
+
+    def admit_joining(self) -> None:
+        """Admit the members that have joined during the last frame."""
+        for member in self._algorithm.members.index.joining:
+            if member.hello is not None:
+                self._admit(member, member.hello)
+
+    def _admit(self, member: MemberEntry, hello: m.Hello) -> None:
+        algorithm, world = self._algorithm, self._algorithm.world
+        algorithm.members.change(member, MemberChange.ADMITTED)
+        member.last_reply = algorithm.views.last_change = algorithm.frame
+        saved = algorithm.members.saved.get(member.name)
+        algorithm.out.send(
+            member.name,
+            m.Welcome(
+                world.name, world.vocabulary, world.seed, world.dt, algorithm.frame,
+                world.policy.value, saved,
+            ),
+        )  # fmt: skip
+        near = member.name in world.placement.neighbours
+        algorithm.placement.outdated |= near or bool(hello.kinds)
+        self._send_publishers(member)
+        self._send_missed(member, hello)
+        in_flight = algorithm.in_flight
+        if algorithm.phase is Phase.TICK and member.name in in_flight.pending:
+            algorithm.source.ask(member)
+        if in_flight.requests.unassigned and hello.kinds:
+            algorithm.source.ask_again(sorted(in_flight.requests.unassigned))
+        algorithm.source.members_changed(hello)
+
+    def _send_missed(self, member: MemberEntry, hello: m.Hello) -> None:
+        """Send a newcomer the latest views, and have the latest readings repeated for it."""
+        algorithm = self._algorithm
+        for event_type in hello.draws:
+            keyframe = algorithm.views.keyframe(event_type)
+            if keyframe is not None:
+                algorithm.out.send(member.name, keyframe)
+        for topic in hello.topics:
+            for publisher in algorithm.members.publishers.get(topic, ()):
+                algorithm.out.send(publisher, m.Repeat(topic))
+
+    def _send_publishers(self, newcomer: MemberEntry) -> None:
+        """Send the publishers of sensor topics to all members, or unchanged to a newcomer."""
+        members, out = self._algorithm.members, self._algorithm.out
+        publishers = members.lockstep_publishers()
+        if publishers != members.publishers:
+            members.publishers = publishers
+            out.send(s.EVERYONE, m.Sources(publishers))
+        else:
+            out.send(newcomer.name, m.Sources(publishers))
+
+    # --- leaving ---
+
+    def vanished(self, vanished: s.Vanished) -> None:
+        """Continue without a member, or wait for its return."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(vanished.member)
+        if member.state in (MemberState.LOST, MemberState.LEFT):
+            return
+        if algorithm.phase is Phase.STOPPING:
+            algorithm.shutdown.depart(member.name)
+        elif algorithm.phase is not Phase.ENDED:
+            algorithm.members.change(member, MemberChange.VANISHED)
+            algorithm.out.log(member.name, f"is gone{self._outlook_without(member)}")
+        self._lose(member)
+
+    def _outlook_without(self, member: MemberEntry) -> str:
+        """How the world continues without a member that is gone, for the log."""
+        algorithm, placement, hello = self._algorithm, self._algorithm.placement, member.hello
+        waits = "; the world waits for it" if member.needed else ""
+        if algorithm.phase is Phase.WAITING or hello is None or hello.ticks:
+            return waits
+        if not hello.kinds:
+            return "; the world goes on" if member.needed else ""
+        if not placement.fragments_of(member.name):
+            return "; no agents lived on it"
+        if placement.may_take_over(member.name, algorithm.offers()):
+            return "; other hosts take its agents over"
+        return waits or "; no other host can take its agents over"
+
+    def leaving(self, leaving: m.Leaving) -> None:
+        """Continue without a member that leaves of its own accord."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(leaving.member)
+        if member.state is not MemberState.LEFT:
+            algorithm.members.change(member, MemberChange.WENT)
+            algorithm.out.log(member.name, "has left")
+            self._continue_without(member)
+            algorithm.shutdown.report(member.name, {})  # It will not report any more.
+        algorithm.start_if_complete()
+
+    def gave_up(self, gave_up: s.Abandoned) -> None:
+        """Continue without a member that will not be restarted."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(gave_up.member)
+        algorithm.members.stop_expecting(member)
+        over = algorithm.phase in (Phase.STOPPING, Phase.ENDED)
+        if algorithm.members.change(member, MemberChange.GAVE_UP) and not over:
+            algorithm.out.log(member.name, "will not come back; the world goes on without it")
+            self._continue_without(member)
+        algorithm.start_if_complete()
+
+    def skip(self, skip: s.Skip) -> None:
+        """Stop waiting for a member in this frame; a later reply is late."""
+        algorithm = self._algorithm
+        in_flight, requests = algorithm.in_flight, algorithm.in_flight.requests
+        member = algorithm.members.get(skip.member)
+        outstanding = requests.of(member.name)
+        unassigned = bool(requests.unassigned) and member.awaited
+        if not (algorithm.awaits_tick(member.name) or outstanding or unassigned):
+            return
+        algorithm.out.log(member.name, f"is left out of frame {algorithm.frame}")
+        if algorithm.phase is Phase.TICK:
+            in_flight.pending.discard(member.name)
+            return
+        for key in outstanding:
+            requests.left_out.update(requests.outstanding.pop(key))
+        if unassigned:
+            requests.left_out |= requests.unassigned
+            requests.unassigned = set()
+        algorithm.placement.forget(member.name)
+        algorithm.placement.outdated = True
+
+    def violation(self, violation: s.Violation) -> None:
+        """Exclude a member that sent what the protocol does not allow."""
+        algorithm = self._algorithm
+        member = algorithm.members.get(violation.member)
+        self._blame(member, f"broke the protocol: {violation.reason}")
+        algorithm.out.send(member.name, m.Refused(violation.reason))
+        if member.active:
+            self._lose(member)
+
+    def _blame(self, member: MemberEntry, text: str) -> None:
+        # A member that is out already may misbehave any number of times, so it is logged once
+        # until a new process of this name appears.
+        if member.active or not member.blamed:
+            self._algorithm.out.log(member.name, text)
+        member.blamed = True
+
+    def _lose(self, member: MemberEntry) -> None:
+        self._algorithm.members.change(member, MemberChange.VANISHED)
+        if member.expected:
+            self._reassign(member)
+        else:
+            self._algorithm.members.change(member, MemberChange.GAVE_UP)
+            self._continue_without(member)
+
+    def _continue_without(self, member: MemberEntry) -> None:
+        algorithm = self._algorithm
+        neighbour = member.name in algorithm.world.placement.neighbours
+        algorithm.placement.outdated |= neighbour
+        self._send_publishers(member)
+        algorithm.inbox.early.forget(member.name)
+        if algorithm.phase is Phase.TICK and member.name in algorithm.in_flight.pending:
+            algorithm.in_flight.pending.discard(member.name)
+        else:
+            self._reassign(member)
+        algorithm.source.members_changed(None)
+
+    def _reassign(self, member: MemberEntry) -> None:
+        """Assign the fragments of a host that is gone to others, wait for it, or leave them out."""
+        algorithm, in_flight = self._algorithm, self._algorithm.in_flight
+        algorithm.placement.forget(member.name)
+        algorithm.placement.outdated = True
+        algorithm.inbox.early.forget(member.name)
+        result, requests = in_flight.result, in_flight.requests
+        result.changed_by = {n: by for n, by in result.changed_by.items() if by != member.name}
+        if algorithm.phase is Phase.TICK and member.awaited and member.name in in_flight.ticked:
+            # Others may still need what it published in this frame. Its successor continues from
+            # before the frame and is asked for all of it again.
+            del in_flight.ticked[member.name]
+            in_flight.pending.add(member.name)
+        if algorithm.phase not in (Phase.EVOLVE, Phase.CLOSING):
+            return
+        lost = [name for key in requests.of(member.name) for name in requests.outstanding.pop(key)]
+        algorithm.source.ask_again(sorted({*lost, *requests.unassigned}))

@@ -1,0 +1,61 @@
+"""Phases of a world's life, and the literal table of their transitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import Final
+
+
+class Phase(Enum):
+    """What the world is doing; the value is what status displays show."""
+
+    WAITING = "gathering members"
+    READY = "between frames"
+    TICK = "events"
+    EVOLVE = "evolution"
+    CLOSING = "last view"
+    STOPPING = "reports"
+    ENDED = "over"
+
+
+class Awaited(Enum):
+    """What completes a phase; the value labels the transition in the diagram."""
+
+    MEMBERS = "expected members present"
+    BEGIN = "Begin"
+    EVENTS = "generators answered"
+    RESULTS = "hosts answered"
+    OVER = "world over"
+    REPORTS = "members reported"
+    END = "End or failure"
+
+
+TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {
+    (Phase.WAITING, Awaited.MEMBERS): Phase.READY,
+    (Phase.READY, Awaited.BEGIN): Phase.TICK,
+    (Phase.TICK, Awaited.EVENTS): Phase.EVOLVE,
+    (Phase.EVOLVE, Awaited.RESULTS): Phase.READY,
+    (Phase.EVOLVE, Awaited.OVER): Phase.CLOSING,
+    (Phase.CLOSING, Awaited.RESULTS): Phase.STOPPING,
+    (Phase.STOPPING, Awaited.REPORTS): Phase.ENDED,
+    # A coordinator may die between the last frame and the last view; its successor shows it.
+    (Phase.WAITING, Awaited.OVER): Phase.CLOSING,
+    # A replay ends between two frames when its last viewer leaves.
+    (Phase.READY, Awaited.OVER): Phase.CLOSING,
+    (Phase.WAITING, Awaited.END): Phase.STOPPING,
+    (Phase.READY, Awaited.END): Phase.STOPPING,
+    (Phase.TICK, Awaited.END): Phase.STOPPING,
+    (Phase.EVOLVE, Awaited.END): Phase.STOPPING,
+    (Phase.CLOSING, Awaited.END): Phase.STOPPING,
+    (Phase.STOPPING, Awaited.END): Phase.ENDED,
+}
+
+
+def diagram() -> str:
+    """The table as the source of a Mermaid state diagram."""
+    lines = [
+        f"    {before.name} --> {after.name}: {why.value}"
+        for (before, why), after in TRANSITIONS.items()
+    ]
+    return "\n".join(["stateDiagram-v2", "    [*] --> WAITING", *lines, "    ENDED --> [*]"])

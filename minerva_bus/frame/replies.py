@@ -1,0 +1,86 @@
+"""Checks replies of hosts: a host may report only on the fragments that it was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Container, Iterator
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.views import patch_all
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Piece, Scene, agents
+
+
+def patched(reply: m.EvolveReply, composition: Composition) -> dict[str, Scene]:
+    """The changed fragments of a reply, with deltas applied. Raises Unfit."""
+    changed = {
+        name: Scene((composition.fragments[name],))
+        for name in reply.patched
+        if name in composition.fragments
+    }
+    patch_all(changed, reply.patched)
+    parts = composition.parts
+    whole = {
+        name: packed(scene) if name in parts else scene for name, scene in reply.changed.items()
+    }
+    return {**whole, **changed}
+
+
+def foreign_fragment(reply: m.EvolveReply, asked: Collection[str]) -> str:
+    """Reason for rejecting a reply about fragments that its host was not asked for, or empty."""
+    named = set(reply.changed).union(reply.patched, *reply.views.values())
+    for fragment in sorted(named.union(*reply.view_patches.values()).difference(asked)):
+        return f"it answered for #{fragment}, not its own"
+    return ""
+
+
+def foreign_sender(
+    name: str,
+    events: tuple[AnyEvent, ...],
+    senders: Container[str],
+    asked: Collection[str],
+    composition: Composition,
+) -> str:
+    """Reason for rejecting events sent by an agent or a fragment of others, or empty.
+
+    `senders` are the ids under which the agent may send.
+    """
+    part = composition.parts.get(name)
+    if (name if part is not None else composition.home(name)) not in asked:
+        return f"it sent events of #{name}, not its own"
+    if not all(_is_from(event, senders, part) for event in events):
+        return f"it sent events of #{name} in another's name"
+    return ""
+
+
+def duplicate_agent(
+    reply: m.EvolveReply, newborns: dict[str, str], composition: Composition
+) -> str:
+    """Reason for rejecting a reply with an agent that lives elsewhere, or empty.
+
+    `newborns` are the fragments of agents in earlier replies; those of this reply are added.
+    """
+    known = dict(newborns)
+    for fragment, scene in sorted(reply.changed.items()):
+        for agent in agents(Scene(tuple(_single(scene)))):
+            home = composition.home(agent.id) or fragment
+            if known.get(agent.id, home) != fragment:
+                return f"it made a second agent #{agent.id}"
+            known[agent.id] = fragment
+    newborns.update(known)
+    return ""
+
+
+def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> bool:
+    if part is None or part.ids is None:
+        return isinstance(event, Event) and event.sender in senders
+    if isinstance(event, Event):
+        return part.ids.row_of(event.sender) >= 0
+    return event.senders is not None and bool((part.ids.rows_of(event.senders) >= 0).all())
+
+
+def _single(scene: Scene) -> Iterator[Piece]:
+    """The nodes of a string outside columns, whose ids `Composition.replace` checks together."""
+    return (piece for piece in scene.pieces if not isinstance(piece, Columns))

@@ -1,0 +1,53 @@
+"""Logs which agents have no host, once per change."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from minerva_bus.frame.instructions import Instructions
+
+
+class UnassignedLog:
+    """What has been logged about agents without a host."""
+
+    def __init__(self, limit: int) -> None:
+        """`limit`: the number of agents that one host takes; 0: any number."""
+        self._limit = limit
+        self._count = 0
+        self._offered: set[frozenset[str]] = set()
+        self._reported: set[frozenset[str]] = set()
+
+    def count(self, agents: int, *, rules: bool, out: Instructions) -> None:
+        """Log how many agents have no host, if that has changed and placement rules cause it."""
+        if agents == self._count or not (rules or self._limit):
+            return
+        self._count = agents
+        if not agents:
+            out.log("placement", "every agent has a host again")
+            return
+        limit = f"a host takes {self._limit} (agents_per_host)"
+        reason = limit if self._limit else "[placement] says where"
+        out.log(
+            "placement",
+            f"{agents} agents have no host and stand still: {reason}; attach another one",
+        )
+
+    def kinds(
+        self,
+        offers: Iterable[frozenset[str]],
+        unassigned: Collection[frozenset[str]],
+        out: Instructions,
+    ) -> None:
+        """Log, once, the kinds that no host has ever offered: the world may lack a process.
+
+        Where a host offered them and is gone, its loss has been logged.
+        """
+        self._offered.update(offers)
+        missing = {
+            kinds for kinds in unassigned if not any(kinds <= offered for offered in self._offered)
+        }
+        for kinds in sorted(map(sorted, missing - self._reported)):
+            names = f"all of {', '.join(kinds)}" if len(kinds) > 1 else kinds[0]
+            still = "such agents stand still; attach one that does"
+            out.log("placement", f"no host evolves {names}: {still}")
+        self._reported |= missing

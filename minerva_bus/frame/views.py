@@ -1,0 +1,184 @@
+"""Views on their way to devices: a stream of deltas per visual event type, and keyframes."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+from dataclasses import dataclass, field, replace
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.composition import Composition
+from minerva_bus.frame.description import World
+from minerva_bus.frame.in_flight import FrameInFlight
+from minerva_bus.frame.instructions import Instructions
+from minerva_bus.frame.members import MemberIndex, Members
+from minerva_bus.frame.messages import Parts, Patches, ViewShown
+from minerva_bus.frame.plainly import plainly
+from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.patch import check, patched
+from minerva_bus.grammar.scene import EMPTY, Scene
+
+
+@dataclass(slots=True)
+class ViewStream:
+    """The views of one visual event type, in sequence."""
+
+    event_type: str
+    sequence: int = 0
+    frame: int = -1
+    skeleton: Scene = EMPTY
+    parts: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    halted: tuple[str, ...] = ()
+
+    def next(
+        self,
+        frame: int,
+        skeleton: Scene,
+        changed: Parts,
+        patches: Patches,
+        alive: Container[str],
+        halted: tuple[str, ...] = (),
+    ) -> ViewShown:
+        """The view of a frame: a keyframe where the skeleton has changed, otherwise a delta.
+
+        Devices must not execute actions of the agents `halted`.
+        """
+        self.halted = halted
+        self.parts.update(changed)
+        patch_all(self.parts, patches)
+        self.sequence += 1
+        self.frame = frame
+        if skeleton is not self.skeleton:
+            self.skeleton = skeleton
+            self.parts = {name: view for name, view in self.parts.items() if name in alive}
+            return self.keyframe()
+        return ViewShown(
+            self.event_type, frame, self.sequence, dict(changed), None, patches, halted
+        )
+
+    def unpatched(self, view: ViewShown) -> ViewShown:
+        """The latest view with whole parts instead of patches."""
+        whole = {name: self.parts[name] for name in view.patches}
+        return replace(view, parts={**view.parts, **whole}, patches={}) if whole else view
+
+    def keyframe(self) -> ViewShown:
+        """The latest view as a whole."""
+        return ViewShown(
+            self.event_type, self.frame, self.sequence, dict(self.parts), self.skeleton,
+            halted=self.halted,
+        )  # fmt: skip
+
+
+class Views:
+    """The view streams of a world; `last_change` is the frame that began with the latest change."""
+
+    def __init__(self, world: World) -> None:
+        frame = world.past.frame
+        self._streams = {
+            event_type: ViewStream(event_type, frame, last.frame, last.scene, halted=last.halted)
+            for event_type, last in world.shown.items()
+        }
+        self.last_change = frame
+
+    @property
+    def event_types(self) -> Iterable[str]:
+        """The visual event types that have had a view."""
+        return self._streams.keys()
+
+    def keyframes(self) -> list[ViewShown]:
+        """The latest view of each visual event type, as a whole."""
+        return [stream.keyframe() for _, stream in sorted(self._streams.items())]
+
+    def keyframe(self, event_type: str) -> ViewShown | None:
+        """The latest view of a visual event type, or None where there was none."""
+        stream = self._streams.get(event_type)
+        return None if stream is None else stream.keyframe()
+
+    def restore(self, view: ViewShown) -> None:
+        """Continue a view stream from a keyframe."""
+        skeleton = view.skeleton if view.skeleton is not None else EMPTY
+        self._streams[view.event_type] = ViewStream(
+            view.event_type, view.sequence, view.frame, skeleton, dict(view.parts), view.halted
+        )
+
+    def check(self, event_type: str, patches: Patches) -> None:
+        """Raise Unfit where patches do not fit the latest view of an event type."""
+        stream = self._streams.get(event_type)
+        check_all({} if stream is None else stream.parts, patches)
+
+    def show(
+        self,
+        frame: int,
+        in_flight: FrameInFlight,
+        composition: Composition,
+        members: Members,
+        out: Instructions,
+        *,
+        last: bool = False,
+    ) -> None:
+        """Step 7 of Table 2: send v = π(w, e^v) to the devices, which interpret it."""
+        result = in_flight.result
+        for event_type in sorted({event.type for event in in_flight.events.visual}):
+            stream = self._streams.setdefault(event_type, ViewStream(event_type))
+            view = stream.next(
+                frame,
+                composition.skeleton,
+                result.views.get(event_type, {}),
+                result.view_patches.get(event_type, {}),
+                composition.fragments,
+                result.halted,
+            )
+            _send(view, stream, members, out, last=last)
+
+
+def due_views(
+    index: MemberIndex, frame: int, clock: Iterable[str], *, closing: bool = False
+) -> tuple[str, ...]:
+    """The visual event types that devices generate in a frame, sorted; `closing`: all of them.
+
+    `clock` are the event types of which a view is due by the clock.
+    """
+    due = {
+        event_type
+        for hello in index.sources
+        if closing or frame % hello.every == 0
+        for event_type in hello.draws
+    }
+    due.update(index.rates if closing else [name for name in clock if name in index.rates])
+    return tuple(sorted(due))
+
+
+def _send(
+    view: ViewShown, stream: ViewStream, members: Members, out: Instructions, *, last: bool
+) -> None:
+    devices = members.devices(view.event_type)
+    for member, hello in devices:
+        shown = stream.unpatched(view) if hello.plain else view
+        if hello.coupled:
+            out.send(member.name, shown)
+        elif last:  # No later view would let an observer notice that it missed this one.
+            out.send(member.name, stream.keyframe())
+        elif hello.plain:
+            out.add(s.Show(view.event_type, plainly(shown), member.name))
+    if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
+        out.add(s.Show(view.event_type, view))
+
+
+def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
+    """Apply patches to fragments or views by name. Raises Unfit."""
+    for name, patch in patches.items():
+        parts[name] = Scene((patched(_columns(parts, name), patch),))
+
+
+def check_all(parts: Parts, patches: Patches) -> None:
+    """Raise Unfit where patches do not fit the fragments or views of these names."""
+    for name, patch in patches.items():
+        check(_columns(parts, name), patch)
+
+
+def _columns(parts: Parts, name: str) -> Columns:
+    old = parts.get(name, EMPTY)
+    piece = old.pieces[0] if len(old.pieces) == 1 else None
+    if not isinstance(piece, Columns):
+        raise Unfit(f"a patch of {name}, which is not in columns")
+    return piece
