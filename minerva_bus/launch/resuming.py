@@ -26,7 +26,7 @@ from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.wire.alphabet import plain_vocabulary
+from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.kinds import Kinds, kinds_of
 from minerva_bus.world.norms import SOURCE

@@ -15,10 +15,10 @@ from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.norms import plain_norm, read_norms
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
 from minerva_bus.wire.values import Reader, plain_scene
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
 

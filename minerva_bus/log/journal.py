@@ -42,8 +42,8 @@ from minerva_bus.log.entries import (
 )
 from minerva_bus.log.errors import RecordError
 from minerva_bus.outputs import replacing
-from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.plain import as_int, as_list, as_number, as_text, pack
+from minerva_bus.wire.vocabulary import plain_vocabulary
 
 FORMATS: Final = (2, FORMAT)
 """Formats that a reader of this version reads."""

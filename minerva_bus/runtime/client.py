@@ -18,9 +18,9 @@ from minerva_bus.runtime.inbox import Watch
 from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.session import not_let_in, open_client
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.wire.alphabet import read_vocabulary
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.keys import COORDINATOR, Keys
+from minerva_bus.wire.vocabulary import read_vocabulary
 
 ANSWER_WITHIN = 5.0
 

@@ -36,10 +36,10 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.runtime.totals import Totals
-from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_status
 from minerva_bus.wire.values import Reader
+from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 MOST_STEPS = 1_000_000_000

@@ -1,9 +1,9 @@
-"""Arrays of numbers and truths, and ids, as msgpack.
+"""Arrays of numbers and bools, and ids, as plain data: section 3 of PROTOCOL.md.
 
 array = extension 3: a byte for the type, then the values, little endian
-            d float64    b h i q whole numbers of 1, 2, 4, 8 bytes    ? truths of 1 byte
-ids   = [stem, array of whole numbers] | [nil, width, bytes]
-      | [stem, first, count]             one number after another
+            d float64    b h i q integers of 1, 2, 4, 8 bytes    ? bools of 1 byte
+ids   = [stem, array of integers] | [nil, width, bytes]
+      | [stem, first, count]             consecutive numbers
 
 Readers raise ProtocolError.
 """
@@ -28,7 +28,7 @@ Rows = NDArray[np.intp]
 
 
 def plain_array(array: NDArray[Any]) -> Any:
-    """An array; whole numbers in as few bytes as hold them all."""
+    """An array; integers in the narrowest type that holds them all."""
     letter = {"f": "d", "b": "?"}.get(array.dtype.kind) or _narrowest(array)
     data = array.astype(_DTYPES[letter], copy=False)
     return msgpack.ExtType(ARRAY, letter.encode() + data.tobytes())
@@ -47,19 +47,19 @@ def _narrowest(array: NDArray[Any]) -> str:
 def read_array(plain: Any) -> NDArray[Any]:
     """An array of float64, int64 or bool."""
     if not isinstance(plain, msgpack.ExtType) or plain.code != ARRAY or not plain.data:
-        raise ProtocolError("a column is extension 3 or a list of texts")
+        raise ProtocolError("a column must be extension 3 or a list of text")
     dtype = _DTYPES.get(chr(plain.data[0]))
     if dtype is None:
         raise ProtocolError(f"a column of type {plain.data[:1]!r}; expected one of dbhiq?")
     size = np.dtype(dtype).itemsize
     if (len(plain.data) - 1) % size:
         raise ProtocolError(f"a column of {size} bytes a value has {len(plain.data) - 1} bytes")
-    found = np.frombuffer(plain.data, dtype, offset=1)
+    array = np.frombuffer(plain.data, dtype, offset=1)
     if dtype == "?":
-        if (found.view(np.uint8) > 1).any():
-            raise ProtocolError("truths in a column are bytes 0 and 1")
-        return found
-    return found.astype(np.float64 if dtype == "<f8" else np.int64)
+        if (array.view(np.uint8) > 1).any():
+            raise ProtocolError("bools in a column must be bytes 0 or 1")
+        return array
+    return array.astype(np.float64 if dtype == "<f8" else np.int64)
 
 
 def plain_rows(rows: Rows) -> Any:
@@ -68,12 +68,12 @@ def plain_rows(rows: Rows) -> Any:
 
 
 def read_rows(plain: Any, count: int) -> Rows:
-    """Rising row numbers under a count."""
+    """Ascending row numbers below a count."""
     rows = read_array(plain)
     if rows.dtype != np.int64:
-        raise ProtocolError("rows are whole numbers")
+        raise ProtocolError("rows must be integers")
     if len(rows) and (int(rows[0]) < 0 or int(rows[-1]) >= count or (rows[1:] <= rows[:-1]).any()):
-        raise ProtocolError(f"rows rise, from 0, and are under {count}")
+        raise ProtocolError(f"rows must ascend, from 0, and be below {count}")
     return rows.astype(np.intp)
 
 
@@ -89,7 +89,7 @@ def plain_ids(ids: Ids | None) -> Any:
 
 
 def are_ids(plain: Any) -> bool:
-    """Whether this stands for ids: in a list of texts there are texts alone."""
+    """Whether plain data are ids; a list of text has text as its second item."""
     if not isinstance(plain, list):
         return False
     items = cast("list[Any]", plain)
@@ -97,7 +97,7 @@ def are_ids(plain: Any) -> bool:
 
 
 def read_ids(plain: Any, count: int) -> Ids:
-    """So many ids."""
+    """`count` ids."""
     items = as_list(plain, "ids")
     if len(items) == 3 and items[0] is None:
         ids = _spelled(items, count)
@@ -122,13 +122,13 @@ def _numbers(items: list[Any], count: int) -> NDArray[np.int64]:
     if len(items) == 1:
         numbers = read_array(items[0])
         if numbers.dtype != np.int64 or (len(numbers) and int(numbers.min()) < 0):
-            raise ProtocolError("the numbers of ids are whole numbers from 0")
-        given = len(numbers)
+            raise ProtocolError("the numbers of ids must be whole numbers from 0")
+        size = len(numbers)
     else:
-        first, given = as_int(items[0], "the first of ids"), as_int(items[1], "the count of ids")
-        if first + given > np.iinfo(np.int64).max:
-            raise ProtocolError(f"ids from {first} on are no numbers of 64 bits")
-        numbers = np.arange(first, first + given) if given == count else np.empty(0, np.int64)
-    if given != count:
-        raise ProtocolError(f"{given} ids; expected {count}")
+        first, size = as_int(items[0], "the first of ids"), as_int(items[1], "the count of ids")
+        if first + size > np.iinfo(np.int64).max:
+            raise ProtocolError(f"ids from {first} on exceed 64 bits")
+        numbers = np.arange(first, first + size) if size == count else np.empty(0, np.int64)
+    if size != count:
+        raise ProtocolError(f"{size} ids; expected {count}")
     return numbers

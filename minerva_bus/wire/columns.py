@@ -1,13 +1,13 @@
-"""Columns, events and patches as msgpack.
+"""Columns, batches of events, and patches as plain data: section 3 of PROTOCOL.md.
 
 column  = array | [text, ...]        (arrays.py)
-        | ids                        texts that are ids of agents
+        | ids                        text that is ids of agents
 columns = [count, ids or nil, [[symbol, [column, ...]], ...]]     one pair for each level
 events  = [type, count, [column, ...], condition, senders, receivers]    ids or nil
 patch   = ["patch", count, [symbol, ...], [[level, place, rows, column], ...]]
-                                          rows: a column of whole numbers, or nil for all
+                                          rows: a column of integers, or nil for all
         | ["patch", count, [symbol, ...], [...], gone, born, ids or nil]
-                                          gone: old rows, born: new ones, ids: of those
+                                          gone: old rows, born: new rows, ids: of those born
 """
 
 from __future__ import annotations
@@ -44,20 +44,22 @@ PATCH: Final = "patch"
 
 
 def plain_column(column: Column) -> Any:
-    """A column; texts that are ids as such."""
+    """A column; text that is ids of agents as ids."""
     if column.ids is not None:
         return plain_ids(column.ids)
     return column.list() if column.dtype == object else plain_array(column.array)
 
 
-def plain_columns(many: Columns) -> list[Any]:
-    """Many nodes of one shape."""
-    levels = [[one.symbol, [plain_column(c) for c in one.columns]] for one in many.levels()]
-    return [many.count, plain_ids(many.ids), levels]
+def plain_columns(columns: Columns) -> list[Any]:
+    """Nodes of one shape, in columns."""
+    levels = [
+        [level.symbol, [plain_column(c) for c in level.columns]] for level in columns.levels()
+    ]
+    return [columns.count, plain_ids(columns.ids), levels]
 
 
 def plain_events(events: Events) -> list[Any]:
-    """Many events."""
+    """A batch of events."""
     return [
         events.type,
         events.count,
@@ -72,12 +74,12 @@ def plain_patch(patch: Delta) -> list[Any]:
     """A patch."""
     changes = [
         [
-            one.level,
-            one.place,
-            None if one.rows is None else plain_rows(one.rows),
-            plain_column(one.column),
+            change.level,
+            change.place,
+            None if change.rows is None else plain_rows(change.rows),
+            plain_column(change.column),
         ]
-        for one in patch.changes
+        for change in patch.changes
     ]
     plain = [PATCH, patch.count, list(patch.symbols), changes]
     if patch.turnover is not None:
@@ -87,7 +89,7 @@ def plain_patch(patch: Delta) -> list[Any]:
 
 
 def is_patch(plain: Any) -> bool:
-    """Whether this stands for a patch, not for a string."""
+    """Whether plain data are a patch, not a string."""
     return isinstance(plain, list) and plain[:1] == [PATCH]
 
 
@@ -98,14 +100,14 @@ class ColumnsReader:
         self._vocabulary = vocabulary
         self._limits = limits
         self.rows: int | None = None
-        """Rows of columns that a message may still have: who reads messages sets it."""
+        """Rows of columns that the current message may still have; the decoder sets it."""
 
     def column(self, plain: Any, count: int) -> Column:
-        """A column of so many values."""
+        """A column of `count` values."""
         if are_ids(plain):
             return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
-            texts = [as_text(one, "a text in a column") for one in as_list(plain, "a column")]
+            texts = [as_text(item, "text in a column") for item in as_list(plain, "a column")]
             array: NDArray[Any] = np.empty(len(texts), object)
             array[:] = texts
         else:
@@ -115,13 +117,13 @@ class ColumnsReader:
         return Column(array)
 
     def columns(self, plain: list[Any]) -> Columns:
-        """Many nodes of one shape."""
+        """Nodes of one shape, in columns."""
         if len(plain) != 3:
-            raise ProtocolError(f"columns have 3 items, not {len(plain)}")
+            raise ProtocolError(f"columns must have 3 items, not {len(plain)}")
         count = self._count(plain[0])
         levels = as_list(plain[2], "the levels of columns")
         if not 1 <= len(levels) <= CHAIN:
-            raise ProtocolError(f"columns have 1 to {CHAIN} levels, not {len(levels)}")
+            raise ProtocolError(f"columns must have 1 to {CHAIN} levels, not {len(levels)}")
         made: Columns | None = None
         for depth in range(len(levels) - 1, -1, -1):
             made = self._level(levels[depth], count, plain[1] if depth == 0 else None, made)
@@ -175,13 +177,15 @@ class ColumnsReader:
                 f"{owner} has {len(items)} columns; expected {len(fields.all)}", source="columns"
             )
         columns = tuple([self.column(item, count) for item in items])
-        for one, column in zip(fields.all, columns, strict=True):
-            if not fits(one.type, column):
-                raise VocabularyError(f"{owner}: {one.name} must be {one.type}", source="columns")
+        for field, column in zip(fields.all, columns, strict=True):
+            if not fits(field.type, column):
+                raise VocabularyError(
+                    f"{owner}: {field.name} must be {field.type}", source="columns"
+                )
         return columns
 
     def events(self, items: list[Any]) -> Events:
-        """Many events."""
+        """A batch of events."""
         name = as_text(items[0], "an event's type")
         declared = self._vocabulary.events.get(name)
         if declared is None:
@@ -193,20 +197,20 @@ class ColumnsReader:
         columns = self._typed(name, declared.fields, items[2], count)
         condition = as_text(items[3], "a condition")
         self._vocabulary.check_condition(name, condition, "event")
-        senders, receivers = (None if one is None else read_ids(one, count) for one in items[4:])
+        senders, receivers = (None if ids is None else read_ids(ids, count) for ids in items[4:])
         return Events(name, declared.fields.names, columns, count, condition, senders, receivers)
 
     def patch(self, plain: Any) -> Delta:
-        """What is different in columns."""
+        """A patch of columns."""
         items = as_list(plain, "a patch")
         if len(items) not in (4, 7):
             raise ProtocolError(f"a patch has 4 or 7 items, not {len(items)}")
         count = self._count(items[1])
         turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
         after = count if turnover is None else self._count(turnover.after)
-        symbols = tuple([as_text(one, "a symbol") for one in as_list(items[2], "the symbols")])
+        symbols = tuple([as_text(item, "a symbol") for item in as_list(items[2], "the symbols")])
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
-        changes = [self._change(one, after, fields) for one in as_list(items[3], "the changes")]
+        changes = [self._change(item, after, fields) for item in as_list(items[3], "the changes")]
         return Delta(count, symbols, tuple(changes), turnover, born)
 
     def _turnover(self, count: int, gone: Any, born: Any, ids: Any) -> tuple[RowDelta, Ids | None]:
@@ -214,7 +218,7 @@ class ColumnsReader:
         born = read_rows(born, self._limits.nodes)
         turnover = RowDelta(count, gone, born)
         if len(born) and int(born[-1]) >= turnover.after:
-            raise ProtocolError(f"somebody is born in row {born[-1]} of {turnover.after}")
+            raise ProtocolError(f"born row {born[-1]} is not below {turnover.after}")
         newborn = None if ids is None else read_ids(ids, len(born))
         if newborn is not None and newborn.duplicate is not None:
             raise ProtocolError(f"two agents have the id #{newborn.duplicate}")
@@ -226,10 +230,12 @@ class ColumnsReader:
             raise ProtocolError(f"a change has 4 items, not {len(items)}")
         level, place = as_int(items[0], "a level"), as_int(items[1], "a place")
         if level >= len(fields) or place >= len(fields[level].all):
-            raise ProtocolError(f"a change of column {place} in level {level}, which there is not")
+            raise ProtocolError(
+                f"a change of column {place} in level {level}, which does not exist"
+            )
         rows = None if items[2] is None else read_rows(items[2], count)
         column = self.column(items[3], count if rows is None else len(rows))
-        one = fields[level].all[place]
-        if not fits(one.type, column):
-            raise VocabularyError(f"a patch: {one.name} must be {one.type}", source="columns")
+        field = fields[level].all[place]
+        if not fits(field.type, column):
+            raise VocabularyError(f"a patch: {field.name} must be {field.type}", source="columns")
         return Change(level, place, rows, column)

@@ -1,8 +1,8 @@
-"""Which coordinator a message is from, or meant for: a number before it.
+"""Epochs: the number in front of each message that identifies the coordinator.
 
-Whoever coordinates a world later has the higher epoch. A member obeys the highest that has greeted
-it, and its answers carry that epoch; so a coordinator that is not the last one any more is neither
-obeyed nor answered, and learns that it has been followed.
+Each successor of a coordinator has a higher epoch, like a fencing token. A member obeys the highest
+epoch that has greeted it and stamps its replies with it. A coordinator that has been replaced is
+therefore neither obeyed nor answered, and learns that it has a successor.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.wire.plain import pack
 
 _ARRAY: Final = (0x90, 0x9F)
-"""The first bytes of a short list in msgpack, as each message is one."""
+"""The first byte of a short MessagePack list, as every message is one."""
 
 _WIDTHS: Final = {0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}
 
 
 def stamp(epoch: int) -> bytes:
-    """An epoch, from 0, as it stands before a message: a whole number in msgpack."""
+    """The prefix of messages of an epoch: a MessagePack integer from 0 in its shortest form."""
     return pack(epoch)
 
 
@@ -32,7 +32,7 @@ def _unstamped(data: bytes) -> str:
 
 
 def stamped(data: bytes) -> tuple[int, bytes]:
-    """The epoch of a message, and the message. Raises ProtocolError."""
+    """Split data into the epoch and the message. Raises ProtocolError."""
     first = data[0] if data else 0xC1
     if first < 0x80:
         return first, data[1:]

@@ -17,7 +17,6 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.alphabet import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.wire.columns import is_patch, plain_patch
 from minerva_bus.wire.limits import check
 from minerva_bus.wire.plain import (
@@ -32,6 +31,7 @@ from minerva_bus.wire.plain import (
 )
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.wire.values import Reader, plain_event, plain_scene
+from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
 
 _T = TypeVar("_T")

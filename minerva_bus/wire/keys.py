@@ -1,4 +1,4 @@
-"""The bus's key space.
+"""The key space of the bus: section 2 of PROTOCOL.md.
 
 minerva/<world>/to/<member>             coordinator → one member
 minerva/<world>/all                     coordinator → every member
@@ -9,10 +9,10 @@ minerva/<world>/view/<event type>       coordinator → observers
 minerva/<world>/topic/<topic>/<member>  sensor readings, member → members
 minerva/<world>/alive/<member>          liveliness tokens
 minerva/<world>/epoch/<number>          liveliness tokens of coordinators
-minerva/<world>/record                  coordinator → whoever watches, a frame at a time
-minerva/<world>/control                 queries by people's commands, of whoever is on this machine
-minerva/<world>/control/<name>          the same, of who has a certificate with this name
-minerva/<world>/ask/<name>              the same for those who give no orders: reading only
+minerva/<world>/record                  coordinator → watchers, one message per frame
+minerva/<world>/control                 queries by commands on the coordinator's machine
+minerva/<world>/control/<name>          queries by an operator with a certificate of this name
+minerva/<world>/ask/<name>              queries by others with a certificate: read only
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ class Keys:
 
     @property
     def base(self) -> str:
-        """What all keys of the world begin with."""
+        """The common prefix of all keys of the world."""
         return f"{ROOT}/{self.world}"
 
     def kind(self, key: str) -> str:
-        """What a key is for, `from` or `topic`; the empty text: it is none of this world's."""
+        """The part of a key after the world, such as `from`; empty for keys of other worlds."""
         root, world, kind, *_ = [*key.split("/", 3), "", ""]
         return kind if (root, world) == (ROOT, self.world) and kind in _KINDS else ""
 
@@ -75,7 +75,7 @@ class Keys:
 
     @property
     def tick(self) -> str:
-        """From the coordinator to those who are asked in every frame."""
+        """From the coordinator to the members that are asked in every frame."""
         return f"{self.base}/tick"
 
     @property
@@ -85,12 +85,12 @@ class Keys:
 
     @property
     def record(self) -> str:
-        """What happened in each frame."""
+        """The record of each frame."""
         return f"{self.base}/record"
 
     @property
     def control(self) -> str:
-        """Where people's commands of this machine ask and give orders."""
+        """Queries by commands on this machine."""
         return control_key(self.world)
 
     def to(self, member: str) -> str:
@@ -119,24 +119,24 @@ class Keys:
 
 
 def control_key(world: str, who: str = "") -> str:
-    """Where questions and orders go; `who` has a certificate of this name, `world` may be `*`."""
+    """Key of queries; `who` is the name of the asker's certificate, and `world` may be `*`."""
     return f"{ROOT}/{world}/control/{who}" if who else f"{ROOT}/{world}/control"
 
 
 def asking_key(world: str, who: str) -> str:
-    """Where those ask whose certificate lets them give no orders."""
+    """Key of queries by holders of certificates that do not allow changes."""
     return f"{ROOT}/{world}/ask/{who}"
 
 
 def who_asks(key: str, world: str) -> tuple[str, bool, str]:
-    """Who puts a question on a key, whether orders may be given on it, and where its answer goes.
+    """Split the key of a query into the asker, whether changes are allowed, and the reply's key.
 
-    Nobody's name: somebody of this machine.
+    The asker is empty for a command on this machine.
     """
     kind, _, who = key.split("/", 2)[2].partition("/")
     return who, kind == "control", f"{ROOT}/{world}/{kind}/{who}".rstrip("/")
 
 
 def last_part(key: str) -> str:
-    """The last chunk of a key: who sent it, or which type it is about."""
+    """The last chunk of a key: the sender, or the event type."""
     return key.rsplit("/", 1)[-1]

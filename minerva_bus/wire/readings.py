@@ -1,4 +1,4 @@
-"""Readings from plain data and to plain data: section 11 of PROTOCOL.md."""
+"""Readings as plain data: section 11 of PROTOCOL.md."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DEPTHS: Final = {"rgb8": 3, "mono8": 1}
 
 
 def plain_reading(reading: Reading) -> list[Any]:
-    """A reading as plain data: its kind, its robot, its time, and what it says."""
+    """A reading as plain data: its kind, robot and time, and its measurements."""
     kind, write = _WRITERS[type(reading)]
     if isinstance(reading, Scan) and reading.beam_time:
         return ["sweep", reading.robot, reading.time, *_write_sweep(reading)]
@@ -75,7 +75,7 @@ def _write_image(image: Image) -> list[Any]:
 
 
 def _mount(plain: Any, what: str) -> Mount:
-    mount = [as_number(one, "the mount") for one in as_list(plain, "the mount")]
+    mount = [as_number(item, "the mount") for item in as_list(plain, "the mount")]
     if len(mount) != 3:
         raise ProtocolError(f"the mount of {what} is [x, y, angle]")
     return Mount(*mount)
@@ -85,7 +85,7 @@ def _scan(robot: str, time: float, items: Sequence[Any]) -> Scan:
     data, mount = items[0], _mount(items[4], "a scan")
     if not isinstance(data, bytes) or len(data) % 4:
         raise ProtocolError("the ranges of a scan are float32 as bytes")
-    first, step, most = (as_number(one, "a number of a scan") for one in items[1:4])
+    first, step, most = (as_number(item, "a number of a scan") for item in items[1:4])
     ranges = np.frombuffer(data, "<f4")
     if np.isnan(ranges).any():
         raise ProtocolError("a range of a scan is not a number; 0 means that nothing was hit")
@@ -111,7 +111,7 @@ def _displacement(plain: Any) -> Displacement:
 
 
 def _sightings(robot: str, time: float, items: Sequence[Any]) -> Sightings:
-    seen = [as_list(one, "a sighting") for one in as_list(items[0], "sightings")]
+    seen = [as_list(item, "a sighting") for item in as_list(items[0], "sightings")]
     return Sightings(robot, tuple(map(_sighting, seen)), time)
 
 
@@ -138,7 +138,7 @@ def _image(robot: str, time: float, items: Sequence[Any]) -> Image:
 
 
 def _odometry(robot: str, time: float, items: Sequence[Any]) -> Odometry:
-    x, y, angle, speed, turn = (as_number(one, "odometry") for one in items)
+    x, y, angle, speed, turn = (as_number(item, "odometry") for item in items)
     return Odometry(robot, x, y, angle, speed, turn, time)
 
 

@@ -1,4 +1,4 @@
-"""A world's status, its members' and its log on their way to those who watch."""
+"""Status of a world and its members, and log lines, as plain data: PROTOCOL.md, section 13."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ def plain_lines(lines: tuple[LogLine, ...]) -> list[dict[str, Any]]:
 def read_status(plain: Any) -> WorldStatus:
     """A status from plain data. Raises ProtocolError."""
     given = as_map(plain, "a status")
-    members = [_read(MemberStatus, one) for one in as_list(given.get("members", []), "members")]
-    happenings = [_read(Happening, one) for one in as_list(given.get("happenings", []), "events")]
+    members = [_read(MemberStatus, item) for item in as_list(given.get("members", []), "members")]
+    happenings = [_read(Happening, item) for item in as_list(given.get("happenings", []), "events")]
     return _read(WorldStatus, given, members=tuple(members), happenings=tuple(happenings))
 
 
 def read_lines(plain: Any) -> tuple[LogLine, ...]:
     """Log lines from plain data. Raises ProtocolError."""
-    return tuple([_read(LogLine, one) for one in as_list(plain, "lines")])
+    return tuple([_read(LogLine, item) for item in as_list(plain, "lines")])
 
 
 def _read(kind: type[Any], plain: Any, **read: Any) -> Any:
-    """A dataclass of scalars, tuples of texts and maps of numbers from plain data."""
+    """A dataclass of scalars, tuples of text and maps of numbers from plain data."""
     given, hints = as_map(plain, kind.__name__), get_type_hints(kind)
-    for one in fields(kind):
-        if one.name not in read and one.name in given:
-            read[one.name] = _value(hints[one.name], given[one.name], one.name)
+    for field in fields(kind):
+        if field.name not in read and field.name in given:
+            read[field.name] = _value(hints[field.name], given[field.name], field.name)
     try:
         return kind(**read)
     except TypeError as error:
@@ -67,7 +67,9 @@ def _value(hint: Any, plain: Any, name: str) -> Any:
     if scalar is not None:
         return scalar(plain, name)
     if hint == tuple[str, ...]:
-        return tuple([as_text(one, name) for one in as_list(plain, name)])
+        return tuple([as_text(item, name) for item in as_list(plain, name)])
     if hint == Mapping[str, float]:
-        return {key: as_number(one, name) for key, one in as_map(plain, name).items()}
-    return {key: as_scalar(one, f"{name}: {key[:40]}") for key, one in as_map(plain, name).items()}
+        return {key: as_number(item, name) for key, item in as_map(plain, name).items()}
+    return {
+        key: as_scalar(item, f"{name}: {key[:40]}") for key, item in as_map(plain, name).items()
+    }

@@ -1,15 +1,15 @@
-"""Values, strings and events as msgpack.
+"""Values, strings and events as plain data: section 3 of PROTOCOL.md.
 
 A string is flat, in reading order, so that its depth costs no recursion:
 
     scene  = [count of top pieces, piece, piece, ...]   each node is followed by its scope's
-    piece  = node | columns                             many of one shape (columns.py)
+    piece  = node | columns                             nodes of one shape (columns.py)
     node   = [symbol, values]                           figure
            | [symbol, values, count]                    transformation
            | [symbol, id, values, count]                agent; values is nil where it has none,
                                                         and for a mere slot
     event  = [type, values] | [type, values, condition, sender, [receivers]]
-           | events                                     many of one type (columns.py)
+           | events                                     a batch of one type (columns.py)
 
 `values` stand in the order of the vocabulary's fields. A matrix is extension 1 (a byte `i` or `r`,
 rows and columns as little-endian uint32, then int16 or float64 values in row order, little
@@ -50,18 +50,18 @@ from minerva_bus.wire.columns import (
     ColumnsReader,
     plain_columns,
 )
-from minerva_bus.wire.columns import plain_events as plain_many
+from minerva_bus.wire.columns import plain_events as plain_batch
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
 
 _MATRIX, _SCENE = 1, 2
 _HEADER = struct.Struct("<cII")
-_SAID = 300
-_AS_THEY_ARE = frozenset((float, int, bool, str))
+_MAX_ERROR_CHARS = 300
+_PLAIN_TYPES = frozenset((float, int, bool, str))
 
 
 def plain_value(value: Value) -> Any:
-    """A value in what msgpack knows."""
+    """A value as plain data."""
     if isinstance(value, np.ndarray):
         real = value.dtype == np.float64
         data = np.ascontiguousarray(value, "<f8" if real else "<i2").tobytes()
@@ -74,7 +74,7 @@ def plain_value(value: Value) -> Any:
 
 
 def plain_scene(scene: Scene) -> list[Any]:
-    """A string, flat."""
+    """A string as a flat list, so that its depth costs no recursion."""
     flat: list[Any] = [len(scene.pieces)]
     stack = [iter(scene.pieces)]
     while stack:
@@ -101,15 +101,15 @@ def _plain_node(node: Node) -> list[Any]:
 
 
 def _plain_values(values: Sequence[Value]) -> list[Any]:
-    if _AS_THEY_ARE.issuperset(map(type, values)):
+    if _PLAIN_TYPES.issuperset(map(type, values)):
         return list(values)
     return [plain_value(value) for value in values]
 
 
 def plain_event(event: AnyEvent) -> list[Any]:
-    """An event, or many."""
+    """An event, or a batch."""
     if isinstance(event, Events):
-        return plain_many(event)
+        return plain_batch(event)
     values = _plain_values(event.values)
     if event.condition or event.sender or event.receivers:
         return [event.type, values, event.condition, event.sender, list(event.receivers)]
@@ -117,9 +117,9 @@ def plain_event(event: AnyEvent) -> list[Any]:
 
 
 class Reader:
-    """Reads values by a vocabulary; all that it lets through is known, typed and bounded.
+    """Reads values by a vocabulary; what it returns is typed, and within the limits.
 
-    Raises ProtocolError, and VocabularyError for foreign symbols and wrong types.
+    Raises ProtocolError, and VocabularyError for unknown symbols and wrong types.
     """
 
     def __init__(self, vocabulary: Vocabulary, limits: Limits = DEFAULT) -> None:
@@ -128,11 +128,11 @@ class Reader:
         self._depth = 0
         self._slots = False
         self._ids: set[str] = set()
-        self._many: list[Ids] = []
+        self._columns_ids: list[Ids] = []
         self.columns = ColumnsReader(vocabulary, limits)
 
     def value(self, plain: Any) -> Any:
-        """A value; of no particular type yet."""
+        """A value, before it is fitted to a type."""
         if isinstance(plain, msgpack.ExtType):
             return self._extension(plain)
         if isinstance(plain, bool | int | float | str):
@@ -144,7 +144,7 @@ class Reader:
 
     @contextmanager
     def _deeper(self) -> Generator[None]:
-        """Within a list or a string that is a value: as deep as the language has them."""
+        """Within a list or a string as a value; no deeper than the language allows."""
         if self._depth >= DEPTH:
             raise ProtocolError(f"values are nested more than {DEPTH} deep")
         self._depth += 1
@@ -162,15 +162,15 @@ class Reader:
             return self.scene(unpack(extension.data, self.limits))
 
     def view(self, plain: Any) -> Scene:
-        """A string of L(E): no agent in it."""
+        """A string of L(E), which has no agents."""
         scene = self.scene(plain)
-        left = next(agents(scene), None)
-        if left is not None:
-            raise ProtocolError(f"a view holds the agent {left.symbol}#{left.id}")
+        agent = next(agents(scene), None)
+        if agent is not None:
+            raise ProtocolError(f"a view holds the agent {agent.symbol}#{agent.id}")
         return scene
 
     def skeleton(self, plain: Any) -> Scene:
-        """A string whose agents are mere slots, without state."""
+        """A string whose agents are slots: without state and scope."""
         self._slots = True
         try:
             return self.scene(plain)
@@ -178,26 +178,28 @@ class Reader:
             self._slots = False
 
     def scene(self, plain: Any) -> Scene:
-        """A string of the vocabulary; no two of its agents have one id."""
-        outer, self._ids, self._many = (self._ids, self._many), set(), []
+        """A string of the vocabulary, in which ids are unique."""
+        outer, self._ids, self._columns_ids = (self._ids, self._columns_ids), set(), []
         try:
             scene = self._scene(as_list(plain, "a string"))
             self._check_ids()
             return scene
         finally:
-            self._ids, self._many = outer
+            self._ids, self._columns_ids = outer
 
     def _check_ids(self) -> None:
-        """That no id stands in columns and elsewhere too."""
-        if not self._many or (len(self._many) == 1 and not self._ids):
+        """Raise ProtocolError for an id that is in several columns, or in columns and a node."""
+        if not self._columns_ids or (len(self._columns_ids) == 1 and not self._ids):
             return
-        twice = Ids.in_common([*self._many, *([Ids.of(sorted(self._ids))] if self._ids else [])])
+        twice = Ids.in_common(
+            [*self._columns_ids, *([Ids.of(sorted(self._ids))] if self._ids else [])]
+        )
         if twice is not None:
-            raise ProtocolError(f"two agents have the id #{twice}"[:_SAID])
+            raise ProtocolError(f"two agents have the id #{twice}"[:_MAX_ERROR_CHARS])
 
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:
-            raise ProtocolError("a string is empty of even its count")
+            raise ProtocolError("a string must begin with its count")
         if len(flat) > self.limits.nodes:
             raise ProtocolError(f"a string of {len(flat)} symbols, over {self.limits.nodes}")
         wanted = [as_int(flat[0], "the count of a string")]
@@ -223,15 +225,15 @@ class Reader:
 
     def _piece(self, piece: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
         if piece and type(piece[0]) is int:
-            many = self.columns.columns(piece)
-            if many.ids is not None:
-                self._many.append(many.ids)
-            level.append(many)
+            columns = self.columns.columns(piece)
+            if columns.ids is not None:
+                self._columns_ids.append(columns.ids)
+            level.append(columns)
             return 0
         return self._node(piece, level, opened)
 
     def _node(self, node: list[Any], level: list[Piece], opened: list[tuple[Any, ...]]) -> int:
-        """Read one symbol; a figure or one with an empty scope is done at once."""
+        """Read one symbol; a figure, or a node with an empty scope, is complete at once."""
         symbol = as_text(node[0] if node else None, "a symbol")
         kind = symbol[:1]
         if len(node) != {"P": 2, "T": 3, "A": 4}.get(kind, 0):
@@ -252,7 +254,7 @@ class Reader:
     def _new_id(self, plain: Any) -> str:
         agent_id = self._id(plain)
         if agent_id in self._ids:
-            raise ProtocolError(f"two agents have the id #{agent_id}"[:_SAID])
+            raise ProtocolError(f"two agents have the id #{agent_id}"[:_MAX_ERROR_CHARS])
         self._ids.add(agent_id)
         return agent_id
 
@@ -274,15 +276,15 @@ class Reader:
                 raise Unfit(f"{owner} has {len(given)} values; expected {len(fields.names)}")
             return fields.refit(owner, fields.names, tuple(given))
         except Unfit as unfit:
-            raise VocabularyError(str(unfit)[:_SAID], source="fragment") from None
+            raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="fragment") from None
 
     def event(self, plain: Any) -> AnyEvent:
-        """An event of the vocabulary, or many."""
+        """An event of the vocabulary, or a batch."""
         items = as_list(plain, "an event")
         if len(items) == 6:
             return self.columns.events(items)
         if len(items) not in (2, 5):
-            raise ProtocolError(f"an event has 2, 5 or 6 items, not {len(items)}")
+            raise ProtocolError(f"an event must have 2, 5 or 6 items, not {len(items)}")
         name = as_text(items[0], "an event's type")
         declared = self.vocabulary.events.get(name)
         if declared is None:
@@ -292,8 +294,8 @@ class Reader:
         if len(items) == 5:
             condition, sender = as_text(items[2], "a condition"), as_text(items[3], "a sender")
             self.vocabulary.check_condition(name, condition, "event")
-            named = [self._id(one) for one in as_list(items[4], "receivers")]
-            receivers = tuple(sorted(set(named)))
+            ids = [self._id(item) for item in as_list(items[4], "receivers")]
+            receivers = tuple(sorted(set(ids)))
         if len(given) != len(declared.fields.names):
             wanted = ", ".join(declared.fields.names) or "no data"
             raise VocabularyError(
@@ -302,7 +304,7 @@ class Reader:
         try:
             names, values = declared.fields.refit(name, declared.fields.names, given)
         except Unfit as unfit:
-            raise VocabularyError(str(unfit)[:_SAID], source="event") from None
+            raise VocabularyError(str(unfit)[:_MAX_ERROR_CHARS], source="event") from None
         return Event(name, names, values, condition, sender, receivers)
 
     def events(self, plain: Any) -> tuple[AnyEvent, ...]:
@@ -315,7 +317,7 @@ class Reader:
 
 
 def _count(plain: Any) -> int:
-    """How many events it says that it is."""
+    """The number of events that an item claims to be."""
     items = cast("list[Any]", plain) if isinstance(plain, list) else []
     return max(1, items[1]) if len(items) == 6 and type(items[1]) is int else 1
 

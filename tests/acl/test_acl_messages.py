@@ -11,7 +11,7 @@ from minerva_bus.acl.acts import ACTS
 from minerva_bus.acl.kqml import NEAREST, act_of, performative_of
 from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.grammar.types import parse_type, type_of
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
 VOCABULARY = Vocabulary.of(*MESSAGES, *OUTSIDE)
 

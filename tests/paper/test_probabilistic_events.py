@@ -11,7 +11,7 @@ from minerva_bus.frame.compatibility import PROTOCOL_VERSION, incompatibility
 from minerva_bus.frame.messages import Hello
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.order import Order, collect
 
 eNear = EventType("eNear", by=float)

@@ -23,10 +23,10 @@ from minerva_bus.grammar.patch import patched
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.wire import codec
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.wire.columns import plain_patch
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.values import Reader, plain_event, plain_scene, plain_value
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.context import Context, Frame
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.rng import Rng, answer_key, hash_of, stream

@@ -23,7 +23,7 @@ from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.known import values_of
 from minerva_bus.grammar.types import Type, parse_type, type_of
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
 eSpeed = EventType("eSpeed", speed=Annotated[MetresPerSecond, Range(least=0.0)])
 eThrow = EventType("eThrow", dice=Annotated[int, Range(1, 6)])

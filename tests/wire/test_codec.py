@@ -22,9 +22,9 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.digest import same_values
 from minerva_bus.testing.strategies import vocabularies, worlds
-from minerva_bus.wire.alphabet import plain_kind, plain_vocabulary, read_vocabulary
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.plain import unpack
+from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_vocabulary
 
 PDot = Primitive("PDot", x=float)
 TDeep = Transformation("TDeep")

@@ -239,7 +239,7 @@ def ext(data):
         (lambda p: p[2][0][1].__setitem__(0, ext(b"d" + bytes(23))), "has 23 bytes"),
         (lambda p: p[2][0][1].__setitem__(0, ext(b"d" + b"\xff" * 24)), "x must be real m"),
         (lambda p: p[2][0][1].__setitem__(1, ext(b"d" + bytes(24))), "age must be int"),
-        (lambda p: p[2][0][1].__setitem__(2, ext(b"?\0\1\2")), "bytes 0 and 1"),
+        (lambda p: p[2][0][1].__setitem__(2, ext(b"?\0\1\2")), "bytes 0 or 1"),
         (lambda p: p[2][0][1].__setitem__(3, ["a", "b", 3]), "must be text"),
         (lambda p: p.__setitem__(2, []), "1 to 8 levels"),
         (lambda p: p.__setitem__(2, p[2] * 2), "cannot stand in columns"),
@@ -253,10 +253,10 @@ def test_what_is_wrong_with_columns_is_said(change, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ([0, 0, ext(b"b\2\1"), ext(b"d" + bytes(16))], "rows rise"),
-        ([0, 0, ext(b"b\1\3"), ext(b"d" + bytes(16))], "under 3"),
-        ([0, 9, None, ext(b"d" + bytes(24))], "which there is not"),
-        ([1, 0, None, ext(b"d" + bytes(24))], "which there is not"),
+        ([0, 0, ext(b"b\2\1"), ext(b"d" + bytes(16))], "rows must ascend"),
+        ([0, 0, ext(b"b\1\3"), ext(b"d" + bytes(16))], "below 3"),
+        ([0, 9, None, ext(b"d" + bytes(24))], "which does not exist"),
+        ([1, 0, None, ext(b"d" + bytes(24))], "which does not exist"),
         ([0, 0, ext(b"b\1"), ext(b"d" + bytes(16))], "2 values; expected 1"),
         ([0, 1, None, ext(b"d" + bytes(24))], "age must be int"),
     ],

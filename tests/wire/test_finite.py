@@ -20,11 +20,11 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.forms import Disc, Motion
-from minerva_bus.wire.alphabet import plain_vocabulary
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.readings import read_reading
 from minerva_bus.wire.status import read_status
+from minerva_bus.wire.vocabulary import plain_vocabulary
 
 ODD = (math.nan, math.inf, -math.inf)
 ALL = EventType("eAll", x=Metres, some=tuple[float, ...], matrix=Reals, string=Scene)

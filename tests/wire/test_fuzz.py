@@ -12,12 +12,12 @@ from speaking import heard, plain_data, readings, recorded, spoken
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
-from minerva_bus.wire.alphabet import plain_vocabulary, read_vocabulary
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.keys import Keys, checked_name
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.values import Reader
+from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 
 law = settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
 few = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
@@ -199,7 +199,7 @@ def test_whatever_is_let_into_the_string_is_of_the_vocabulary(plain):
 
 
 @pytest.mark.parametrize(("scene", "problem"), [
-    ([], "empty of even its count"),
+    ([], "must begin with its count"),
     ([1], "cut off"),
     ([2, ["PGrave", []]], "cut off"),
     ([0, ["PGrave", []]], "goes on after its end"),
@@ -235,7 +235,7 @@ def test_a_wrong_string_is_refused_and_what_is_wrong_with_it_is_said(scene, prob
 
 
 @pytest.mark.parametrize(("event", "problem"), [
-    (["eHit"], "has 2, 5 or 6 items"),
+    (["eHit"], "must have 2, 5 or 6 items"),
     (["eHit", []], "eHit has 0 data; expected amount"),
     (["eHit", [1.0, 2.0]], "eHit has 2 data; expected amount"),
     (["eHit", ["hard"]], "amount must be a number"),

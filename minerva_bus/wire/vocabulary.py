@@ -1,4 +1,4 @@
-"""A vocabulary as msgpack, readable by people too.
+"""Vocabularies as plain data: section 4 of PROTOCOL.md.
 
 vocabulary     = {primitives: [...], transformations: [...], kinds: [...], events: [...]}
 primitive      = [name, [field], shape or nil]
@@ -27,7 +27,7 @@ from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text
 
-_SAID = 300
+_MAX_ERROR_CHARS = 300
 _FORMS: dict[str, type[Form]] = {
     "disc": Disc,
     "line": Line,
@@ -38,7 +38,7 @@ _FORMS: dict[str, type[Form]] = {
 
 
 def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
-    """A vocabulary in what msgpack knows."""
+    """A vocabulary as plain data."""
     return {
         "primitives": [
             [p.name, _plain_fields(p.fields), _plain_form(p.shape)]
@@ -54,9 +54,11 @@ def plain_vocabulary(vocabulary: Vocabulary) -> dict[str, Any]:
 
 
 def plain_kind(kind: AgentKind) -> list[Any]:
-    """An agent kind in what msgpack knows."""
+    """An agent kind as plain data."""
     chances = dict(kind.chances)
-    subscribed = [[one, chances[one]] if one in chances else one for one in sorted(kind.subscribes)]
+    subscribed = [
+        [name, chances[name]] if name in chances else name for name in sorted(kind.subscribes)
+    ]
     return [
         kind.name, _plain_fields(kind.fields), subscribed, sorted(kind.views), list(kind.rest)
     ]  # fmt: skip
@@ -64,8 +66,8 @@ def plain_kind(kind: AgentKind) -> list[Any]:
 
 def _plain_fields(fields: Fields) -> list[Any]:
     return [
-        [one.name, str(one.type), None if one.default is None else value_text(one.default)]
-        for one in fields.all
+        [of.name, str(of.type), None if of.default is None else value_text(of.default)]
+        for of in fields.all
     ]
 
 
@@ -73,21 +75,21 @@ def _plain_form(form: Form | None) -> list[Any] | None:
     if form is None:
         return None
     name = type(form).__name__.lower()
-    return [name, *(getattr(form, one.name) for one in form_fields(form))]
+    return [name, *(getattr(form, of.name) for of in form_fields(form))]
 
 
 def read_vocabulary(plain: Any) -> Vocabulary:
-    """A vocabulary from what msgpack held. Raises ProtocolError."""
+    """A vocabulary from plain data. Raises ProtocolError."""
     parts = as_map(plain, "a vocabulary")
     try:
         return Vocabulary.of(
-            *(_primitive(one) for one in as_list(parts.get("primitives"), "primitives")),
-            *(_transformation(one) for one in as_list(parts.get("transformations"), "motions")),
-            *(_kind(one) for one in as_list(parts.get("kinds"), "kinds")),
-            *(_event_type(one) for one in as_list(parts.get("events"), "event types")),
+            *(_primitive(item) for item in as_list(parts.get("primitives"), "primitives")),
+            *(_transformation(item) for item in as_list(parts.get("transformations"), "motions")),
+            *(_kind(item) for item in as_list(parts.get("kinds"), "kinds")),
+            *(_event_type(item) for item in as_list(parts.get("events"), "event types")),
         )
     except (MisuseError, SceneError, Unfit, ValueError, TypeError) as error:
-        raise ProtocolError(f"this is no vocabulary: {error}"[:_SAID]) from None
+        raise ProtocolError(f"invalid vocabulary: {error}"[:_MAX_ERROR_CHARS]) from None
 
 
 def _items(plain: Any, count: int, what: str) -> list[Any]:
@@ -99,45 +101,45 @@ def _items(plain: Any, count: int, what: str) -> list[Any]:
 
 def _primitive(plain: Any) -> Primitive:
     name, fields, shape = _items(plain, 3, "a primitive")
-    made = Primitive(as_text(name, "a primitive's name"))
-    made.fields = _fields(fields)
+    declared = Primitive(as_text(name, "a primitive's name"))
+    declared.fields = _fields(fields)
     form = _form(shape)
     if isinstance(form, Motion):
-        raise ProtocolError(f"{made.name} is a primitive and cannot be a motion")
-    made.shape = form
-    return made
+        raise ProtocolError(f"{declared.name} is a primitive and cannot be a motion")
+    declared.shape = form
+    return declared
 
 
 def _transformation(plain: Any) -> Transformation:
     name, fields, motion = _items(plain, 3, "a transformation")
-    made = Transformation(as_text(name, "a transformation's name"))
-    made.fields = _fields(fields)
+    declared = Transformation(as_text(name, "a transformation's name"))
+    declared.fields = _fields(fields)
     form = _form(motion)
     if form is not None and not isinstance(form, Motion):
-        raise ProtocolError(f"{made.name} is a transformation and has no shape")
-    made.motion = form
-    return made
+        raise ProtocolError(f"{declared.name} is a transformation and has no shape")
+    declared.motion = form
+    return declared
 
 
 def read_kind(plain: Any) -> AgentKind:
-    """An agent kind from what msgpack held. Raises ProtocolError."""
+    """An agent kind from plain data. Raises ProtocolError."""
     try:
         return _kind(plain)
     except (MisuseError, SceneError, Unfit, ValueError, TypeError) as error:
-        raise ProtocolError(f"this is no agent kind: {error}"[:_SAID]) from None
+        raise ProtocolError(f"invalid agent kind: {error}"[:_MAX_ERROR_CHARS]) from None
 
 
 def _kind(plain: Any) -> AgentKind:
-    given = as_list(plain, "an agent kind")
-    if len(given) == 4:  # A record of before kinds said how they rest.
-        given.append([])
-    name, fields, subscribes, views, rest = _items(given, 5, "an agent kind")
+    items = as_list(plain, "an agent kind")
+    if len(items) == 4:  # From a record older than the attributes at rest.
+        items.append([])
+    name, fields, subscribes, views, rest = _items(items, 5, "an agent kind")
     subscribed = dict(map(_subscribed, as_list(subscribes, "event types")))
-    chances = tuple(sorted((one, h) for one, h in subscribed.items() if h != 1.0))
+    chances = tuple(sorted((name, chance) for name, chance in subscribed.items() if chance != 1.0))
     return AgentKind(
         as_text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views),
         chances,
-        tuple(as_text(one, "an attribute") for one in as_list(rest, "attributes at rest")),
+        tuple(as_text(item, "an attribute") for item in as_list(rest, "attributes at rest")),
     )  # fmt: skip
 
 
@@ -151,31 +153,31 @@ def _subscribed(plain: Any) -> tuple[str, float | str]:
 
 
 def _names(plain: Any) -> frozenset[str]:
-    return frozenset(as_text(one, "an event type") for one in as_list(plain, "event types"))
+    return frozenset(as_text(item, "an event type") for item in as_list(plain, "event types"))
 
 
 def _event_type(plain: Any) -> EventType:
     name, fields, visual = _items(plain, 3, "an event type")
-    made = EventType(as_text(name, "an event type's name"), visual=as_bool(visual, "visual"))
-    made.fields = _fields(fields)
-    return made
+    declared = EventType(as_text(name, "an event type's name"), visual=as_bool(visual, "visual"))
+    declared.fields = _fields(fields)
+    return declared
 
 
 def _fields(plain: Any) -> Fields:
-    found = tuple([_field(one) for one in as_list(plain, "fields")])
-    names = [one.name for one in found]
+    fields = tuple([_field(item) for item in as_list(plain, "fields")])
+    names = [of.name for of in fields]
     if len(set(names)) != len(names):
-        raise ProtocolError(f"two fields have one name: {', '.join(names)}"[:_SAID])
-    return Fields(found)
+        raise ProtocolError(f"two fields have the same name: {', '.join(names)}"[:_MAX_ERROR_CHARS])
+    return Fields(fields)
 
 
 def _field(plain: Any) -> Field:
     name, kind, default = _items(plain, 3, "a field")
-    made = Field.of(as_text(name, "a field's name"), parse_type(as_text(kind, "a type")))
+    declared = Field.of(as_text(name, "a field's name"), parse_type(as_text(kind, "a type")))
     if default is None:
-        return made
+        return declared
     value = parse_value(as_text(default, "a default"), f"the default of {name}")
-    return Field(made.name, made.type, made.type.fit(value))
+    return Field(declared.name, declared.type, declared.type.fit(value))
 
 
 def _form(plain: Any) -> Form | None:
@@ -192,7 +194,7 @@ def _measure(plain: Any) -> Any:
     if isinstance(plain, str | bool):
         return plain
     if isinstance(plain, list):
-        pairs = [_items(one, 2, "a colour") for one in cast("list[Any]", plain)]
+        pairs = [_items(pair, 2, "a colour") for pair in cast("list[Any]", plain)]
         return tuple(
             (int(as_number(least, "a value")), as_text(color, "a colour")) for least, color in pairs
         )
