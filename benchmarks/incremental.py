@@ -40,7 +40,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.watchers import Watchers
 
@@ -128,10 +128,10 @@ def on_bus(what: str, size: int, frames: int) -> list[float]:
         said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=lambda _: None,
         listening=members.tell,
-        stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
+        stalled=lambda name, _: coordinator.handle(s.End(f"{name} does not answer")),
         frame_done=lambda _: times.append(time.perf_counter()),
     )
-    coordinator = BusCoordinator(world(what, size, frames), watchers)
+    coordinator = Coordinator(world(what, size, frames), watchers)
     coordinator.run()
     members.wait()
     return microseconds(times)

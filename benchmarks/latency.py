@@ -41,7 +41,7 @@ from minerva_bus import (
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client, open_hub
 from minerva_bus.runtime.watchers import Watchers
@@ -156,7 +156,7 @@ def coordinate(pipes: Pipes, names: list[str]) -> None:
         stalled=lambda name, _: None,
         frame_done=frame_done,
     )
-    BusCoordinator(world, watchers).run()
+    Coordinator(world, watchers).run()
 
 
 def bare(events: int) -> list[float]:

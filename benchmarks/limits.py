@@ -41,7 +41,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.watchers import Watchers
@@ -239,7 +239,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             dt=1 / RATE,
             expected=frozenset(one.name for one in parts),
         )
-        BusCoordinator(
+        Coordinator(
             world,
             Watchers(
                 said=said,

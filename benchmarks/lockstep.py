@@ -27,7 +27,7 @@ from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 
 ALONE = "--minerva"
@@ -91,7 +91,7 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
         frame_done=lambda _: times.append(time.perf_counter()),
     )
     gc.freeze()
-    BusCoordinator(world, watchers).run()
+    Coordinator(world, watchers).run()
     members.wait()
     frames = [1e6 * (b - a) for a, b in zip(times[WARM_UP - 1 :], times[WARM_UP:], strict=False)]
     return {

@@ -40,7 +40,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.columns import size
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.order import Order
@@ -202,16 +202,16 @@ def on_bus(task: Task) -> Figures:
         gone = members.failed()
         if gone and not coordinator.algorithm.failed:
             coordinator.algorithm.failed = True
-            coordinator.tell(s.End(f"{gone[0]} has failed"))
+            coordinator.handle(s.End(f"{gone[0]} has failed"))
 
     watchers = Watchers(
         said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
         status=look,
         listening=members.tell,
-        stalled=lambda name, _: coordinator.tell(s.End(f"{name} does not answer")),
+        stalled=lambda name, _: coordinator.handle(s.End(f"{name} does not answer")),
         frame_done=done,
     )
-    coordinator = BusCoordinator(world_of(task, names), watchers)
+    coordinator = Coordinator(world_of(task, names), watchers)
     coordinator.run()
     members.wait()
     if not peaks:

@@ -29,7 +29,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.participant import Participant
 from minerva_bus.grammar.types import Degrees
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.readings import Image, Scan
@@ -154,7 +154,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         stalled=lambda name, _: None,
         frame_done=frame_done,
     )
-    coordinator = BusCoordinator(world, watchers, rate=options.rate)
+    coordinator = Coordinator(world, watchers, rate=options.rate)
     coordinator.run()
     for child in children:
         os.waitpid(child, 0)

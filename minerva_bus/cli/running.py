@@ -12,8 +12,8 @@ from minerva_bus.cli.options import RunOptions
 from minerva_bus.cli.promised import say_summary
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
-from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
@@ -46,7 +46,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
         if options.in_process:
             for number in end_signals():
                 signal.signal(number, signal.default_int_handler)
-            summary = Alone(file, console, began).run()
+            summary = InProcessRun(file, console, began).run()
         else:
             supervisor = Supervisor(file, console, began, profiling)
             summary = supervisor.run()

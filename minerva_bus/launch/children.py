@@ -19,11 +19,12 @@ from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journal import resume_from
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import STARTED_HERE, BusMember
 from minerva_bus.runtime.overhearing import overhear
+from minerva_bus.runtime.status import Status
 from minerva_bus.runtime.system import REAL, System, run_through
-from minerva_bus.runtime.watchers import Printed, Started, Status, Watchers
+from minerva_bus.runtime.watchers import Printed, Started, Watchers
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Coordinating:
     """
 
     file: WorldFile
-    make: Callable[..., BusCoordinator]
+    make: Callable[..., Coordinator]
     profile: bool
     shared: bool
     again: bool
@@ -128,7 +129,7 @@ class Shift:
 class _Told:
     """What the launcher is told, and the record, of a world that runs."""
 
-    coordinator: BusCoordinator
+    coordinator: Coordinator
     journal: Keeping
 
     def __init__(self, reports: Reports, elsewhere: Collection[str]) -> None:
@@ -173,7 +174,9 @@ class _Told:
         if not self._began:
             self._began = True
             self._members = len(self.coordinator.algorithm.members.active())
-            self._reports.tell("first_frame", frame=done.frame, at=self.coordinator.last_frame_at)
+            self._reports.tell(
+                "first_frame", frame=done.frame, at=self.coordinator.schedule.last_frame_at
+            )
 
     def _said(self, member: str, text: str, details: str) -> None:
         self.record.said(member, f"{text}\n{details}" if details else text)
@@ -195,21 +198,21 @@ class _Told:
             frames=algorithm.frame,
             digest=algorithm.scene.digest.hex(),
             reached=algorithm.reached,
-            last_frame_at=coordinator.last_frame_at,
-            members=max(self._members, coordinator.most_members),
+            last_frame_at=coordinator.schedule.last_frame_at,
+            members=max(self._members, coordinator.status.most_members),
             figures=dict(ended.figures),
-            profile=coordinator.profile(),
+            profile=coordinator.metrics.profile(),
         )
 
 
-def _obey(commands: int, coordinator: BusCoordinator) -> None:
+def _obey(commands: int, coordinator: Coordinator) -> None:
     lines = Lines()
     while data := os.read(commands, 4096):
         for line in lines.feed(data):
             obey(line, coordinator)
 
 
-def obey(line: str, coordinator: BusCoordinator) -> None:
+def obey(line: str, coordinator: Coordinator) -> None:
     """Do what the launcher commands; from any thread."""
     word, _, rest = line.partition(" ")
     if word == "log":

@@ -10,7 +10,7 @@ from minerva_bus.frame.members import MemberIndex
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.journal import Journal, Journaled, read_journal
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 
 
 def journal_path(file: WorldFile) -> Path:
@@ -43,7 +43,7 @@ class Keeping:
     def __init__(
         self,
         file: WorldFile,
-        coordinator: BusCoordinator,
+        coordinator: Coordinator,
         past: Journaled | None,
         say: Callable[[str], None],
     ) -> None:
@@ -52,12 +52,15 @@ class Keeping:
         self._asked_for = bool(file.bus.journal)
         self._attending: MemberIndex | None = None
         self._journal: Journal | None = Journal(
-            journal_path(file), coordinator.epoch, coordinator.algorithm
+            journal_path(file), coordinator.transport.epoch, coordinator.algorithm
         )
         if past is not None:
             self._journal.members(past.members)
             if past.rate is not None:
-                coordinator.pace.rate, coordinator.pace.left = past.rate, past.left
+                coordinator.schedule.pace.rate, coordinator.schedule.pace.left = (
+                    past.rate,
+                    past.left,
+                )
         self._note_pace(self._journal)
 
     def frame(self, done: s.FrameDone) -> None:
@@ -94,7 +97,7 @@ class Keeping:
 
     def _note_pace(self, journal: Journal) -> None:
         """The pace, with the frame that is under way among those left: it is not written yet."""
-        pace, begun = self._coordinator.pace, self._coordinator.algorithm.in_frame
+        pace, begun = self._coordinator.schedule.pace, self._coordinator.algorithm.in_frame
         journal.pace(pace.rate, None if pace.left is None else pace.left + begun)
 
     def _give_up(self, journal: Journal, error: OSError) -> None:

@@ -28,7 +28,8 @@ from minerva_bus.launch.resuming import (
     kinds_in,
 )
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.control import COMMANDS, Operated
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import checked_name
@@ -40,54 +41,47 @@ if TYPE_CHECKING:
     from minerva_bus.log.comparison import Difference
     from minerva_bus.log.description import Description
 
-_REFUSED = ("pub", "order", "restart")
-
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A record that is played again: its views as a world file, and what makes its coordinator."""
+    """A record to be replayed: its views as a world file, and the factory of its coordinator."""
 
     file: WorldFile
-    coordinator: Callable[..., MeasuringCoordinator]
+    coordinator: Callable[..., Coordinator]
 
 
-class ReplayCoordinator(MeasuringCoordinator):
-    """Plays a record to the members of a world. Raises RecordError."""
+def replay_coordinator(
+    path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **options: Any
+) -> Coordinator:
+    """A coordinator that takes its frames from a record. Raises RecordError."""
+    from minerva_bus.log.cursor import Cursor
+    from minerva_bus.log.reader import Record
 
-    def __init__(
-        self, path: Path, kinds: Kinds, stay: bool, world: World, watchers: Watchers, **how: Any
-    ) -> None:
-        from minerva_bus.log.cursor import Cursor
-        from minerva_bus.log.reader import Record
+    def listening(endpoint: str) -> None:
+        watchers.listening(endpoint)
+        coordinator.inbox.put(s.Begin())  # There may be no view to wait for.
 
-        told = watchers.listening
+    def seek(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+        frame, algorithm = as_int(asked.get("frame"), "the frame"), running.algorithm
+        if frame > cursor.end:
+            raise ProtocolError(f"the record ends before frame {cursor.end}, not {frame}")
+        if algorithm.phase is not Phase.READY:
+            raise ProtocolError(f"not now: {algorithm.phase.value}")
+        running.runner.handle(s.Seek(frame))
+        return {"frame": algorithm.frame}
 
-        def listening(endpoint: str) -> None:
-            told(endpoint)
-            self.inbox.put(s.Begin())  # Perhaps there is nobody to wait for.
+    cursor = Cursor(Record(path))
+    cursor.seek(world.past.frame)
+    source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
+    options["algorithm"] = FrameAlgorithm(world, source)
+    commands = {**COMMANDS, **dict.fromkeys(("pub", "order", "restart"), _reject), "seek": seek}
+    watching = replace(watchers, listening=listening)
+    coordinator = Coordinator(world, watching, commands=commands, **options)
+    return coordinator
 
-        super().__init__(world, replace(watchers, listening=listening), **how)
-        cursor = Cursor(Record(path))
-        cursor.seek(world.past.frame)
-        self.cursor = cursor
-        source = partial(RecordedSource, cursor=cursor, kinds=kinds, stay=stay)
-        self.algorithm = FrameAlgorithm(world, source)
 
-    def _answered(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        ask = asked.get("ask")
-        if ask == "seek":
-            return self._seek(as_int(asked.get("frame"), "the frame"))
-        if ask in _REFUSED:
-            raise ProtocolError("this is a replay: what has happened stays as it was")
-        return super()._answered(asked)
-
-    def _seek(self, frame: int) -> dict[str, Any]:
-        if frame > self.cursor.end:
-            raise ProtocolError(f"the record ends before frame {self.cursor.end}, not {frame}")
-        if self.algorithm.phase is not Phase.READY:
-            raise ProtocolError(f"not now: {self.algorithm.phase.value}")
-        self.tell(s.Seek(frame))
-        return {"frame": self.algorithm.frame}
+def _reject(_: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
+    raise ProtocolError("this is a replay: what has happened stays as it was")
 
 
 def read_replay(
@@ -124,7 +118,7 @@ def read_replay(
         record=replace(file.record, path=""),
         notes=(f"replays {path} from frame {begin}", *damage),
     )
-    return Replay(shown, partial(ReplayCoordinator, path, kinds_in(file), stay))
+    return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
 
 
 def _name(overrides: Overrides, told: Description) -> str:

@@ -11,7 +11,7 @@ from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines, parsed
 from minerva_bus.launch.starters import FAILED, Child
 from minerva_bus.launch.surroundings import Surroundings
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 
 MOST_SUCCESSIONS = 100
 MOST_FAILURES = 3
@@ -28,7 +28,7 @@ class Succession:
     def __init__(
         self,
         around: Surroundings,
-        make: Callable[..., BusCoordinator],
+        make: Callable[..., Coordinator],
         told: Callable[[dict[str, Any]], None],
         printed: Callable[[str], None],
     ) -> None:

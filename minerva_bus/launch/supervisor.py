@@ -24,9 +24,8 @@ from minerva_bus.launch.summary import FirstFrame, Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import RAISED, RAISED_BY_CHANCE
-from minerva_bus.runtime.profile import MeasuringCoordinator
 from minerva_bus.runtime.session import POOL_BYTES, expect_links
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import counted
@@ -48,7 +47,7 @@ class Supervisor:
         console: Console,
         began: float,
         profiling: Profiling = NOTHING,
-        coordinator: Callable[..., BusCoordinator] = MeasuringCoordinator,
+        coordinator: Callable[..., Coordinator] = Coordinator,
         machine: Machine = REAL,
     ) -> None:
         self._machine = machine

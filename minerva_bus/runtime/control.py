@@ -20,7 +20,8 @@ A wrong question is answered by {"error": text}.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
 
 from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
@@ -28,14 +29,16 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
 from minerva_bus.frame.diary import Diary
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.overruns import Overruns
 from minerva_bus.frame.pacing import Pace
 from minerva_bus.frame.people import refusal_of_order, unknown_value
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.runtime.totals import Totals
+from minerva_bus.runtime.metrics import Meter
+from minerva_bus.runtime.runner import Runner
+from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text
 from minerva_bus.wire.status import plain_lines, plain_status
 from minerva_bus.wire.values import Reader
@@ -47,68 +50,58 @@ MOST_RATE = 1_000_000.0
 MOST_LINES = 1000
 
 
-class Running(Protocol):
-    """A running world, as those who operate it need it."""
+@dataclass(frozen=True, slots=True)
+class Operated:
+    """A running world, as commands of operators need it.
 
-    algorithm: FrameAlgorithm
-    pace: Pace
+    `rejected` gives the number of rejections by sender; `restart` asks for a restart of a member
+    and returns why that is impossible, or an empty string.
+    """
+
+    runner: Runner
+    schedule: FrameSchedule
     diary: Diary
-    overruns: Overruns
+    meter: Meter
+    status: StatusMeter
+    rejected: Callable[[], Mapping[str, int]]
+    restart: Callable[[str], str]
 
     @property
-    def hz(self) -> float:
-        """Frames per second, as reached lately."""
-        ...
+    def algorithm(self) -> FrameAlgorithm:
+        """The frame algorithm."""
+        return self.runner.algorithm
 
     @property
-    def waited(self) -> float:
-        """For how many seconds the frame has waited."""
-        ...
-
-    def tell(self, stimulus: s.Stimulus) -> None:
-        """Give the algorithm a stimulus."""
-        ...
-
-    def repace(self) -> None:
-        """The pace has changed."""
-        ...
-
-    def measured(self) -> Mapping[str, float]:
-        """The parts of a frame, in microseconds, and its bytes; from now on they are wanted."""
-        ...
-
-    def counted(self) -> Totals:
-        """What has been counted since somebody began to ask; from now on it is wanted."""
-        ...
-
-    def refused(self) -> Mapping[str, int]:
-        """How much was refused, by whose it was."""
-        ...
-
-    def restart(self, member: str) -> str:
-        """Start a process anew; why that cannot be, or the empty text."""
-        ...
+    def pace(self) -> Pace:
+        """How many frames per second begin, and how many may."""
+        return self.schedule.pace
 
 
-def answer(asked: Mapping[str, Any], running: Running) -> dict[str, Any]:
-    """Answer one question; never raises because of what was asked."""
+Command: TypeAlias = Callable[[Operated, dict[str, Any]], dict[str, Any]]
+
+
+def answer(
+    asked: Mapping[str, Any], running: Operated, commands: Mapping[str, Command] | None = None
+) -> dict[str, Any]:
+    """Answer one question, by COMMANDS or by others; errors are part of the answer."""
+    commands = COMMANDS if commands is None else commands
     try:
         name = as_text(asked.get("ask"), "ask")
-        if name not in _ANSWERS:
-            raise ProtocolError(f"nothing is known about {name[:40]!r}; ask {', '.join(_ANSWERS)}")
-        return _ANSWERS[name](running, as_map(asked, "a question"))
+        if name not in commands:
+            raise ProtocolError(f"nothing is known about {name[:40]!r}; ask {', '.join(commands)}")
+        return commands[name](running, as_map(asked, "a question"))
     except MinervaError as error:
         return {"error": str(error)}
 
 
-def _status(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _status(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"status": plain_status(status_of(running, as_int(asked.get("since", 0), "since")))}
 
 
-def status_of(running: Running, since: int = 0) -> WorldStatus:
+def status_of(running: Operated, since: int = 0) -> WorldStatus:
     """How a world is doing."""
-    algorithm, pace, hz = running.algorithm, running.pace, running.hz
-    measured = dict(running.measured())
+    algorithm, pace, hz = running.algorithm, running.pace, running.status.hz
+    measured = dict(running.meter.measured())
     waits = {
         name.removeprefix("wait for "): measured.pop(name)
         for name in sorted(measured)
@@ -125,16 +118,16 @@ def status_of(running: Running, since: int = 0) -> WorldStatus:
         hz=hz,
         agents=algorithm.composition.count,
         waiting=tuple(algorithm.waiting_for()),
-        waited=running.waited,
+        waited=running.status.waited,
         members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.members]),
         events={name: count * hz for name, count in running.diary.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
         phases=measured,
         happenings=running.diary.happenings(since),
-        refused=running.refused(),
-        late_frames=running.overruns.count,
-        behind=running.overruns.behind,
+        refused=running.rejected(),
+        late_frames=running.schedule.overruns.count,
+        behind=running.schedule.overruns.behind,
     )
 
 
@@ -162,16 +155,16 @@ def _member(member: MemberEntry, wait: float) -> MemberStatus:
     )
 
 
-def _totals(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"totals": running.counted().plain()}
+def _totals(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    return {"totals": running.meter.counted().plain()}
 
 
-def _scene(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+def _scene(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     algorithm = running.algorithm
     return {"frame": algorithm.frame, "scene": str(algorithm.scene)}
 
 
-def _fragment(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _fragment(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """The outermost agent of an id, or one of a population."""
     composition, agent = running.algorithm.composition, as_text(asked.get("agent"), "the agent")
     node = composition.agent(agent) if not agent.startswith(PART) else None
@@ -180,7 +173,7 @@ def _fragment(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"frame": running.algorithm.frame, "fragment": str(Scene((node,)))}
 
 
-def _order(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _order(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     reader = Reader(running.algorithm.world.vocabulary)
     event = reader.event(asked.get("event"))
     if not isinstance(event, Event) or event.sender:
@@ -188,7 +181,7 @@ def _order(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     return _send(running, event)
 
 
-def _send(running: Running, event: Event) -> dict[str, Any]:
+def _send(running: Operated, event: Event) -> dict[str, Any]:
     algorithm = running.algorithm
     for receiver in event.receivers:
         if algorithm.composition.agent(receiver) is None:
@@ -198,23 +191,23 @@ def _send(running: Running, event: Event) -> dict[str, Any]:
     if refusal:
         raise ProtocolError(refusal)
     takers = [member.name for member in algorithm.members.takers(event.type)]
-    running.tell(s.Order(event))
+    running.runner.handle(s.Order(event))
     return {"frame": algorithm.frame, "event": str(event), "through": takers}
 
 
-def _pause(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+def _pause(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     running.pace.pause()
-    running.repace()
+    running.schedule.repace()
     return {"frame": running.algorithm.frame}
 
 
-def _resume(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+def _resume(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     running.pace.resume()
-    running.repace()
+    running.schedule.repace()
     return {"frame": running.algorithm.frame}
 
 
-def _step(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
     if frames > MOST_STEPS:
         raise ProtocolError(f"frames must be a whole number up to {MOST_STEPS}, not {frames}")
@@ -222,20 +215,20 @@ def _step(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     begun = 1 if algorithm.in_frame else 0
     last = algorithm.frame + begun + (running.pace.left or 0) + frames
     running.pace.step(frames)
-    running.repace()
+    running.schedule.repace()
     return {"frame": last}
 
 
-def _rate(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     rate = as_number(asked.get("rate"), "rate")
     if not 0 <= rate <= MOST_RATE:
         raise ProtocolError(f"rate must be frames per second from 0 to {MOST_RATE:g}, not {rate:g}")
     running.pace.change(rate)
-    running.repace()
+    running.schedule.repace()
     return {"rate": rate}
 
 
-def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _restart(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member"), "the member")
     members = running.algorithm.members
     if not members.knows(member):
@@ -249,7 +242,7 @@ def _restart(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member, offers = as_text(asked.get("member"), "the member"), running.algorithm.offers()
     if member not in offers:
         hosts = ", ".join(offers) or "none"
@@ -261,21 +254,21 @@ def _drain(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
             f"nobody else offers {', '.join(alone)}: attach a host of it first"
             " (minerva attach module:Class)"
         )
-    running.tell(s.Drain(member))
+    running.runner.handle(s.Drain(member))
     return {"to": [name for name, kinds in others.items() if kinds & offers[member]]}
 
 
-def _logs(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member", ""), "the member")
     lines = running.diary.lines(as_int(asked.get("since", 0), "since"), member)
     return {"lines": plain_lines(lines[-MOST_LINES:])}
 
 
-def _vocabulary(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"vocabulary": plain_vocabulary(running.algorithm.world.vocabulary)}
 
 
-def _pub(running: Running, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _pub(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Send an event: data as texts of the language, for a type that the world must know."""
     algorithm = running.algorithm
     name = as_text(asked.get("type"), "the type")
@@ -312,16 +305,16 @@ def _value(shown: str, name: str) -> Any:
     return value
 
 
-def _seek(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
+def _seek(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
     raise ProtocolError("this is no replay: only a replay can go on from another frame")
 
 
-def _stop(running: Running, _: Mapping[str, Any]) -> dict[str, Any]:
-    running.tell(s.End("stopped by a person"))
+def _stop(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
+    running.runner.handle(s.End("stopped by a person"))
     return {}
 
 
-_ANSWERS: dict[str, Callable[[Running, dict[str, Any]], dict[str, Any]]] = {
+COMMANDS: Final[Mapping[str, Command]] = {
     "status": _status,
     "totals": _totals,
     "scene": _scene,

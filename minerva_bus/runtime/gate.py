@@ -94,6 +94,10 @@ class Gate:
         known = who in self.refused or len(self.refused) < MOST_NAMES
         self.refused[who if known else STRANGERS] += times
 
+    def counts(self) -> dict[str, int]:
+        """The number of rejections by name."""
+        return dict(sorted(self.refused.items()))
+
     # --- how much ---
 
     def has_room(self, who: str, size: int) -> bool:

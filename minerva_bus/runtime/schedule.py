@@ -53,6 +53,13 @@ class FrameSchedule(Sink):
         return self.pace.rest(self.last_frame_at, self._views.next(rates))
 
     @property
+    def next_at(self) -> float | None:
+        """When the next frame begins, as things stand."""
+        if self.due is None or not self.rests:
+            return self.due
+        return max(self.due, self.rest_until())
+
+    @property
     def shows_by_clock(self) -> bool:
         """Whether an observer asks for views per second, not per frame."""
         return bool(self._algorithm.members.index.rates)

@@ -10,19 +10,7 @@ from typing import Any
 import zenoh
 
 from minerva_bus.frame import stimuli as s
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """How a running world is doing."""
-
-    frame: int
-    rate: float
-    members: int
-    phase: str
-    paused: bool = False
-    waiting: tuple[str, ...] = ()
-    waited: float = 0.0
+from minerva_bus.runtime.status import Status
 
 
 @dataclass(frozen=True, slots=True)

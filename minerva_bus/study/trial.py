@@ -16,13 +16,12 @@ from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.launch.alone import Alone
 from minerva_bus.launch.console import Console
+from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.coordinator import BusCoordinator
-from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.settings.tables import WatchSettings
@@ -64,7 +63,7 @@ def _over_the_bus(file: WorldFile) -> Outcome:
         os.environ["MINERVA_RUNTIME_DIR"] = folder
         end = Path(folder) / "end"
 
-        def make(world: World, watchers: Watchers, **settings: Any) -> BusCoordinator:
+        def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
             return _witness(end, world, watchers, **settings)
 
         supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
@@ -75,7 +74,7 @@ def _over_the_bus(file: WorldFile) -> Outcome:
     return _outcome(file, summary, told["string"], told["events"])
 
 
-def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> BusCoordinator:
+def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Coordinator:
     """A coordinator that leaves its last string and the number of its events in a file."""
     counts: Counter[str] = Counter()
 
@@ -89,7 +88,7 @@ def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Bu
         watchers.stopping(reason)
 
     watching = replace(watchers, frame_done=frame_done, stopping=stopping)
-    coordinator = MeasuringCoordinator(world, watching, **settings)
+    coordinator = Coordinator(world, watching, **settings)
     return coordinator
 
 
@@ -100,7 +99,7 @@ def _alone(file: WorldFile) -> Outcome:
         if isinstance(notice, s.FrameDone):
             _count(counts, notice.events)
 
-    alone = Alone(file, Console(quiet=True), time.monotonic(), observe)
+    alone = InProcessRun(file, Console(quiet=True), time.monotonic(), observe)
     summary = alone.run()
     if alone.algorithm.failed:
         raise WorldStopped(summary.ended)

@@ -2,7 +2,7 @@
 
 import json
 
-from minerva_bus.runtime.profile import Tally
+from minerva_bus.runtime.metrics import FrameFigures
 from tests.runtime.running import MEMBERS, minerva, summary, write_world
 
 SAMPLER = '''
@@ -66,7 +66,7 @@ def test_what_cannot_be_profiled(tmp_path):
     for words, said in [
         (["--profile-member", "stps"], "no process 'stps'; did you mean 'steps'"),
         (["--profile-member", "other"], "other is a command of its own"),
-        (["--profile", "--in-process"], "not with --in-process"),
+        (["--profile", "--in-process"], "omit --in-process"),
     ]:
         done = minerva(tmp_path, "run", path, *words)
         assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
@@ -83,7 +83,7 @@ def test_without_the_sampler_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_tally_sums_within_a_frame_and_counts_only_frames_with_it():
-    tally = Tally(keep=True)
+    tally = FrameFigures(keep=True)
     for frame in range(100):
         tally.add("seen", 1.0)
         tally.add("seen", float(frame))

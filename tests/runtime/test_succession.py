@@ -67,19 +67,19 @@ def failing_coordinator(folder, words, frame, times):
 FAILING = """
 import sys
 from pathlib import Path
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.runner import Runner
 from minerva_bus.cli.main import main
 
-tell, count = BusCoordinator.tell, Path("failures")
+handle, count = Runner.handle, Path("failures")
 
 def failing(self, stimulus):
     done = len(count.read_text()) if count.exists() else 0
     if self.algorithm.frame == {frame} and done < {times}:
         count.write_text("x" * (done + 1))
         raise LookupError("a defect of ours")
-    tell(self, stimulus)
+    handle(self, stimulus)
 
-BusCoordinator.tell = failing
+Runner.handle = failing
 sys.argv = ["minerva", *{words!r}]
 main()
 """

@@ -11,7 +11,7 @@ from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.testing.simulation.links import Weather
 from minerva_bus.testing.simulation.machine import SimulatedMachine
 from minerva_bus.testing.simulation.network import Network
@@ -50,7 +50,7 @@ class Launcher(Supervisor):
         file: WorldFile,
         timeline: Timeline,
         weather: Weather,
-        make: Callable[..., BusCoordinator],
+        make: Callable[..., Coordinator],
     ) -> None:
         self.network = Network(timeline, weather)
         self.machine = SimulatedMachine(timeline, self.network, self._wake)

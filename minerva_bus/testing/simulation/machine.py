@@ -12,7 +12,7 @@ from minerva_bus.launch.children import Coordinating, Joining, Shift, obey
 from minerva_bus.launch.pipes import NOWHERE, Pipes
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.starters import Child
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.process import Process
@@ -244,7 +244,7 @@ class _Obeyed:
         self._process = process
         self._lines = Lines()
         self._before: list[bytes] = []
-        self._coordinator: BusCoordinator | None = None
+        self._coordinator: Coordinator | None = None
 
     def __call__(self, data: bytes) -> None:
         """Some commands have come."""
@@ -253,7 +253,7 @@ class _Obeyed:
         else:
             self._process.system.call(lambda: self._obey(data))
 
-    def begin(self, coordinator: BusCoordinator) -> None:
+    def begin(self, coordinator: Coordinator) -> None:
         """Obey what came before, and whatever comes."""
         self._coordinator = coordinator
         for data in self._before:

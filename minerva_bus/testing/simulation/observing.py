@@ -8,10 +8,13 @@ from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import Phase
+from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.runtime.coordinator import BusCoordinator
-from minerva_bus.runtime.profile import MeasuringCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.system import System
+from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.testing.simulation.history import Act
 from minerva_bus.testing.simulation.process import SimulatedSystem
 from minerva_bus.testing.simulation.timeline import Timeline
@@ -56,41 +59,63 @@ class Observed:
     problems: list[str] = field(default_factory=list[str])
 
 
-Watch = Callable[[BusCoordinator], None]
+Watch = Callable[[Coordinator], None]
+
+
+class _FrameSink(Sink):
+    """Notes the frames of one coordinator as they begin and end."""
+
+    coordinator: Coordinator
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        observed: Observed,
+        begins: Callable[[int], None],
+        ended: Watch,
+        system: System,
+    ) -> None:
+        self._timeline = timeline
+        self._observed = observed
+        self._begins = begins
+        self._ended = ended
+        self._system = system
+
+    @property
+    def _lives(self) -> bool:
+        """Whether the process runs: what it does after it was killed amid a turn does not count."""
+        return isinstance(self._system, SimulatedSystem) and self._system.lives
+
+    def received(self, stimulus: s.Stimulus) -> None:
+        """A frame begins."""
+        algorithm = self.coordinator.algorithm
+        ready = algorithm.phase is Phase.READY
+        if isinstance(stimulus, s.Begin) and ready and self._lives:
+            self._timeline.note("coordinator", f"begins frame {algorithm.frame}")
+            self._observed.begun.append((self._timeline.now, algorithm.frame))
+            self._begins(algorithm.frame)
+
+    def observe(self, notice: Notice) -> None:
+        """A frame ends."""
+        if not isinstance(notice, s.FrameDone) or not self._lives:
+            return
+        digest, inputs = notice.record.digest.hex(), notice.inputs
+        assert inputs is not None
+        self._timeline.note("coordinator", f"ends frame {notice.frame}, {digest[:8]}")
+        now, epoch = self._timeline.now, self.coordinator.transport.epoch
+        frame = Frame(notice.frame, epoch, now, digest, notice.events, inputs)
+        self._observed.frames.append(frame)
+        self._ended(self.coordinator)
 
 
 def observing(
     timeline: Timeline, observed: Observed, begins: Callable[[int], None], ended: Watch
-) -> Callable[..., BusCoordinator]:
-    """What makes coordinators that are observed; `begins` and `ended` are called for each frame."""
+) -> Callable[..., Coordinator]:
+    """A factory of observed coordinators; `begins` and `ended` are called for each frame."""
 
-    class Observing(MeasuringCoordinator):
-        """The real one, whose frames are noted as they begin and end."""
+    def make(world: World, watchers: Watchers, *, system: System, **options: Any) -> Coordinator:
+        sink = _FrameSink(timeline, observed, begins, ended, system)
+        sink.coordinator = Coordinator(world, watchers, sinks=[sink], system=system, **options)
+        return sink.coordinator
 
-        @property
-        def _lives(self) -> bool:
-            return isinstance(self._system, SimulatedSystem) and self._system.lives
-
-        def tell(self, stimulus: s.Stimulus) -> None:
-            """Give the algorithm a stimulus, and do what it says."""
-            ready = self.algorithm.phase is Phase.READY
-            if isinstance(stimulus, s.Begin) and ready and self._lives:
-                frame = self.algorithm.frame
-                timeline.note("coordinator", f"begins frame {frame}")
-                observed.begun.append((timeline.now, frame))
-                begins(frame)
-            super().tell(stimulus)
-
-        def _end_frame(self, instruction: s.FrameDone) -> None:
-            super()._end_frame(instruction)
-            if not self._lives:
-                return  # What it does after it was killed amid a turn is seen by nobody.
-            digest, inputs = instruction.record.digest.hex(), instruction.inputs
-            assert inputs is not None
-            timeline.note("coordinator", f"ends frame {instruction.frame}, {digest[:8]}")
-            now, events = timeline.now, instruction.events
-            frame = Frame(instruction.frame, self.epoch, now, digest, events, inputs)
-            observed.frames.append(frame)
-            ended(self)
-
-    return Observing
+    return make

@@ -12,7 +12,7 @@ from minerva_bus.frame.participant import Participant
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import Summary
 from minerva_bus.log.journal import read_journal, resume_from
-from minerva_bus.runtime.coordinator import BusCoordinator
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.notices import Leave
 from minerva_bus.testing.simulation.faults import Faults
@@ -58,7 +58,7 @@ class Play:
         self.timeline = Timeline(str(history.seed))
         self.observed = Observed()
         self._begun: set[int] = set()
-        self._coordinator: BusCoordinator | None = None
+        self._coordinator: Coordinator | None = None
         self.file = world_file(history.frames, history.rate, folder, self.observed.shown)
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
         self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
@@ -138,7 +138,7 @@ class Play:
         if frame == self.history.acts_from:
             self._person.begin()
 
-    def _on_end(self, coordinator: BusCoordinator) -> None:
+    def _on_end(self, coordinator: Coordinator) -> None:
         self._coordinator = coordinator
         if coordinator.algorithm.frame == self._checked:
             self._check_journal(coordinator.algorithm)
@@ -167,7 +167,7 @@ class Play:
             return f"no frame has ended; alive: {alive}"
         algorithm = coordinator.algorithm
         names = ", ".join(algorithm.waiting_for()) or "nobody"
-        paused = ", paused" if coordinator.pace.paused else ""
+        paused = ", paused" if coordinator.schedule.pace.paused else ""
         phase = algorithm.phase.value
         return f"frame {algorithm.frame} ({phase}{paused}) waits for {names}; alive: {alive}"
 

@@ -1,0 +1,101 @@
+"""Services that run by the clock in an in-process run: free-running generators and pulses."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from queue import SimpleQueue
+from typing import Any
+
+from minerva_bus.blame import blamed
+from minerva_bus.errors import UserCodeError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.participant import Participant
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.notices import Outlet, Published
+from minerva_bus.source import handler_name
+from minerva_bus.world.services import Generator
+
+
+def close_services(members: Iterable[Participant]) -> None:
+    """Close all services; raises UserCodeError for the first that fails, when all are closed."""
+    failures: list[UserCodeError] = []
+    for member in members:
+        if member.service is not None:
+            try:
+                with blamed(member.service.close):
+                    member.service.close()
+            except UserCodeError as error:
+                failures.append(error)
+    for failure in failures[:1]:
+        raise failure
+
+
+class FreeRunning:
+    """Runs each free-running generator in a thread, and passes its output to the main thread.
+
+    Frames run in the main thread only, so output waits in a queue until `deliver` is called.
+    """
+
+    def __init__(self, runner: InProcessRunner, members: Iterable[Participant]) -> None:
+        self._runner = runner
+        self._members = tuple(members)
+        self._queue: SimpleQueue[tuple[Participant, Any]] = SimpleQueue()
+        self._outlets: dict[str, Outlet] = {}
+        self._pulsed: dict[str, float] = {}
+        self._stop = threading.Event()
+
+    def start(self) -> None:
+        """Start the threads."""
+        for member in self._members:
+            if isinstance(member.service, Generator) and not member.service.lockstep:
+                arguments = member, member.service
+                threading.Thread(target=self._generate, args=arguments, daemon=True).start()
+
+    def stop(self) -> None:
+        """Ask all generators to end; their threads are daemons and are not waited for."""
+        self._stop.set()
+
+    def deliver(self) -> None:
+        """Pass queued events and readings to the runner. Raises what a generator raised."""
+        for _ in range(self._queue.qsize()):  # What arrives meanwhile waits for the next turn.
+            member, output = self._queue.get()
+            self._runner.direct.running = member
+            if isinstance(output, Exception):
+                raise output
+            if isinstance(output, Published):
+                self._runner.publish(member.published(output.topic, output.reading))
+            else:
+                self._runner.handle(member.emitted(output))
+            self._outlets[member.name].taken()
+
+    def pulse(self) -> None:
+        """Call `pulse` of the services for which it is time; one that leaves ends the world."""
+        now = time.monotonic()
+        for member in self._members:
+            service = member.service
+            if service is None or not service.pulse_every:
+                continue
+            if now < self._pulsed.get(member.name, 0.0) + service.pulse_every:
+                continue
+            self._pulsed[member.name] = now
+            if _call(service.pulse, service.leaves):
+                self._runner.handle(s.End(f"{member.name} was closed"))
+
+    def _generate(self, member: Participant, service: Generator) -> None:
+        try:
+            outlet = Outlet(lambda output: self._queue.put((member, output)), self._stop)
+            self._outlets[member.name] = outlet
+            service.run(outlet, self._stop)
+        except (Exception, SystemExit) as error:
+            failure = UserCodeError(handler_name(service.run), service.run)
+            failure.__cause__ = error
+            self._queue.put((member, failure))
+
+
+def _call(pulse: Callable[[], object], leaves: Callable[[], bool]) -> bool:
+    with blamed(pulse):
+        pulse()
+    with blamed(leaves):
+        return leaves()

@@ -1,0 +1,312 @@
+"""Runs a world in this process, without a bus: `minerva run --in-process`."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswer
+from queue import Empty, SimpleQueue
+from typing import Any, Final
+
+from minerva_bus.blame import report, whole
+from minerva_bus.errors import BusError, MinervaError, WorldStopped
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.participant import Participant, Unready
+from minerva_bus.launch.console import Console, live_line
+from minerva_bus.launch.exporting import exported
+from minerva_bus.launch.free_running import FreeRunning, close_services
+from minerva_bus.launch.printed import MEMBERS, printed
+from minerva_bus.launch.recording import Recording, recording
+from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.control import Operated, answer
+from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.operating import AskingOperator
+from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.schedule import FrameSchedule
+from minerva_bus.runtime.status import StatusMeter
+from minerva_bus.runtime.totals import Totals
+
+POLL_SECONDS: Final = 0.01
+"""Longest sleep between two turns, while no frame is due."""
+
+STATUS_EVERY: Final = 0.1
+ANSWER_SECONDS: Final = 1.0
+MICRO: Final = 1e6
+
+
+class InProcessRun:
+    """One world without a bus: the same frames, the same digests.
+
+    `sinks` observe the run, beside its record, console and log.
+    """
+
+    def __init__(
+        self,
+        file: WorldFile,
+        console: Console,
+        began: float,
+        *sinks: Sink | Callable[[Notice], None],
+    ) -> None:
+        self.algorithm = FrameAlgorithm(file.world)
+        self._file = file
+        self._console = console
+        self._sinks = sinks
+        self._schedule = FrameSchedule(self.algorithm, file.rate, time.monotonic, self._warn)
+        self._progress = _Progress(file, console, began, self.algorithm, self._schedule)
+        self._questions = _Questions(file.world.name)
+        self._log: _Log | None = None
+
+    def run(self) -> Summary:
+        """Run the world to its end. Raises WorldStopped where user code failed."""
+        with printed(self._print):
+            members = _members(self._file)
+            runner, record = self._prepare(members)
+            reason = ""
+            services = FreeRunning(runner, members)
+            try:
+                self._loop(runner, services)
+            except KeyboardInterrupt:
+                reason = "interrupted"
+                runner.handle(s.End(reason))
+            except Unready as error:
+                raise WorldStopped(str(error)) from None
+            except Exception as error:
+                raise self._failed(error, runner, record) from error
+            finally:
+                services.stop()
+                record.close()
+                self._console.end()
+                close_services(members)
+            return self._progress.summary(runner.ended, reason)
+
+    def _prepare(self, members: list[Participant]) -> tuple[InProcessRunner, Recording]:
+        record = recording(
+            self._file, self.algorithm, lambda text: self._console.log("record", text)
+        )
+        log, counter = _Log(self.algorithm, self._console, record), _FrameCounter()
+        self._log = log
+        status = self._progress.status
+        runner = InProcessRunner(
+            self.algorithm,
+            members,
+            _recorded(record),
+            counter,
+            self._schedule,
+            log,
+            self._progress,
+            *self._sinks,
+            on_readings=record.sensed if record.topics else None,
+        )
+        self._questions.world = Operated(
+            runner, self._schedule, log.diary, counter, status, _no_rejections, _no_restart
+        )
+        for member in members:
+            member.operator = AskingOperator(self._questions.ask)
+        return runner, record
+
+    def _loop(self, runner: InProcessRunner, services: FreeRunning) -> None:
+        world, listen = self._file.world.name, self._file.watch.metrics
+        for note in self._file.notes:
+            self._note(note)
+        runner.start()
+        services.start()
+        with exported(world, listen, self._questions.ask, self._note):
+            while runner.ended is None:
+                self._questions.answer()
+                services.deliver()
+                services.pulse()
+                now, due = time.monotonic(), self._schedule.next_at
+                if due is not None and due <= now:
+                    runner.handle(self._schedule.begin())
+                elif runner.ended is None:
+                    time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
+
+    def _failed(self, error: Exception, runner: InProcessRunner, record: Recording) -> WorldStopped:
+        """Show an error in a member's code; the reason why the world stops."""
+        running = runner.direct.running
+        member = MEMBERS if running is None else running.name
+        frame = max(self.algorithm.frame if running is None else running.frame, 0)
+        self._console.frame = frame
+        problem = report(error)
+        text = f"failed in frame {frame}: {problem}"
+        self._console.log(member, text, "error")
+        self._console.details(member, whole(error))
+        record.said(member, f"{text}\n{whole(error)}")
+        what = problem.partition("\n")[0]
+        hint = "" if self._console.traceback else " (--traceback shows all frames)"
+        return WorldStopped(f"{member} failed in frame {frame}: {what}; the world stops{hint}")
+
+    def _print(self, text: str) -> None:
+        self._console.frame = self.algorithm.frame
+        self._console.log(MEMBERS, text)
+
+    def _note(self, text: str) -> None:
+        self._console.note(f"{self._file.world.name}: {text}")
+
+    def _warn(self, text: str) -> None:
+        if self._log is not None:
+            self._log.observe(s.Notify("coordinator", text))
+
+
+def _members(file: WorldFile) -> list[Participant]:
+    """The members of all processes. Raises MinervaError for one that needs its own process."""
+    for process in file.processes:
+        if process.command:
+            raise MinervaError(f"{process.name} is a command of its own: run without --in-process")
+        if process.elsewhere:
+            raise MinervaError(f"{process.name} runs elsewhere: run without --in-process")
+    return [process.participant() for process in file.processes]
+
+
+def _recorded(record: Recording) -> Callable[[Notice], None]:
+    def observe(notice: Notice) -> None:
+        if isinstance(notice, s.FrameDone):
+            record.frame(notice)
+
+    return observe
+
+
+def _no_rejections() -> Mapping[str, int]:
+    return {}  # Nobody sends from outside.
+
+
+def _no_restart(_: str) -> str:
+    return "all members are in one process: none can be started anew alone"
+
+
+class _Log(Sink):
+    """Writes warnings to the console, the record and the log that operators read."""
+
+    def __init__(self, algorithm: FrameAlgorithm, console: Console, record: Recording) -> None:
+        self.diary = Diary()
+        self._algorithm = algorithm
+        self._console = console
+        self._record = record
+
+    def observe(self, notice: Notice) -> None:
+        """Log a warning, or the events of a frame."""
+        frame = self._algorithm.frame
+        if isinstance(notice, s.Notify):
+            self._console.frame = frame
+            self._console.log(notice.member, notice.text, "warning")
+            self._record.said(notice.member, f"{notice.text}\n{notice.details}".rstrip())
+            self.diary.said(time.time(), notice.member, notice.text, frame, "warning")
+        elif isinstance(notice, s.FrameDone):
+            self.diary.frame(notice.frame, notice.events)
+
+
+class _FrameCounter(Sink):
+    """Counts frames and events; in one process there are no bytes, and nothing is waited for."""
+
+    def __init__(self) -> None:
+        self._totals = Totals()
+        self._last_frame_at = 0.0
+
+    def measured(self) -> Mapping[str, float]:
+        """No parts of a frame."""
+        return {}
+
+    def counted(self) -> Totals:
+        """Frames with their durations, and events by type."""
+        return self._totals
+
+    def observe(self, notice: Notice) -> None:
+        """Count a frame."""
+        if isinstance(notice, s.FrameDone):
+            now = time.monotonic()
+            self._totals.add({"frame": MICRO * (now - (self._last_frame_at or now))})
+            self._totals.count(notice.events)
+            self._last_frame_at = now
+
+
+class _Progress(Sink):
+    """Shows the state of the run, and makes its summary."""
+
+    def __init__(
+        self,
+        file: WorldFile,
+        console: Console,
+        began: float,
+        algorithm: FrameAlgorithm,
+        schedule: FrameSchedule,
+    ) -> None:
+        self.status = StatusMeter(algorithm, schedule.pace, began)
+        self._file = file
+        self._console = console
+        self._began = began
+        self._algorithm = algorithm
+        self._schedule = schedule
+        self._first_frame_at: float | None = None
+
+    def observe(self, notice: Notice) -> None:
+        """Show the frame rate now and then."""
+        if not isinstance(notice, s.FrameDone):
+            return
+        now = self._schedule.last_frame_at
+        if self._first_frame_at is None:
+            self._first_frame_at = now
+        if now - self.status.at >= STATUS_EVERY:
+            rate = self.status.status(now, ()).rate
+            frame, frames = self._algorithm.frame, self._file.world.frames
+            status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
+            self._console.live(live_line(self._file.world.name, status, frames, self._began))
+
+    def summary(self, ended: s.Ended | None, reason: str) -> Summary:
+        """The summary of the run; `reason` replaces that of the world."""
+        first, algorithm, file = self._first_frame_at, self._algorithm, self._file
+        figures = dict(ended.figures) if ended is not None else {}
+        return Summary(
+            world=file.world.name,
+            frames=algorithm.frame,
+            digest=algorithm.scene.digest.hex(),
+            reached=algorithm.reached,
+            ended=reason or (ended.reason if ended is not None else ""),
+            wall_seconds=0.0 if first is None else self._schedule.last_frame_at - first,
+            first_frame_seconds=None if first is None else max(0.0, first - self._began),
+            members=len(file.processes),
+            seed=file.world.seed,
+            startup={},
+            figures={**figures, **self._schedule.overruns.figures()},
+            before=file.world.past.frame,
+        )
+
+
+class _Questions:
+    """Questions of operators, from any thread; the main thread answers them between two frames."""
+
+    world: Operated
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._thread = threading.get_ident()
+        self._queue: SimpleQueue[tuple[dict[str, Any], Future[dict[str, Any]]]] = SimpleQueue()
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The answer to a question. Raises BusError where there is none within ANSWER_SECONDS."""
+        asked = {"ask": question, **details}
+        if threading.get_ident() == self._thread:
+            reply = answer(asked, self.world)
+        else:
+            later: Future[dict[str, Any]] = Future()
+            self._queue.put((asked, later))
+            try:
+                reply = later.result(ANSWER_SECONDS)
+            except NoAnswer:
+                raise BusError(f"{self._name} has not answered for a second") from None
+        if "error" in reply:
+            raise BusError(str(reply["error"]))
+        return reply
+
+    def answer(self) -> None:
+        """Answer all questions that wait."""
+        while True:
+            try:
+                asked, later = self._queue.get_nowait()
+            except Empty:
+                return
+            later.set_result(answer(asked, self.world))

@@ -1,0 +1,222 @@
+"""Frame metrics of the coordinator: `minerva run --profile`, `minerva top` and Prometheus.
+
+The clock is read only while somebody asks for the numbers, because reading it several times for
+each message would slow down every frame of a large world.
+"""
+
+from __future__ import annotations
+
+import statistics
+from array import array
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+from typing import Final, ParamSpec, Protocol, TypeVar
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
+from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.totals import Totals
+
+MICRO: Final = 1e6
+RECENT_FRAMES: Final = 64
+MEASURED_SECONDS: Final = 5.0
+"""How long metrics are measured after the last question for them."""
+
+Figures = dict[str, float]
+P = ParamSpec("P")
+Result = TypeVar("Result")
+
+
+class Meter(Protocol):
+    """Metrics of a running world, as operators ask for them."""
+
+    def measured(self) -> Mapping[str, float]:
+        """Means over the last frames, in microseconds and bytes; measuring goes on from here."""
+        ...
+
+    def counted(self) -> Totals:
+        """Totals since measuring began; counting goes on from here."""
+        ...
+
+
+class FrameFigures:
+    """Amounts by name: sums within a frame, one number per frame after it.
+
+    `keep` stores the numbers of all frames for a profile.
+    """
+
+    def __init__(self, keep: bool) -> None:
+        self.totals = Totals()
+        self._keep = keep
+        self._sums: dict[str, float] = {}
+        self._frames: dict[str, array[float]] = {}
+        self._recent: deque[dict[str, float]] = deque(maxlen=RECENT_FRAMES)
+
+    def add(self, name: str, amount: float) -> None:
+        """Add an amount to the current frame."""
+        self._sums[name] = self._sums.get(name, 0.0) + amount
+
+    def close(self) -> None:
+        """End the current frame."""
+        sums, self._sums = self._sums, {}
+        self._recent.append(sums)
+        self.totals.add(sums)
+        for name, amount in sums.items() if self._keep else ():
+            self._frames.setdefault(name, array("d")).append(amount)
+
+    def recent(self) -> dict[str, float]:
+        """Means over the last frames; a frame without an amount counts as 0."""
+        total: dict[str, float] = {}
+        for sums in self._recent:
+            for name, amount in sums.items():
+                total[name] = total.get(name, 0.0) + amount
+        return {name: total[name] / len(self._recent) for name in sorted(total)}
+
+    def clear(self) -> None:
+        """Drop the last frames: those measured next may be much later."""
+        self._sums.clear()
+        self._recent.clear()
+
+    def plain(self) -> dict[str, Figures]:
+        """Mean, median and 99th percentile over the frames with this amount, greatest first."""
+        figures = {name: _figures(amounts) for name, amounts in self._frames.items()}
+        return dict(sorted(figures.items(), key=lambda item: (-item[1]["mean"], item[0])))
+
+
+def _figures(amounts: array[float]) -> Figures:
+    ordered = sorted(amounts)
+    return {
+        "mean": round(statistics.fmean(ordered), 1),
+        "p50": round(ordered[len(ordered) // 2], 1),
+        "p99": round(ordered[min(len(ordered) - 1, len(ordered) * 99 // 100)], 1),
+        "frames": len(ordered),
+    }
+
+
+class Metrics(Sink):
+    """Measures the frames of one algorithm, in microseconds and bytes.
+
+    tick, evolve   from the request to the last reply
+    wait for NAME  from a request to this member's reply, both requests together; absent where the
+                   reply had arrived before the frame began
+    collect        after the last reply to a tick: steps 2 to 4
+    commit         end of a frame: changes to w, digest, next requests
+    encode, view   messages to bytes; of these, views including their publication
+    decode         replies from bytes, except empty ones, which are compared only
+    frame          from one end of a frame to the next, including waiting
+
+    With `keep` every frame is measured, otherwise those within MEASURED_SECONDS of a question.
+    `clock` gives monotonic seconds. `on` is whether frames are measured now.
+    """
+
+    def __init__(
+        self, algorithm: FrameAlgorithm, clock: Callable[[], float], keep: bool = False
+    ) -> None:
+        self.on = keep
+        self._keep = keep
+        self._figures = FrameFigures(keep)
+        self._algorithm = algorithm
+        self._clock = clock
+        self._wanted_until = 0.0
+        self._last_frame_at = 0.0
+        self._asked_at = self._ended_at = perf_counter()
+        self._phase, self._began = algorithm.phase, 0.0
+        self._done = False
+
+    # --- questions ---
+
+    def profile(self) -> Mapping[str, Figures]:
+        """Statistics of all frames, with `keep`."""
+        return self._figures.plain()
+
+    def measured(self) -> Mapping[str, float]:
+        """Means over the last frames; the next frames are measured too."""
+        self._want()
+        return self._figures.recent()
+
+    def counted(self) -> Totals:
+        """Totals of the measured frames; the next frames are measured too."""
+        self._want()
+        return self._figures.totals
+
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody asked for metrics shortly before the last frame."""
+        return self._last_frame_at < self._wanted_until
+
+    def _want(self) -> None:
+        self._wanted_until = self._clock() + MEASURED_SECONDS
+        if not self.on:
+            self._asked_at = self._ended_at = perf_counter()
+        self.on = True
+
+    def check(self) -> None:
+        """Stop measuring where nobody has asked for a while."""
+        if self.on and not self._keep and not self.wanted:
+            self.on = False
+            self._figures.clear()
+
+    # --- measuring ---
+
+    def add(self, name: str, amount: float) -> None:
+        """Add an amount to the current frame, while frames are measured."""
+        if self.on:
+            self._figures.add(name, amount)
+
+    def timed(
+        self, name: str, call: Callable[P, Result], *args: P.args, **options: P.kwargs
+    ) -> Result:
+        """Call a function and add its duration."""
+        if not self.on:
+            return call(*args, **options)
+        began = perf_counter()
+        try:
+            return call(*args, **options)
+        finally:
+            self._figures.add(name, MICRO * (perf_counter() - began))
+
+    def received(self, stimulus: s.Stimulus) -> None:
+        """Measure how long a reply was awaited."""
+        if not self.on:
+            return
+        self._phase, self._began = self._algorithm.phase, perf_counter()
+        replies = isinstance(stimulus, m.TickReply | m.EvolveReply)
+        if replies and stimulus.frame == self._algorithm.frame:
+            waited = MICRO * (self._began - self._asked_at)
+            self._figures.add(f"wait for {stimulus.member}", waited)
+
+    def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
+        """Measure a step of the frame that this stimulus completed."""
+        if not self.on:
+            return
+        ended = perf_counter()
+        self._done = any(isinstance(instruction, s.FrameDone) for instruction in instructions)
+        if not self._done and self._algorithm.phase is self._phase:
+            return
+        if self._phase in (Phase.TICK, Phase.EVOLVE):
+            name = "tick" if self._phase is Phase.TICK else "evolve"
+            self._figures.add(name, MICRO * (self._began - self._asked_at))
+        if self._done or self._phase is Phase.TICK:
+            name = "commit" if self._done else "collect"
+            self._figures.add(name, MICRO * (ended - self._began))
+
+    def executed(self, stimulus: s.Stimulus) -> None:
+        """Begin to wait for replies, or end the frame."""
+        if not self.on:
+            return
+        if self._done:
+            self._done, now = False, perf_counter()
+            self._figures.add("frame", MICRO * (now - self._ended_at))
+            self._ended_at = now
+            self._figures.close()
+        elif self._algorithm.phase is not self._phase:
+            self._asked_at = perf_counter()
+
+    def observe(self, notice: Notice) -> None:
+        """Count the events of a frame."""
+        if isinstance(notice, s.FrameDone):
+            self._last_frame_at = self._clock()
+            if self.on:
+                self._figures.totals.count(notice.events)

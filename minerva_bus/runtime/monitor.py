@@ -1,0 +1,174 @@
+"""Watches the members of a running world by the clock: status, time-outs, revoked certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
+from minerva_bus.frame.members import MemberState
+from minerva_bus.runtime.greetings import Greetings
+from minerva_bus.runtime.guard import Guard
+from minerva_bus.runtime.runner import Runner
+from minerva_bus.runtime.status import StatusMeter
+from minerva_bus.runtime.waiting import FEW, Waits
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.security.credentials import covers
+from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wording import named_some
+
+STATUS_EVERY: Final = 0.1
+"""Seconds between two reports of a world's status."""
+
+BACK_WITHIN: Final = 6.0
+"""Seconds that members of the previous coordinator have to return to its successor."""
+
+REPORTS_WITHIN: Final = 10.0
+"""Seconds that members have after the last frame to show their last view and to report."""
+
+HURRIED_REPORTS_WITHIN: Final = 0.5
+"""The same where a person ends the world, or a failure."""
+
+
+class Monitor:
+    """Checks every STATUS_EVERY seconds which members the world waits for, and acts on time-outs.
+
+    `guests` are members of the previous coordinator that the world file does not name.
+    """
+
+    def __init__(
+        self,
+        runner: Runner,
+        meter: StatusMeter,
+        waits: Waits,
+        guard: Guard,
+        greetings: Greetings,
+        log: WorldLog,
+        watch: Watchers,
+        guests: frozenset[str],
+        clock: Callable[[], float],
+    ) -> None:
+        self._runner = runner
+        self._meter = meter
+        self._waits = waits
+        self._guard = guard
+        self._greetings = greetings
+        self._log = log
+        self._watch = watch
+        self._guests = guests
+        self._clock = clock
+        self._reports_within = REPORTS_WITHIN
+
+    def started(self, member: str) -> None:
+        """The launcher starts a member's process now: wait for it from now on."""
+        self._waits.started(member, self._clock())
+
+    def arrived(self, member: str) -> None:
+        """A member said hello."""
+        if self._waits.came(member, self._clock()):
+            self._watch.came(member)
+
+    def end(self, end: s.End) -> None:
+        """End the world; members have less time for their reports where somebody waits for it."""
+        if end.failed or end.hurried:
+            self._reports_within = HURRIED_REPORTS_WITHIN
+        self._runner.handle(end)
+
+    def tick(self, now: float) -> None:
+        """Report the status and apply time-outs; `now` is the monotonic time in seconds."""
+        if now < self._meter.at + STATUS_EVERY / 2:
+            return  # After a long frame several ticks of the clock have queued up.
+        for name in self._guard.look(now):
+            self._part_from(name)
+        self._greet_again(now)
+        self._log.report_omitted(now)
+        algorithm = self._algorithm
+        waiting = algorithm.waiting_for()
+        step = algorithm.frame, algorithm.phase
+        waited = self._waits.look(step, algorithm.in_frame, waiting, now)
+        self._meter.waited = waited
+        self._watch.status(self._meter.status(now, waiting))
+        if waited:
+            self._report_waiting(waiting, now)
+
+    @property
+    def _algorithm(self) -> FrameAlgorithm:
+        return self._runner.algorithm
+
+    def _part_from(self, common_name: str) -> None:
+        """Remove all members that joined with a certificate that was revoked."""
+        for member in self._algorithm.members:
+            if covers(common_name, member.name) and member.state is not MemberState.LEFT:
+                reason = self._guard.gate.shut_out(member.name)
+                self._runner.handle(s.Violation(member.name, reason))
+
+    def _greet_again(self, now: float) -> None:
+        for name in self._greetings.unanswered(now):
+            if self._algorithm.members.get(name).state is MemberState.JOINING:
+                self._runner.transport.send(name, m.Greet())
+
+    def _report_waiting(self, waiting: Sequence[str], now: float) -> None:
+        """Log which members the frame waits for, with back-off, and apply their time-outs."""
+        algorithm = self._algorithm
+        if algorithm.phase is Phase.STOPPING:
+            self._runner.handle(s.Silent())
+            self._await_reports(now)
+            return
+        unsaid = self._waits.unsaid(now)
+        if unsaid:
+            self._runner.handle(s.Silent())
+            frame = f"frame {algorithm.frame} ({algorithm.phase.value}) has been waiting"
+            guests = [name for name in unsaid if not algorithm.members.get(name).expected]
+            for name, text in self._waits.told(unsaid, guests, now):
+                self._log.warn(name or COORDINATOR, f"{frame} for {text}")
+        if self._meter.waited >= BACK_WITHIN and self._guests:
+            self._give_up_guests(waiting)
+        for name, action in self._waits.overdue(now):
+            self._time_out(name, action, now)
+
+    def _await_reports(self, now: float) -> None:
+        """Log which reports are missing after the last frame; after the time-out end without."""
+        left = self._reports_within - self._meter.waited
+        waiting = f"the world has ended; waiting for {{}} for {left:.0f} s"
+        self._warn_of(self._waits.unsaid(now), waiting, "its last output", "the last output")
+        if left > 0:
+            return
+        late = sorted(self._algorithm.waiting_for())
+        for name in late:
+            self._watch.stalled(name, self._meter.waited)
+        missing = "after the last frame, {} did not come in time and may be missing"
+        self._warn_of(late, missing, "its output", "the output")
+        self._runner.handle(s.End("no report in time"))
+
+    def _warn_of(self, names: Sequence[str], text: str, its: str, the: str) -> None:
+        """Log a text about each of a few members, or once about all of them."""
+        if len(names) > FEW:
+            self._log.warn(COORDINATOR, text.format(f"{the} of {named_some(names, FEW)}"))
+            return
+        for name in names:
+            self._log.warn(name, text.format(its))
+
+    def _time_out(self, name: str, action: str, now: float) -> None:
+        """Apply the time-out policy of a member: skip, stop or restart."""
+        waited = self._waits.since(name, now)
+        if action == "skip":
+            self._runner.handle(s.Skip(name))
+        elif action == "stop":
+            silence = f"did not answer for {waited:.1f} s in frame {self._algorithm.frame}"
+            self._log.warn(name, f"{silence}; the world stops")
+            self.end(s.End(f"{name} {silence}", failed=True))
+        else:
+            self._waits.again(name, now)
+            self._watch.stalled(name, waited)
+            if not self._algorithm.members.get(name).expected:
+                reason = f"it did not answer for {waited:.0f} s"
+                self._runner.handle(s.Violation(name, reason))
+
+    def _give_up_guests(self, waiting: Sequence[str]) -> None:
+        """Stop waiting for members of the previous coordinator that have not returned."""
+        for name in sorted(self._guests.intersection(waiting)):
+            self._runner.handle(s.Abandoned(name))
+        self._guests = frozenset[str]()

@@ -1,0 +1,173 @@
+"""Receives what members send: checks rights and limits, decodes, and passes it to the runner."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.schema import Wire
+from minerva_bus.runtime.gate import STRANGERS
+from minerva_bus.runtime.greetings import Greetings
+from minerva_bus.runtime.guard import Guard
+from minerva_bus.runtime.large import LARGE, MOST_BEHIND, LargeMessages, Letter, Opened
+from minerva_bus.runtime.metrics import MICRO, Metrics
+from minerva_bus.runtime.runner import Runner
+from minerva_bus.runtime.system import System
+from minerva_bus.runtime.transport import ZenohTransport
+from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.wire.codec import Decoder, declaration
+from minerva_bus.wire.epochs import stamped
+from minerva_bus.wire.limits import Limits
+
+
+class Receiver:
+    """Turns the bytes of members into stimuli.
+
+    `arrived` is called with the name of a member that said hello and whose message is let in;
+    large messages come back through `put`, as an `Opened`, once a thread has decoded them.
+    """
+
+    def __init__(
+        self,
+        runner: Runner,
+        transport: ZenohTransport,
+        guard: Guard,
+        greetings: Greetings,
+        metrics: Metrics,
+        log: WorldLog,
+        limits: Limits,
+        system: System,
+        *,
+        put: Callable[[Opened], None],
+        arrived: Callable[[str], None],
+    ) -> None:
+        vocabulary = runner.algorithm.world.vocabulary
+        self._runner = runner
+        self._members = runner.algorithm.members
+        self._transport = transport
+        self._guard = guard
+        self._greetings = greetings
+        self._metrics = metrics
+        self._log = log
+        self._most_members = limits.members
+        self._clock = system.monotonic
+        self._arrived = arrived
+        self._decoder = Decoder(vocabulary, limits)
+        # A decoder caches what it has read, so the thread for large messages has its own.
+        self._large = LargeMessages(Decoder(vocabulary, limits), system, put)
+
+    def receive(self, member: str, data: bytes) -> None:
+        """Process the bytes that arrived on a member's key."""
+        self._metrics.add("bytes in", len(data))
+        algorithm = self._runner.algorithm
+        # Most replies to a tick are empty: equal bytes need neither limits nor decoding, which
+        # would cost a world of a thousand members several milliseconds a frame.
+        if data == self._transport.empty_reply and algorithm.awaits_tick(member):
+            self._runner.handle(m.TickReply(member, self._transport.ticked))
+            return
+        if self._guard.keeps_out(member):
+            return
+        room = self._guard.gate.has_room(self._known(member), len(data))
+        wire = declaration(data, len(self._transport.stamp))
+        if room and data and not self._members.knows(member):
+            self._runner.handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
+            return
+        if not data or (wire.awaited and algorithm.awaits(member)):
+            self._decode(member, data)
+        elif not (room and self._within_limits(member, data, wire)):
+            self._drop(member)
+        elif wire.awaited and len(data) > LARGE:
+            self._count_late(member)
+        else:
+            began = self._clock()
+            self._decode(member, data)
+            self._guard.gate.spent(self._known(member), self._clock() - began)
+
+    def take_opened(self, opened: Opened) -> None:
+        """Process a large message, unless its member has joined again since it was sent."""
+        letter = opened.letter
+        self._large.taken(opened)
+        self._metrics.add("decode", MICRO * opened.seconds)
+        members = self._members
+        if not members.knows(letter.member) or members.get(letter.member).joins != letter.life:
+            return
+        if opened.message is None:
+            self._runner.handle(s.Violation(letter.member, opened.problem))
+        else:
+            self._pass_on(letter.member, letter.body, opened.message)
+        if not isinstance(opened.message, m.TickReply | m.EvolveReply):
+            self._guard.gate.spent(letter.member, opened.seconds)
+
+    def appear(self, appeared: s.Appeared) -> None:
+        """Let a member appear, unless it is shut out or there are too many."""
+        member, most = appeared.member, self._most_members
+        if self._guard.keeps_out(member):
+            return
+        if self._members.knows(member) or self._members.count < most:
+            self._runner.handle(appeared)
+        else:
+            self._guard.too_many(f"{most} members are there already; more are not greeted")
+
+    def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
+        """Whether a message that no frame waits for is within its member's limits per second."""
+        gate, name = self._guard.gate, self._known(member)
+        if wire is m.Hello.WIRE and not gate.has_hello(name):
+            return False
+        return gate.has_values(name, data[len(self._transport.stamp) :])
+
+    def _decode(self, member: str, data: bytes) -> None:
+        """Decode a small message now, a large one in a thread, and all of a member in order."""
+        stamp = self._transport.stamp
+        try:
+            if not data.startswith(stamp):
+                if data:
+                    stamped(data)
+                    self._count_late(member)
+                return
+            body = data[len(stamp) :]
+            if len(body) > LARGE or self._large.behind(member):
+                self._decode_aside(member, body)
+                return
+            message = self._metrics.timed("decode", self._decoder.from_member, member, body)
+        except (ProtocolError, SceneError) as error:
+            self._runner.handle(s.Violation(member, str(error)))
+            return
+        self._pass_on(member, body, message)
+
+    def _decode_aside(self, member: str, body: bytes) -> None:
+        if self._large.behind(member) < MOST_BEHIND:
+            self._large.add(Letter(member, self._members.get(member).joins, body))
+        else:
+            self._drop(member)
+
+    def _pass_on(self, member: str, body: bytes, message: m.FromMember) -> None:
+        if isinstance(message, m.EvolveReply):
+            elapsed = self._clock() - self._transport.evolving_since
+            message = replace(message, elapsed=elapsed, received=body)
+        elif isinstance(message, m.TickReply):
+            message = replace(message, received=body)
+        reason = ""
+        if isinstance(message, m.Hello):
+            self._greetings.answered(member)
+            self._arrived(member)
+            reason = self._guard.gate.objection(message)
+        self._runner.handle(s.Violation(member, reason) if reason else message)
+
+    def _known(self, member: str) -> str:
+        """The name under which messages are counted: there may be any number of strangers."""
+        return member if self._members.knows(member) else STRANGERS
+
+    def _drop(self, member: str) -> None:
+        """Drop a message that exceeds the limits; log the first one."""
+        name = self._known(member)
+        text = self._guard.gate.too_much(name)
+        if text:
+            self._log.warn(name, text)
+
+    def _count_late(self, member: str) -> None:
+        """Count a reply for another coordinator, or for a frame that is over."""
+        if self._members.knows(member):
+            self._members.get(member).late += 1

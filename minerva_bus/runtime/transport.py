@@ -1,0 +1,115 @@
+"""The Zenoh transport: the coordinator's messages as bytes, with one publisher per key."""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from minerva_bus.frame import messages as m
+from minerva_bus.frame import stimuli as s
+from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.wire.codec import encode
+from minerva_bus.wire.epochs import stamp
+from minerva_bus.wire.keys import Keys
+
+_DROP = zenoh.CongestionControl.DROP
+_BLOCK = zenoh.CongestionControl.BLOCK
+
+
+class ZenohTransport:
+    """Sends the messages of the coordinator of one epoch; replies arrive later, in its inbox.
+
+    Messages to members wait for room on the link. Views, and frames for observers, are dropped
+    where there is none: a slow observer must not slow down the world.
+
+    `observed` is whether anybody subscribes to the frames, `has_sent` whether anything was sent
+    since the flag was last cleared. `ticked` is the last frame whose tick was sent, `empty_reply`
+    the bytes of a reply to it without events, and `evolving_since` when its evolution was
+    requested. `notify` is called with each message to a single member.
+    """
+
+    def __init__(
+        self,
+        keys: Keys,
+        epoch: int,
+        metrics: Metrics,
+        clock: Callable[[], float],
+        notify: Callable[[str, m.ToMember], None],
+    ) -> None:
+        self.epoch = epoch
+        self.stamp = stamp(epoch)
+        self.observed = self.has_sent = False
+        self.ticked: int = -1
+        self.empty_reply = b""
+        self.evolving_since = 0.0
+        self._keys = keys
+        self._metrics = metrics
+        self._clock = clock
+        self._notify = notify
+        self._publishers: dict[tuple[str, bool], zenoh.Publisher] = {}
+        self._keys_to = {s.EVERYONE: keys.all, s.TICKED: keys.tick, s.HOSTS: keys.evolve}
+
+    def open(self, session: zenoh.Session) -> list[Any]:
+        """Begin to send over a session; returns what to undeclare at the end."""
+        self._session = session
+        record = self._publisher(self._keys.record, _DROP)
+        return [record.declare_matching_listener(Callback(self._on_observers, indirect=False))]
+
+    def send(self, to: str, message: m.ToMember) -> tuple[()]:
+        """Send a message to a member, or to a group."""
+        key = self._keys_to.get(to)
+        if key is None:
+            key = self._keys_to[to] = self._keys.to(to)
+        if isinstance(message, m.ViewShown):
+            self._metrics.timed("view", self._put, key, message, _BLOCK)
+            return ()
+        data = self._encode(message)
+        self._note(to, message)
+        self._publisher(key, _BLOCK).put(self.stamp + data)
+        self.has_sent = True
+        return ()
+
+    def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
+        """Publish a view for all observers of its event type, or for one of them."""
+        key = self._keys.to(to) if to else self._keys.view(event_type)
+        self._metrics.timed("view", self._put, key, message, _DROP)
+        return ()
+
+    def publish(self, record: m.FrameRecord) -> None:
+        """Publish a frame for observers."""
+        self._publisher(self._keys.record, _DROP).put(self._encode(record))
+
+    def _put(self, key: str, message: m.ToMember, control: zenoh.CongestionControl) -> None:
+        self._publisher(key, control).put(self.stamp + self._encode(message))
+        self.has_sent = True
+
+    def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
+        data = self._metrics.timed("encode", encode, message)
+        self._metrics.add("bytes out", len(data))
+        return data
+
+    def _note(self, to: str, message: m.ToMember) -> None:
+        if to == s.TICKED and isinstance(message, m.TickRequest):
+            self.ticked = message.frame
+            self.empty_reply = self.stamp + encode(m.TickReply("", message.frame))
+        elif isinstance(message, m.EvolveRequest):
+            if not message.part:
+                self.evolving_since = self._clock()
+        elif to not in (s.EVERYONE, s.TICKED, s.HOSTS):
+            self._notify(to, message)
+
+    def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
+        drops = control == _DROP
+        publisher = self._publishers.get((key, drops))
+        if publisher is None:
+            publisher = self._session.declare_publisher(key, congestion_control=control)
+            self._publishers[key, drops] = publisher
+        return publisher
+
+    def _on_observers(self, status: zenoh.MatchingStatus) -> None:
+        self.observed = status.matching

@@ -1,0 +1,66 @@
+"""The log of a running world: lines that members print, warnings about them, recent events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.diary import Diary
+from minerva_bus.runtime.metrics import Metrics
+from minerva_bus.runtime.restraint import GUESTS, Restraint
+from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.system import System
+from minerva_bus.wire.keys import COORDINATOR
+from minerva_bus.wire.plain import on_screen
+
+
+class WorldLog(Sink):
+    """Keeps the last lines and events, and passes warnings to `show` (member, text, details).
+
+    Warnings about one member are rate-limited: members may err thousands of times a second, and the
+    log, the terminal and the record must remain readable.
+    """
+
+    def __init__(
+        self,
+        algorithm: FrameAlgorithm,
+        metrics: Metrics,
+        show: Callable[[str, str, str], None],
+        system: System,
+    ) -> None:
+        self.diary = Diary()
+        self._algorithm = algorithm
+        self._metrics = metrics
+        self._show = show
+        self._system = system
+        self._restraint = Restraint()
+
+    def line(self, member: str, text: str, level: str) -> None:
+        """Keep a line that a member printed."""
+        self.diary.said(self._system.time(), member, text, self._algorithm.frame, level)
+
+    def warn(self, member: str, text: str, details: str = "") -> None:
+        """Log and show a warning about a member; `details` are for the log only."""
+        members = self._algorithm.members
+        guest = members.knows(member) and not members.get(member).expected
+        if self._restraint.lets(GUESTS if guest else member, self._system.monotonic()):
+            self._write(member, text, details)
+
+    def report_omitted(self, now: float) -> None:
+        """Log how many warnings were omitted, for each member that may be logged again."""
+        for subject, text in self._restraint.left_out(now):
+            self._write(COORDINATOR if subject == GUESTS else subject, text)
+
+    def observe(self, notice: Notice) -> None:
+        """Log what the algorithm reports, and a frame's events while somebody watches."""
+        if isinstance(notice, s.Notify):
+            self.warn(notice.member, notice.text, notice.details)
+        elif isinstance(notice, s.FrameDone) and self._metrics.wanted:
+            self.diary.frame(notice.frame, notice.events)
+
+    def _write(self, member: str, text: str, details: str = "") -> None:
+        # A member's text must not control the terminal of the person who reads it.
+        text, details = on_screen(text), on_screen(details)
+        self.line(member, f"{text}\n{details}" if details else text, "warning")
+        self._show(member, text, details)
