@@ -1,0 +1,46 @@
+"""The diagrams of ARCHITECTURE.md are those of the code, and the table of phases is complete."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.frame.phases import TRANSITIONS, Awaited, Phase
+from tools.diagrams import DIAGRAM, DIAGRAMS, DOCUMENT, written
+
+FRAME = Path(__file__).parents[2] / "minerva_bus" / "frame"
+MAX_ATTRIBUTES = 15
+
+
+def test_the_diagrams_are_those_of_the_code():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    assert {match[2] for match in DIAGRAM.finditer(text)} == set(DIAGRAMS)
+    assert text == written(text), "run python -m tools.diagrams --write"
+
+
+def test_every_phase_can_be_reached_and_every_phase_but_the_last_ends():
+    reached = {Phase.WAITING}
+    for _ in Phase:
+        reached |= {after for (before, _), after in TRANSITIONS.items() if before in reached}
+    assert reached == set(Phase)
+    assert {before for before, _ in TRANSITIONS} == set(Phase) - {Phase.ENDED}
+    assert {awaited for _, awaited in TRANSITIONS} == set(Awaited)
+
+
+def attributes(cls):
+    """Names that a class assigns on `self`."""
+    return {
+        node.attr
+        for node in ast.walk(cls)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.ctx, ast.Store)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "self"
+    }
+
+
+@pytest.mark.parametrize("path", sorted(FRAME.glob("*.py")), ids=lambda path: path.stem)
+def test_no_class_of_the_frame_sets_many_attributes(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ClassDef):
+            assert len(attributes(node)) <= MAX_ATTRIBUTES, f"{path.name} {node.name}"

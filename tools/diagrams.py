@@ -1,0 +1,77 @@
+"""The diagrams of ARCHITECTURE.md that follow from the code: phases of a frame, and main types.
+
+    python -m tools.diagrams            # compare; 1 where they differ
+    python -m tools.diagrams --write    # write them
+
+In the document each stands between `<!-- diagram: NAME -->` and `<!-- end of diagram -->`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.frame.description import World
+from minerva_bus.frame.phases import diagram
+from minerva_bus.grammar.scene import EMPTY
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+DOCUMENT = Path(__file__).resolve().parents[1] / "ARCHITECTURE.md"
+DIAGRAM = re.compile(r"(<!-- diagram: ([\w ]+) -->\n).*?(<!-- end of diagram -->)", re.S)
+
+
+def owned(owner: object) -> Mapping[str, str]:
+    """Attributes of an object whose class is declared in `minerva_bus.frame`, and their class."""
+    parts = {name: type(part) for name, part in vars(owner).items()}
+    return {
+        name.removeprefix("_"): part.__name__
+        for name, part in parts.items()
+        if part.__module__.startswith("minerva_bus.frame.")
+    }
+
+
+def types() -> str:
+    """What `FrameAlgorithm` owns, as a class diagram."""
+    algorithm = FrameAlgorithm(World("w", EMPTY, Vocabulary.of()))
+    owners = [("FrameAlgorithm", algorithm), ("LiveSource", algorithm.source)]
+    lines = [
+        f"    {name} *-- {part}: {attribute}"
+        for name, owner in owners
+        for attribute, part in owned(owner).items()
+        if part not in ("Phase", "FrameAlgorithm")
+    ]
+    return "\n".join(["classDiagram", *lines])
+
+
+DIAGRAMS: Mapping[str, Callable[[], str]] = {"phases": diagram, "types": types}
+
+
+def written(text: str) -> str:
+    """The document with the diagrams that follow from the code."""
+
+    def block(match: re.Match[str]) -> str:
+        return f"{match[1]}```mermaid\n{DIAGRAMS[match[2]]()}\n```\n{match[3]}"
+
+    return DIAGRAM.sub(block, text)
+
+
+def main() -> int:
+    """Compare or write the diagrams."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="write the diagrams")
+    text = DOCUMENT.read_text(encoding="utf-8")
+    if parser.parse_args().write:
+        DOCUMENT.write_text(written(text), encoding="utf-8")
+        return 0
+    if text != written(text):
+        print("ARCHITECTURE.md differs from the code; run python -m tools.diagrams --write")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
