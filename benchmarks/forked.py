@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.member import BusMember
 
 ENDED_WITHIN = 10.0
@@ -35,7 +35,7 @@ class Members:
     To be made before this process opens a session, and before it has much that they would share.
     """
 
-    def __init__(self, world: str, making: Mapping[str, Callable[[], Participant]]) -> None:
+    def __init__(self, world: str, making: Mapping[str, Callable[[], Member]]) -> None:
         self.pids: dict[str, int] = {}
         self._pipes: list[int] = []
         for name, make in making.items():
@@ -71,7 +71,7 @@ class Members:
             os.waitpid(pid, 0)
 
 
-def _take_part(world: str, make: Callable[[], Participant], told: int, others: list[int]) -> int:
+def _take_part(world: str, make: Callable[[], Member], told: int, others: list[int]) -> int:
     """What a member does, to its end."""
     for pipe in others:
         os.close(pipe)

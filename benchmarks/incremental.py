@@ -39,7 +39,7 @@ from minerva_bus import Agent, Cells, Context, Event, Primitive, Scene, Vocabula
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.watchers import Watchers
@@ -112,9 +112,9 @@ def world(what: str, size: int, frames: int) -> World:
     )
 
 
-def participant(name: str) -> Participant:
+def participant(name: str) -> Member:
     """The clock, or the host of both kinds."""
-    return Participant(name, Clock()) if name == "clock" else Participant(name, None, HOSTED)
+    return Member(name, Clock()) if name == "clock" else Member(name, None, HOSTED)
 
 
 HOSTED: Final = [Walker, Stone]

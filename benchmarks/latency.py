@@ -40,7 +40,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client, open_hub
@@ -128,9 +128,9 @@ def minerva(event: EventType, events: int) -> list[float]:
     """Our own: a world of one agent, a finger and an eye."""
     pipes = Pipes(3)
     members = [
-        Participant("finger", Finger(event, pipes.told, pipes.emits)),
-        Participant("host", None, [Touched]),
-        Participant("eye", Eye(pipes.sees)),
+        Member("finger", Finger(event, pipes.told, pipes.emits)),
+        Member("host", None, [Touched]),
+        Member("eye", Eye(pipes.sees)),
     ]
     children = [
         forked(lambda n=n, one=one: BusMember(one, "latency", pipes.endpoint(n), print).run())

@@ -40,7 +40,7 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.runtime.session import open_client
@@ -218,8 +218,8 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
     """A world in processes of its own; its endpoint, its frames' ends, and what it says."""
     read_at, write_at = os.pipe()
     read_frames, write_frames = os.pipe()
-    parts = [Participant("steps", Steps())]
-    parts += [Participant("host", None, [Fox])] if host else []
+    parts = [Member("steps", Steps())]
+    parts += [Member("host", None, [Fox])] if host else []
 
     def listening(endpoint: str) -> None:
         os.write(write_at, (json.dumps(endpoint) + "\n").encode())

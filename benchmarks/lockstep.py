@@ -26,7 +26,7 @@ from benchmarks.forked import Members
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.watchers import Watchers
 
@@ -65,9 +65,9 @@ class Idle(Generator):
     """A member that does nothing."""
 
 
-def idle(name: str) -> Participant:
+def idle(name: str) -> Member:
     """Such a member of this name."""
-    return Participant(name, Idle())
+    return Member(name, Idle())
 
 
 def minerva(workers: int, steps: int) -> dict[str, float]:

@@ -38,7 +38,7 @@ from minerva_bus import Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import size
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
@@ -170,14 +170,14 @@ def in_process(task: Task) -> Figures:
     services = model.services(task.agents)
     algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
     meter = Meter(model, task)
-    participants = [Participant(name, make()) for name, make in services.items()]
+    participants = [Member(name, make()) for name, make in services.items()]
 
     def watch(instruction: s.Instruction) -> None:
         if isinstance(instruction, s.FrameDone):
             meter.frame_done(algorithm)
 
     runner = InProcessRunner(
-        algorithm, [*participants, Participant("host-0", agents=model.kinds)], watch
+        algorithm, [*participants, Member("host-0", agents=model.kinds)], watch
     )
     runner.start()
     while runner.ended is None:
@@ -219,11 +219,11 @@ def on_bus(task: Task) -> Figures:
     return {**meter.figures(), "memory_mb": sum(peaks)}
 
 
-def member(name: str, task: Task) -> Participant:
+def member(name: str, task: Task) -> Member:
     """A host or a service."""
     model = load(task.model)
     make = model.services(task.agents).get(name)
-    return Participant(name, make()) if make is not None else Participant(name, None, model.kinds)
+    return Member(name, make()) if make is not None else Member(name, None, model.kinds)
 
 
 def memory(process: int | str) -> float:
@@ -387,8 +387,8 @@ def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
     model = load(task.model)
     services = {name: make() for name, make in model.services(task.agents).items()}
     algorithm = FrameAlgorithm(world_of(task, ["host-0", *services]))
-    participants = [Participant(name, service) for name, service in services.items()]
-    host = Participant("host-0", agents=model.kinds)
+    participants = [Member(name, service) for name, service in services.items()]
+    host = Member("host-0", agents=model.kinds)
     runner = InProcessRunner(algorithm, [*participants, host], lambda _: None)
     runner.start()
     found: dict[int, Figures] = {}

@@ -24,7 +24,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.session import open_client, open_hub
@@ -43,7 +43,7 @@ MODELS: dict[str, ModuleType] = {"in columns, all send": wealth, "one by one": p
 class Weighed(InProcessRunner, Sink):
     """A world in one process, with the time of either side and the bytes between them."""
 
-    def __init__(self, algorithm: FrameAlgorithm, members: list[Participant]) -> None:
+    def __init__(self, algorithm: FrameAlgorithm, members: list[Member]) -> None:
         super().__init__(algorithm, members, self, deliver=self._answers)
         self.ours = self.theirs = self.bytes = 0.0
         self.rows: list[tuple[float, float, float]] = []
@@ -69,7 +69,7 @@ class Weighed(InProcessRunner, Sink):
         """The algorithm is done."""
         self.ours += time.perf_counter() - self._began
 
-    def _answers(self, member: Participant, message: Any) -> Iterator[Any]:
+    def _answers(self, member: Member, message: Any) -> Iterator[Any]:
         if message is not self._sent[0]:
             self._sent = message, self._as_ours(lambda: encode(message))
         data = self._sent[1]
@@ -96,8 +96,8 @@ class Weighed(InProcessRunner, Sink):
 
 def world_of(model: ModuleType, agents: int) -> Weighed:
     """A model's world with one host, ready to be run."""
-    members = [Participant(name, make()) for name, make in model.services(agents).items()]
-    members.append(Participant("host", None, model.kinds))
+    members = [Member(name, make()) for name, make in model.services(agents).items()]
+    members.append(Member("host", None, model.kinds))
     world = World(
         model.NAME, model.scene(agents, 7), model.vocabulary, seed=7, order=Order(model.order),
         expected=frozenset(one.name for one in members),

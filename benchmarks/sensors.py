@@ -27,7 +27,7 @@ from benchmarks.latency import forked
 from minerva_bus import Agent, Context, Event, EventType, Generator, Metres, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import BusMember
@@ -98,15 +98,15 @@ class Stamps(Generator):
             yield self._event(tick.readings[0].time)
 
 
-def members(lidars: int, beams: int, hertz: float) -> list[Participant]:
+def members(lidars: int, beams: int, hertz: float) -> list[Member]:
     topics = [f"scan{i}" for i in range(lidars)]
     return [
-        *(Participant(f"lidar{i}", Lidar(one, beams, hertz)) for i, one in enumerate(topics)),
-        *(Participant(f"laser{i}", Laser(topic=one)) for i, one in enumerate(topics)),
-        Participant("camera", Eye()),
-        Participant("scans", Stamps(topics[0], eStamp)),
-        Participant("images", Stamps("image", eLook)),
-        Participant("host", None, [Watcher]),
+        *(Member(f"lidar{i}", Lidar(one, beams, hertz)) for i, one in enumerate(topics)),
+        *(Member(f"laser{i}", Laser(topic=one)) for i, one in enumerate(topics)),
+        Member("camera", Eye()),
+        Member("scans", Stamps(topics[0], eStamp)),
+        Member("images", Stamps("image", eLook)),
+        Member("host", None, [Watcher]),
     ]
 
 

@@ -23,7 +23,7 @@ from typing import Any
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.runtime.direct import InProcessRunner
@@ -69,7 +69,7 @@ class Wire:
 class Tapped:
     """A member whose messages, in both directions, are also given to a Wire."""
 
-    def __init__(self, member: Participant, wire: Wire) -> None:
+    def __init__(self, member: Member, wire: Wire) -> None:
         self._member, self._wire = member, wire
 
     def __getattr__(self, name: str) -> Any:

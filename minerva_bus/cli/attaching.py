@@ -13,7 +13,7 @@ from minerva_bus.cli.exit_codes import FAILED
 from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
-from minerva_bus.frame.participant import Anew, Participant
+from minerva_bus.frame.member import Anew, Member
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import (
@@ -75,7 +75,7 @@ def attach_member(
             tell(f"{participant.name}: {anew}; it joins again, from the beginning")
 
 
-def _attached(participant: Participant, way: Way) -> int:
+def _attached(participant: Member, way: Way) -> int:
     connect, world = way.connect, way.world
     own = identity(participant.name) if connect else None
     if own is not None and own.name != participant.name:
@@ -122,7 +122,7 @@ def leave_on_signals(member: BusMember) -> None:
         signal.signal(number, leave)
 
 
-def _participant(spec: str, name: str, options: dict[str, str]) -> Participant:
+def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
     import os
 
     folder = Path.cwd()
@@ -131,12 +131,12 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Participant:
     if _names_agents(spec, folder):
         if options:
             raise WorldFileError(f"{spec} names agents, which have no options")
-        return Participant(name, None, find_agents(spec, folder))
+        return Member(name, None, find_agents(spec, folder))
     service = find_service(spec, folder)
-    return Participant(name, bind(service, typed_options(service, options), name)())
+    return Member(name, bind(service, typed_options(service, options), name)())
 
 
-def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Participant:
+def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Member:
     """The process of that name of a world file. Raises WorldFileError where there is none."""
     file = read_world_file(find_world(spec), Overrides(options=options))
     known = {one.name: one for one in file.processes}

@@ -11,14 +11,14 @@ from typing import Any
 from minerva_bus.blame import blamed
 from minerva_bus.errors import UserCodeError
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.notices import Outlet, Published
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator
 
 
-def close_services(members: Iterable[Participant]) -> None:
+def close_services(members: Iterable[Member]) -> None:
     """Close all services; raises UserCodeError for the first that fails, when all are closed."""
     failures: list[UserCodeError] = []
     for member in members:
@@ -38,10 +38,10 @@ class FreeRunning:
     Frames run in the main thread only, so output waits in a queue until `deliver` is called.
     """
 
-    def __init__(self, runner: InProcessRunner, members: Iterable[Participant]) -> None:
+    def __init__(self, runner: InProcessRunner, members: Iterable[Member]) -> None:
         self._runner = runner
         self._members = tuple(members)
-        self._queue: SimpleQueue[tuple[Participant, Any]] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Member, Any]] = SimpleQueue()
         self._outlets: dict[str, Outlet] = {}
         self._pulsed: dict[str, float] = {}
         self._stop = threading.Event()
@@ -83,7 +83,7 @@ class FreeRunning:
             if _call(service.pulse, service.leaves):
                 self._runner.handle(s.End(f"{member.name} was closed"))
 
-    def _generate(self, member: Participant, service: Generator) -> None:
+    def _generate(self, member: Member, service: Generator) -> None:
         try:
             outlet = Outlet(lambda output: self._queue.put((member, output)), self._stop)
             self._outlets[member.name] = outlet

@@ -15,7 +15,7 @@ from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.diary import Diary
-from minerva_bus.frame.participant import Participant, Unready
+from minerva_bus.frame.member import Member, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
@@ -84,7 +84,7 @@ class InProcessRun:
                 close_services(members)
             return self._progress.summary(runner.ended, reason)
 
-    def _prepare(self, members: list[Participant]) -> tuple[InProcessRunner, Recording]:
+    def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, Recording]:
         record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
@@ -153,7 +153,7 @@ class InProcessRun:
             self._log.observe(s.Notify("coordinator", text))
 
 
-def _members(file: WorldFile) -> list[Participant]:
+def _members(file: WorldFile) -> list[Member]:
     """The members of all processes. Raises MinervaError for one that needs its own process."""
     for process in file.processes:
         if process.command:

@@ -11,7 +11,7 @@ from typing import Any
 
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.compatibility import incompatibility
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.options import beside
 from minerva_bus.launch.patience import KEYS, patience, read_patience
@@ -109,16 +109,14 @@ class _Reader:
         return patience(read_patience(table, read_patience(self.top.table("bus"))))
 
 
-def check_members(
-    processes: Iterable[Process], vocabulary: Vocabulary, path: Path
-) -> list[Participant]:
+def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Path) -> list[Member]:
     """Check the hello of each member before any process starts.
 
     The processes of one table differ only in their names, so the first one stands for all.
     Raises WorldFileError.
     """
     seen: set[str] = set()
-    members: list[Participant] = []
+    members: list[Member] = []
     for process in processes:
         if process.name in seen:
             raise WorldFileError(f"{path}: two processes are called {process.name}")

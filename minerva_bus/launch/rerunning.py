@@ -16,7 +16,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.log.comparison import Difference, apart, same_events
 from minerva_bus.log.cursor import Cursor
@@ -131,7 +131,7 @@ def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> 
     world = replace(world, frames=record.last()[0], expected=frozenset((_HOST,)))
     algorithm = FrameAlgorithm(world)
     rerun = Rerun(record, algorithm)
-    host = Participant(_HOST, None, kinds.values())
+    host = Member(_HOST, None, kinds.values())
     runner = InProcessRunner(algorithm, [host], rerun.compare, deliver=_deliver_without_views)
     runner.start()
     while rerun.difference is None and rerun.step(runner):
@@ -140,7 +140,7 @@ def recompute(record: Record, kinds: Kinds, progress: Callable[[int], None]) -> 
 
 
 def _deliver_without_views(
-    member: Participant, message: m.ToMember | m.Readings
+    member: Member, message: m.ToMember | m.Readings
 ) -> Iterable[m.FromMember | m.Readings]:
     """Let a host evolve its agents without drawing them: no device is here."""
     if isinstance(message, m.EvolveRequest):

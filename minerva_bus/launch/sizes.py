@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import PART, Fragment
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import Fragments
-from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.placement import kinds_of
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.worldfile import Process
@@ -45,7 +45,7 @@ def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process])
 
 
 def _offered(process: Process) -> frozenset[str]:
-    hello = Participant(process.name, None, process.agents).hello()
+    hello = Member(process.name, None, process.agents).hello()
     return frozenset(kind.name for kind in hello.kinds)
 
 

@@ -15,7 +15,7 @@ from minerva_bus.errors import MinervaError, MisuseError, WorldStopped, nearest
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import incompatibility
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
@@ -108,7 +108,7 @@ def replay_swapped(
 # --- members ---
 
 
-def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Participant], Without]:
+def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Member], Without]:
     """Hosts, the new member and recorded readings; and the inputs that they replace."""
     old = _replaced(file, swap.member)
     others = [process for process in file.processes if process not in old]
@@ -116,9 +116,7 @@ def _members(record: Record, file: WorldFile, swap: Swap) -> tuple[list[Particip
     if not record.has_inputs:
         _check_alone(types, others, swap.member)
     names = {process.name for process in file.processes}
-    reader = Participant(
-        next(name for name in READERS if name not in names), RecordedReadings(record)
-    )
+    reader = Member(next(name for name in READERS if name not in names), RecordedReadings(record))
     new = [_new_member(process, swap, file) for process in old]
     for member in new:
         _check_new(member, file, reader.hello().publishes, swap)
@@ -146,12 +144,12 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
     return processes
 
 
-def _new_member(old: Process, swap: Swap, file: WorldFile) -> Participant:
+def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
     folder = file.path.parent
     if not _names_agents(swap.spec, folder):
         service = find_service(swap.spec, folder)
         options = typed_options(service, swap.options)
-        return Participant(old.name, bind(service, options, old.name)())
+        return Member(old.name, bind(service, options, old.name)())
     if swap.options:
         raise MisuseError(f"--swap {swap.member}: {swap.spec} names agents, which have no options")
     (cls,) = find_agents(swap.spec, folder)
@@ -159,7 +157,7 @@ def _new_member(old: Process, swap: Swap, file: WorldFile) -> Participant:
     if len(kept) == len(old.agents):
         kinds = ", ".join(agent.kind.name for agent in old.agents) or "no agents"
         raise MisuseError(f"--swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
-    return Participant(old.name, None, (*kept, cls))
+    return Member(old.name, None, (*kept, cls))
 
 
 def _names_agents(spec: str, folder: Path) -> bool:
@@ -190,7 +188,7 @@ def _check_alone(types: frozenset[str], others: list[Process], member: str) -> N
             )
 
 
-def _check_new(new: Participant, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
+def _check_new(new: Member, file: WorldFile, topics: tuple[str, ...], swap: Swap) -> None:
     """Raises MisuseError if a member cannot take part."""
     where, service = f"--swap {swap.member}", new.service
     reason = incompatibility(new.hello(), file.world.vocabulary)
@@ -211,7 +209,7 @@ def _check_new(new: Participant, file: WorldFile, topics: tuple[str, ...], swap:
 def _run(
     record: Record,
     file: WorldFile,
-    members: list[Participant],
+    members: list[Member],
     without: Without,
     progress: Callable[[int, int], None],
 ) -> Swapped:

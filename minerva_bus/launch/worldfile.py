@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.access import Access
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
@@ -49,10 +49,10 @@ class Process:
     speaks_for: tuple[str, ...] = ()
     patience: Patience | None = None
 
-    def participant(self) -> Participant:
+    def participant(self) -> Member:
         """The member that this process runs."""
         service = self.make_service() if self.make_service is not None else None
-        return Participant(self.name, service, self.agents)
+        return Member(self.name, service, self.agents)
 
 
 @dataclass(frozen=True, slots=True)

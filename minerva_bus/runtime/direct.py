@@ -8,15 +8,15 @@ from typing import TypeAlias
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 
 Deliver: TypeAlias = Callable[
-    [Participant, m.ToMember | m.Readings], Iterable[m.FromMember | m.Readings]
+    [Member, m.ToMember | m.Readings], Iterable[m.FromMember | m.Readings]
 ]
 
 
-def receivers(to: str, members: Iterable[Participant]) -> list[Participant]:
+def receivers(to: str, members: Iterable[Member]) -> list[Member]:
     """Members, out of those in `members`, to which a message for `to` is delivered, by name."""
     ordered = sorted(members, key=lambda member: member.name)
     if to == s.TICKED:
@@ -26,7 +26,7 @@ def receivers(to: str, members: Iterable[Participant]) -> list[Participant]:
     return [member for member in ordered if to in (s.EVERYONE, member.name)]
 
 
-def observers(event_type: str, members: Iterable[Participant]) -> list[Participant]:
+def observers(event_type: str, members: Iterable[Member]) -> list[Member]:
     """Members that draw the views of an event type outside of the frames, by name."""
     ordered = sorted(members, key=lambda member: member.name)
     hellos = [(member, member.hello()) for member in ordered]
@@ -34,7 +34,7 @@ def observers(event_type: str, members: Iterable[Participant]) -> list[Participa
 
 
 def deliver(
-    member: Participant, message: m.ToMember | m.Readings
+    member: Member, message: m.ToMember | m.Readings
 ) -> Iterable[m.FromMember | m.Readings]:
     """Let a member process a message and draw; returns its answers."""
     answers = member.receive(message)
@@ -52,17 +52,17 @@ class DirectTransport:
 
     def __init__(
         self,
-        members: Iterable[Participant],
+        members: Iterable[Member],
         on_readings: Callable[[m.Readings], None] | None = None,
         deliver: Deliver = deliver,
     ) -> None:
         self.members = {member.name: member for member in members}
-        self.running: Participant | None = None
+        self.running: Member | None = None
         self._on_readings = on_readings
         self._deliver = deliver
-        self._receivers: dict[str, list[Participant]] = {}
+        self._receivers: dict[str, list[Member]] = {}
 
-    def add(self, member: Participant) -> None:
+    def add(self, member: Member) -> None:
         """Add a member, or replace the one of the same name."""
         self.members[member.name] = member
         self._receivers.clear()
@@ -86,7 +86,7 @@ class DirectTransport:
         return self._deliver_to(subscribed, readings)
 
     def _deliver_to(
-        self, members: Iterable[Participant], message: m.ToMember | m.Readings
+        self, members: Iterable[Member], message: m.ToMember | m.Readings
     ) -> Iterator[s.Stimulus]:
         for member in members:
             self.running = member
@@ -103,7 +103,7 @@ class InProcessRunner(Runner):
     def __init__(
         self,
         algorithm: FrameAlgorithm,
-        members: Iterable[Participant],
+        members: Iterable[Member],
         *sinks: Sink | Callable[[Notice], None],
         on_readings: Callable[[m.Readings], None] | None = None,
         deliver: Deliver = deliver,

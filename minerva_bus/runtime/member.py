@@ -1,4 +1,4 @@
-"""A member's process on the bus: hears, lets its `Participant` answer, and sends."""
+"""A member's process on the bus: hears, lets its `Member` answer, and sends."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
@@ -14,7 +14,7 @@ import zenoh
 from minerva_bus.blame import blamed, report, whole
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.participant import Participant, Refusal
+from minerva_bus.frame.member import Member, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.asking import ask, question_key
@@ -70,7 +70,7 @@ class BusMember:
 
     def __init__(
         self,
-        participant: Participant,
+        participant: Member,
         world: str,
         endpoint: str,
         tell: Callable[[str], None],

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from minerva_bus.errors import MinervaError, UserCodeError
-from minerva_bus.frame.participant import Unready
+from minerva_bus.frame.member import Unready
 from minerva_bus.runtime.notices import Count, Leave, Outlet, Pulse
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name

@@ -1,6 +1,6 @@
 """An in-memory bus that delays, reorders and loses messages on demand: a world under any schedule.
 
-    bus = MemoryBus(world, {"steps": lambda: Participant("steps", Steps()), ...})
+    bus = MemoryBus(world, {"steps": lambda: Member("steps", Steps()), ...})
     bus.start()
     bus.run()
     assert bus.digests == ...
@@ -23,12 +23,12 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
-from minerva_bus.frame.participant import Outgoing, Participant, Refusal
+from minerva_bus.frame.member import Member, Outgoing, Refusal
 from minerva_bus.runtime.direct import observers, receivers
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.testing.telling import told
 
-MemberFactory: TypeAlias = Callable[[], Participant]
+MemberFactory: TypeAlias = Callable[[], Member]
 Link: TypeAlias = tuple[str, str]
 
 BEGIN: Final[Link] = ("begin", "")
@@ -41,7 +41,7 @@ class QueueTransport:
     """Queues every message until the schedule delivers it. `alive` are the running members."""
 
     def __init__(self) -> None:
-        self.alive: dict[str, Participant] = {}
+        self.alive: dict[str, Member] = {}
         self.queues: dict[Link, deque[Any]] = {}
 
     def queue(self, kind: str, name: str) -> deque[Any]:
@@ -258,7 +258,7 @@ class MemoryBus:
         return self._runner.algorithm
 
     @property
-    def alive(self) -> dict[str, Participant]:
+    def alive(self) -> dict[str, Member]:
         """The running members, by name."""
         return self._transport.alive
 

@@ -24,7 +24,7 @@ from minerva_bus import (
 )
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_service, find_world
 from minerva_bus.runtime.direct import InProcessRunner
@@ -51,7 +51,7 @@ def show(spec: str, world: str, frames: int) -> None:
     device.every = 10**6  # type: ignore[attr-defined]
     members = [process.participant() for process in file.processes]
     algorithm = FrameAlgorithm(file.world)
-    runner = InProcessRunner(algorithm, [*members, Participant("ascii", device)], lambda _: None)
+    runner = InProcessRunner(algorithm, [*members, Member("ascii", device)], lambda _: None)
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())

@@ -10,7 +10,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.replaying import OVER, RecordedSource
 from minerva_bus.launch.rerunning import recompute
 from minerva_bus.launch.resuming import kinds_in
@@ -48,7 +48,7 @@ def lived(name):
         if isinstance(told, s.FrameDone):
             digests.append(told.record.digest)
 
-    runner = InProcessRunner(algorithm, [*members, Participant("seen", seen)], watch)
+    runner = InProcessRunner(algorithm, [*members, Member("seen", seen)], watch)
     runner.start()
     while runner.ended is None:
         runner.handle(s.Begin())
@@ -70,7 +70,7 @@ class Projector:
         source = partial(RecordedSource, cursor=self.cursor, kinds=kinds_in(file), stay=stay)
         self.algorithm = FrameAlgorithm(world, source)
         self.told, self.seen = [], Seen(name)
-        members = [Participant("seen", self.seen)] if seen else []
+        members = [Member("seen", self.seen)] if seen else []
         self.runner = InProcessRunner(self.algorithm, members, self.told.append)
         self.runner.start()
         if not seen:
@@ -141,7 +141,7 @@ def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):
     projector = Projector("meadow", tmp_path, seen=False)
     projector.play(5)
     seen = Seen("meadow")
-    projector.runner.direct.add(Participant("late", seen))
+    projector.runner.direct.add(Member("late", seen))
     projector.runner.handle(s.Appeared("late"))
     assert seen.shown == [(5, dict(lived("meadow")[0])[5])]
 

@@ -36,7 +36,7 @@ from minerva_bus import (
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.direct import InProcessRunner
@@ -154,7 +154,7 @@ VOCABULARY = Vocabulary.of(
 class Story:
     """A run in one process: digests, strings and collisions of its frames."""
 
-    def __init__(self, scene: Scene, members: list[Participant], frames: int) -> None:
+    def __init__(self, scene: Scene, members: list[Member], frames: int) -> None:
         names = frozenset(member.name for member in members)
         world = World(
             "test",
@@ -202,9 +202,9 @@ def billiards(count: int = 32) -> Scene:
 
 def play(hosts: int = 1, kind: type[Agent] = Ball, frames: int = 80) -> Story:
     members = [
-        Participant("collisions", Collisions(persist=True)),
-        Participant("steps", Each("eStep")),
-        *(Participant(f"host-{number}", agents=[kind]) for number in range(hosts)),
+        Member("collisions", Collisions(persist=True)),
+        Member("steps", Each("eStep")),
+        *(Member(f"host-{number}", agents=[kind]) for number in range(hosts)),
     ]
     return Story(billiards(), members, frames)
 
@@ -261,12 +261,12 @@ def test_physics_and_a_look_at_the_scene_tell_an_agent_the_same() -> None:
     stories: list[Any] = []
     for service in (Physics(), Collisions(who="name", persist=True)):
         members = [
-            Participant("service", service),
-            Participant("steps", Each("eStep")),
-            Participant("host", agents=[Robot]),
+            Member("service", service),
+            Member("steps", Each("eStep")),
+            Member("host", agents=[Robot]),
         ]
         if isinstance(service, Physics):
-            members.append(Participant("shows", Each("eRepresent")))
+            members.append(Member("shows", Each("eRepresent")))
         story = Story(scene, members, 8)
         (robot,) = agents(story.scenes[-1])
         stories.append(robot.state["told"])

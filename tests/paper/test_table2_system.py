@@ -31,8 +31,8 @@ from minerva_bus import (
 from minerva_bus.errors import VocabularyError
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.messages import EvolveRequest
-from minerva_bus.frame.participant import Participant
 from minerva_bus.frame.stimuli import Begin, Ended, FrameDone
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
@@ -91,7 +91,7 @@ class Scripted(Generator):
         return self.made(tick.number)
 
 
-class Host(Participant):
+class Host(Member):
     """A host of agents that writes down which events it is given for evolution, which for views."""
 
     def __init__(self, name, kinds, run):
@@ -136,11 +136,11 @@ class Setting:
         """The world's frames as `FrameAlgorithm` runs them."""
         run = Run()
         members = [
-            Participant(name, Scripted(name, made, self.vocabulary, run))
+            Member(name, Scripted(name, made, self.vocabulary, run))
             for name, made in self.script.items()
         ]
         members += [Host(f"host{n}", self.kinds, run) for n in range(self.hosts)]
-        members.append(Participant("screen", Screen(run, self.visual)))
+        members.append(Member("screen", Screen(run, self.visual)))
         named = frozenset(one.name for one in members)
         world = World(
             "w", self.w0, self.vocabulary, order=Order(self.order), policy=self.policy,

@@ -13,7 +13,7 @@ from minerva_bus import Agent, Scene
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
@@ -32,8 +32,8 @@ def run(
 ) -> tuple[list[str], Scene]:
     """The digests of all frames, and the last string."""
     kinds = model.kinds if kinds is None else kinds
-    members = [Participant(name, make()) for name, make in model.services(agents).items()]
-    members += [Participant(f"host-{number}", agents=kinds) for number in range(hosts)]
+    members = [Member(name, make()) for name, make in model.services(agents).items()]
+    members += [Member(f"host-{number}", agents=kinds) for number in range(hosts)]
     names = frozenset(member.name for member in members)
     world = World(
         "test",

@@ -7,8 +7,8 @@ import pytest
 from running import World, eventually, write_world
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.frame.intake import WAITING, Intake
 from minerva_bus.frame.messages import Readings
+from minerva_bus.frame.readings import MAX_READINGS, ReadingBuffer
 from minerva_bus.runtime.notices import WAITING as NOTICES
 from minerva_bus.runtime.notices import Outlet
 from minerva_bus.wire.readings import plain_reading, read_reading
@@ -22,7 +22,7 @@ def free(*readings, member="m"):
 
 
 def test_the_newest_counts_once_and_the_others_are_counted():
-    intake = Intake()
+    intake = ReadingBuffer()
     for battery in BATTERIES[:3]:
         intake.put(free(battery))
     assert intake.taken() == (BATTERIES[2],)
@@ -31,7 +31,7 @@ def test_the_newest_counts_once_and_the_others_are_counted():
 
 
 def test_all_count_in_their_order():
-    intake = Intake("all")
+    intake = ReadingBuffer("all")
     intake.put(free(*BATTERIES[:2], member="b"))
     intake.put(free(BATTERIES[5], member="a"))
     intake.put(free(BATTERIES[2], member="b"))
@@ -40,17 +40,17 @@ def test_all_count_in_their_order():
 
 
 def test_every_nth_counts():
-    intake = Intake("all", nth=3)
+    intake = ReadingBuffer("all", nth=3)
     intake.put(free(*BATTERIES))
     assert intake.taken() == (BATTERIES[2], BATTERIES[5], BATTERIES[8])
     assert intake.dropped == 7
 
 
 def test_what_waits_is_bounded():
-    intake = Intake("all")
-    for _ in range(WAITING + 5):
+    intake = ReadingBuffer("all")
+    for _ in range(MAX_READINGS + 5):
         intake.put(free(BATTERIES[0]))
-    assert len(intake.taken()) == WAITING
+    assert len(intake.taken()) == MAX_READINGS
     assert intake.dropped == 5
 
 
@@ -59,7 +59,7 @@ def test_what_waits_is_bounded():
 )
 def test_wrong_policies(options, problem):
     with pytest.raises(MisuseError, match=problem):
-        Intake(**options)
+        ReadingBuffer(**options)
 
 
 @pytest.mark.parametrize(

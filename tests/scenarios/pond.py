@@ -28,7 +28,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.scene import walk
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.order import Order
@@ -281,12 +281,12 @@ def world(text: str | Scene, expected: Iterable[str], **rest: Any) -> World:
 
 def service(name: str, make: Any) -> Any:
     """A maker of a member with a service."""
-    return lambda: Participant(name, make())
+    return lambda: Member(name, make())
 
 
 def host(name: str, *kinds: type[Agent]) -> Any:
     """A maker of a host of agents."""
-    return partial(Participant, name, None, kinds)
+    return partial(Member, name, None, kinds)
 
 
 def counters(text: str = "ACounter#a · ACounter#b", **rest: Any) -> MemoryBus:

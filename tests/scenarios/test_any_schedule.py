@@ -32,7 +32,7 @@ from pond import (
 
 from minerva_bus import Scene
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned, Begin, FrameDone
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.memory_bus import MemoryBus
@@ -50,8 +50,8 @@ class Setting:
     """A world, who takes part in it, and who may come by."""
 
     scene: Scene
-    members: dict[str, Callable[[], Participant]]
-    guests: dict[str, Callable[[], Participant]]
+    members: dict[str, Callable[[], Member]]
+    guests: dict[str, Callable[[], Member]]
 
     @property
     def world(self):

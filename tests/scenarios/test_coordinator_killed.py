@@ -7,7 +7,7 @@ from pond import VOCABULARY, Steps
 from test_any_schedule import FRAMES, SETTINGS, both
 
 from minerva_bus.frame import messages as m
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Abandoned
 from minerva_bus.testing.memory_bus import BEGIN, MemoryBus
 
@@ -59,7 +59,7 @@ def test_a_member_that_came_anew_amid_the_first_frame_goes_back_to_before_it():
     """It was given what was saved in a frame that never ended: a successor has nothing for it."""
     asked = m.TickRequest(0)
     welcome = partial(m.Welcome, "pond", VOCABULARY, 5, 0.1, 0, "sequential")
-    first, again = Participant("steps", Steps()), Participant("steps", Steps())
+    first, again = Member("steps", Steps()), Member("steps", Steps())
     first.receive(welcome(None))
     (said,) = first.receive(asked)
     again.receive(welcome(said.saved))

@@ -20,8 +20,8 @@ from pond import (
 from minerva_bus import Agent, Generator, Vocabulary
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.members import MemberState
-from minerva_bus.frame.participant import Participant
 
 
 def test_all_are_there_before_the_first_frame():
@@ -351,4 +351,4 @@ def test_the_welcome_says_all_that_a_member_must_know():
     assert (welcome.world, welcome.seed, welcome.dt, welcome.frame) == ("garden", 3, 0.5, 2)
     assert isinstance(welcome.vocabulary, Vocabulary)
     assert welcome.vocabulary is VOCABULARY
-    assert isinstance(bus.alive["new"], Participant)
+    assert isinstance(bus.alive["new"], Member)

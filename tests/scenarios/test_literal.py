@@ -18,7 +18,7 @@ from minerva_bus.errors import MisuseError, VocabularyError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.frame.stimuli import Begin, FrameDone
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents, walk
 from minerva_bus.runtime.direct import InProcessRunner
@@ -46,8 +46,8 @@ class Script(Generator, events=()):
 
 def world(scene, script, hosts, vocabulary=POND, **rest):
     """A literal world that follows a script, and its members; `hosts` have agent classes."""
-    members = {"script": lambda: Participant("script", Script(vocabulary, script))}
-    members |= {name: partial(Participant, name, None, kinds) for name, kinds in hosts.items()}
+    members = {"script": lambda: Member("script", Script(vocabulary, script))}
+    members |= {name: partial(Member, name, None, kinds) for name, kinds in hosts.items()}
     members |= rest.pop("more", {})
     found = vocabulary.read(scene) if isinstance(scene, str) else scene
     rest = {"frames": len(script), "seed": SEED, "order": ORDER, **rest}
@@ -243,7 +243,7 @@ def test_a_world_in_which_agents_would_vanish_does_not_rest():
 
     members = {
         "bell": service("bell", Bell),
-        "host": partial(Participant, "host", None, (Counter,)),
+        "host": partial(Member, "host", None, (Counter,)),
     }
     described = World(
         "w",

@@ -7,12 +7,12 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 
 
 def test_a_newborn_gets_no_event_of_the_frame_of_its_birth_and_all_of_the_next():
     world = FrameAlgorithm(World("w", VOCABULARY.read("AMother#m"), VOCABULARY))
-    host = Participant("host", None, [Mother, Counter])
+    host = Member("host", None, [Mother, Counter])
 
     def tell(stimulus):
         for one in world.receive(stimulus):

@@ -308,11 +308,11 @@ class Sizes(Device, draws=("eMark",)):
 
 def test_a_device_cannot_be_the_source_of_events_that_need_data():
     from minerva_bus.frame.description import World
-    from minerva_bus.frame.participant import Participant
+    from minerva_bus.frame.member import Member
     from minerva_bus.testing.family import FAMILY, FAMILY_VOCABULARY
     from minerva_bus.testing.memory_bus import MemoryBus
 
-    members = {"host": lambda: Participant("host", None, FAMILY)}
+    members = {"host": lambda: Member("host", None, FAMILY)}
     w = FAMILY_VOCABULARY.read("AWalker#w")
     bus = MemoryBus(World("w", w, FAMILY_VOCABULARY, expected=frozenset(members)), members)
     bus.start()

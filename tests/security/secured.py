@@ -8,7 +8,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.runtime.client import Client
 from minerva_bus.runtime.member import BusMember
 from minerva_bus.security.certificates import Wanted
@@ -45,7 +45,7 @@ class Joined:
 
     def __init__(self, world, endpoint, own, service=None, agents=(), kind=BusMember):
         self.told, self.result, self.over = [], None, threading.Event()
-        participant = Participant(own.name, service, agents)
+        participant = Member(own.name, service, agents)
         self.member = kind(participant, world.name, endpoint, self.told.append, own=own)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()

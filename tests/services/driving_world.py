@@ -29,7 +29,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import agents
 from minerva_bus.runtime.direct import InProcessRunner, deliver
@@ -154,7 +154,7 @@ class Mortal:
     def reborn(self) -> None:
         """A new process takes its place, without any memory."""
         self.dead = False
-        self._participant = Participant(self.name, self._born())
+        self._participant = Member(self.name, self._born())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.__dict__["_participant"], name)
@@ -187,11 +187,11 @@ class Yard(InProcessRunner):
         self.deaths = 0
         self._notices_at_once = notices_at_once
         others = [
-            Participant("camera", Camera()),
-            Participant("decide", Each("eDecide")),
-            Participant("drivers", agents=[ADriver]),
-            Participant("laser", Laser()),
-            Participant("represent", Each("eRepresent", represents_every)),
+            Member("camera", Camera()),
+            Member("decide", Each("eDecide")),
+            Member("drivers", agents=[ADriver]),
+            Member("laser", Laser()),
+            Member("represent", Each("eRepresent", represents_every)),
         ]
         names = frozenset({"physics", *(one.name for one in others)})
         world = World("yard", scene, VOCABULARY, seed, 0.1, ORDER, expected=names)
@@ -203,7 +203,7 @@ class Yard(InProcessRunner):
         if isinstance(instruction, s.FrameDone):
             self.frames.append(instruction.record)
 
-    def _delivered(self, member: Participant, message: m.ToMember | m.Readings) -> list[Any]:
+    def _delivered(self, member: Member, message: m.ToMember | m.Readings) -> list[Any]:
         answers = list(deliver(member, message))
         if self.mortal.dead and self._notices_at_once:
             self.deaths += 1

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.frame import messages as m
+from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.live import LiveSource
 from minerva_bus.frame.pacing import Pace
-from minerva_bus.frame.participant import Participant
 from minerva_bus.log.journal import Journal
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed
@@ -28,7 +28,7 @@ def lose_frames(patch):
 
 def repeat_orders(patch):
     """A generator that is asked for a frame again obeys its orders once more."""
-    whole = Participant._ordered
+    whole = GeneratorSide._ordered
 
     def ordered(self, frame):
         events = whole(self, frame)
@@ -36,7 +36,7 @@ def repeat_orders(patch):
         self._orders[frame + 1] = events
         return events
 
-    patch.setattr(Participant, "_ordered", ordered)
+    patch.setattr(GeneratorSide, "_ordered", ordered)
 
 
 def take_stale_answers(patch):

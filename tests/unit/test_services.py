@@ -6,7 +6,7 @@ import pytest
 
 from minerva_bus import Context, Device, Event, Frame, Generator
 from minerva_bus.errors import MisuseError
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.specs import bind
 from minerva_bus.world.services import Tick
 
@@ -52,7 +52,7 @@ def test_an_option_that_stands_in_for_what_a_service_says_of_itself(events):
     make = bind(Shower, {"events": events}, "shower")
     with pytest.raises(MisuseError, match=r"Shower: self.events must be a tuple of names, not .*;"
                        " call an attribute for something else, as an option's value, otherwise"):  # fmt: skip
-        Participant("shower", make())
+        Member("shower", make())
 
 
 def test_an_option_may_say_it_and_mean_it():
@@ -68,8 +68,8 @@ def test_an_option_may_say_it_and_mean_it():
             return ("eRain",) * self.events
 
     shower = bind(Shower, {"events": "eRain,eHail"}, "shower")()
-    assert Participant("shower", shower).hello().generates == ("eRain", "eHail")
-    assert Participant("told", Told(1)).hello().generates == ("eRain",)
+    assert Member("shower", shower).hello().generates == ("eRain", "eHail")
+    assert Member("told", Told(1)).hello().generates == ("eRain",)
 
 
 @pytest.mark.parametrize("name", ["draws", "topics", "publishes"])
@@ -77,7 +77,7 @@ def test_so_of_a_device(name):
     screen = Screen()
     setattr(screen, name, "eDraw")
     with pytest.raises(MisuseError, match=f"Screen: self.{name} must be a tuple of names"):
-        Participant("screen", screen)
+        Member("screen", screen)
 
 
 def test_a_tick_is_a_moment_of_a_generator():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.runtime.direct import InProcessRunner
@@ -23,7 +23,7 @@ def test_bumps_of_the_robot_click(tmp_path: Path):
     sound = Sound(str(tmp_path / "w.wav"))
     members = [process.participant() for process in file.processes]
     runner = InProcessRunner(
-        FrameAlgorithm(file.world), [*members, Participant("sound", sound)], lambda _: None
+        FrameAlgorithm(file.world), [*members, Member("sound", sound)], lambda _: None
     )
     runner.start()
     while runner.ended is None:

@@ -18,7 +18,7 @@ from minerva_bus import (
 )
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.forms import Disc, Motion
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
@@ -126,7 +126,7 @@ def test_a_member_of_ours_leaves_out_what_is_none(odd):
         def report(self):
             return {"count": 1, "mean": odd, "how": "well"}
 
-    assert Participant("meter", Meter()).figures() == {"count": 1, "how": "well"}
+    assert Member("meter", Meter()).figures() == {"count": 1, "how": "well"}
 
 
 @pytest.mark.parametrize("odd", ODD)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import Summary
 from minerva_bus.log.journal import read_journal, resume_from
@@ -117,7 +117,7 @@ class Play:
             self.timeline.note(name, f"ended with {code}")
 
         process = Process(name, self.timeline, self.network, exited, said)
-        participant = Participant(name, None, GUESTS[name])
+        participant = Member(name, None, GUESTS[name])
         endpoint, system = self.launcher.endpoint, process.system
         member = BusMember(participant, NAME, endpoint, said, system=system)
         self.guests[name] = process, member

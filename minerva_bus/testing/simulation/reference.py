@@ -9,7 +9,7 @@ from itertools import count
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.participant import Participant
+from minerva_bus.frame.member import Member
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.testing.simulation.worlds import ORDERS, eCry, processes, world
@@ -50,7 +50,7 @@ def undisturbed(frames: int, orders: Orders) -> Undisturbed:
     return Undisturbed(tuple(digests), tuple(events), shown)
 
 
-def _members(shown: dict[int, str]) -> list[Participant]:
+def _members(shown: dict[int, str]) -> list[Member]:
     return [process.participant() for process in processes(shown, count(1))]
 
 

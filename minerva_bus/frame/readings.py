@@ -1,4 +1,4 @@
-"""What a generator has heard on its sensor topics and not yet taken into a frame."""
+"""Buffer for readings that a generator has received and not yet used in a frame."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.world.readings import Reading
 
-WAITING: Final = 1000
-"""Readings of one publisher that wait for a frame, at most; the oldest are dropped."""
+MAX_READINGS: Final = 1000
+"""Readings of one publisher that wait for a frame; the oldest are dropped."""
 
 TAKES: Final = ("newest", "all")
 
 
-class Intake:
+class ReadingBuffer:
     """Readings by topic and publisher, until a tick takes them.
 
-    Of a publisher in step there are those of one frame. One that runs freely may be faster than
-    the frames: `takes` says whether its newest reading counts or all that have come since, and of
-    these only every `nth`. What does not count is counted in `dropped`.
+    Of a lockstep publisher it keeps the readings of one frame. A free-running publisher may be
+    faster than the frames: `takes` selects its newest reading, or all since the last frame, of
+    which only every `nth` counts. `dropped` is the number of readings that did not count.
     """
 
     def __init__(self, takes: str = "newest", nth: int = 1) -> None:
@@ -30,14 +30,14 @@ class Intake:
         if nth < 1:
             raise MisuseError(f"nth is {nth}; expected a whole number from 1")
         self.dropped: int = 0
-        self._longest = WAITING if takes == "all" else 1
+        self._limit = MAX_READINGS if takes == "all" else 1
         self._nth = nth
         self._in_step: dict[tuple[str, str], Readings] = {}
         self._free: dict[tuple[str, str], deque[Reading]] = {}
-        self._heard: dict[tuple[str, str], int] = {}
+        self._received: dict[tuple[str, str], int] = {}
 
     def put(self, readings: Readings) -> None:
-        """Keep what has come."""
+        """Add readings that have arrived."""
         key = readings.topic, readings.member
         if readings.frame >= 0:
             kept = self._in_step.get(key)
@@ -46,17 +46,17 @@ class Intake:
             return
         waiting = self._free.setdefault(key, deque())
         for reading in readings.readings:
-            heard = self._heard[key] = self._heard.get(key, 0) + 1
-            if heard % self._nth:
+            number = self._received[key] = self._received.get(key, 0) + 1
+            if number % self._nth:
                 self.dropped += 1
                 continue
             waiting.append(reading)
-            if len(waiting) > self._longest:
+            if len(waiting) > self._limit:
                 waiting.popleft()
                 self.dropped += 1
 
     def missing(self, frame: int, sources: Mapping[str, tuple[str, ...]]) -> Iterator[str]:
-        """The publishers in step whose readings of a frame are not there yet."""
+        """The lockstep publishers whose readings of a frame have not arrived."""
         for topic, publishers in sorted(sources.items()):
             for publisher in publishers:
                 readings = self._in_step.get((topic, publisher))
@@ -64,14 +64,14 @@ class Intake:
                     yield publisher
 
     def taken(self) -> tuple[Reading, ...]:
-        """The readings that count now, by topic and publisher; free ones count once."""
+        """The readings that count now, by topic and publisher; free publishers' count once."""
         if not self._in_step and not self._free:
             return ()
-        found = {key: one.readings for key, one in self._in_step.items()}
-        found |= {key: tuple(waiting) for key, waiting in self._free.items()}
+        taken = {key: message.readings for key, message in self._in_step.items()}
+        taken |= {key: tuple(waiting) for key, waiting in self._free.items()}
         self._free = {}
-        return tuple([reading for _, mine in sorted(found.items()) for reading in mine])
+        return tuple([reading for _, readings in sorted(taken.items()) for reading in readings])
 
     def clear(self) -> None:
-        """Forget what was heard before the world was lost from sight."""
+        """Forget all readings, because the member rejoins."""
         self._in_step, self._free = {}, {}

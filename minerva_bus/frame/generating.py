@@ -1,0 +1,194 @@
+"""Generator side of a member: answers ticks with events, from readings, orders and its service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from typing import Any, TypeAlias
+
+from minerva_bus.blame import blamed
+from minerva_bus.errors import MisuseError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.calling import made_events, restore, saved_by
+from minerva_bus.frame.readings import ReadingBuffer
+from minerva_bus.grammar.batch import AnyEvent, in_columns
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.context import Frame
+from minerva_bus.world.readings import Reading
+from minerva_bus.world.services import Device, Generator, Service, Tick
+
+Outgoing: TypeAlias = m.FromMember | m.Readings
+
+
+class GeneratorSide:
+    """Answers the ticks of one member.
+
+    A tick is answered once the readings of all lockstep publishers for its frame have arrived.
+    Answers are kept for two frames, because a coordinator or its successor may ask again.
+    `asked` is the frame whose tick is not answered yet, or None.
+    """
+
+    def __init__(self, name: str, service: Service | None) -> None:
+        self._name = name
+        self._service = service
+        self._generates: frozenset[str] = frozenset()
+        self._initial: Mapping[str, Any] | None = None
+        self._answers: dict[int, tuple[Outgoing, ...]] = {}
+        self._sources: dict[str, tuple[str, ...]] = {}
+        self._published: dict[str, m.Readings] = {}
+        self._orders: dict[int, tuple[AnyEvent, ...]] = {}
+        self._obeyed: dict[int, int] = {}
+        self.asked: int | None = None
+        self.buffer = (
+            ReadingBuffer() if service is None else ReadingBuffer(service.takes, service.nth)
+        )
+
+    # --- joining ---
+
+    def join(self, saved: Mapping[str, Any] | None) -> None:
+        """Continue from what an earlier process of this member saved, if anything."""
+        self._generates = frozenset(generated_types(self._service))
+        if self._service is not None and saved is not None:
+            self._initial = deepcopy(saved_by(self._service))
+            restore(self._service, saved)
+
+    def clear(self) -> None:
+        """Forget what was asked and received before the member rejoined."""
+        self.asked = None
+        self.buffer.clear()
+
+    def rejoin(self, service: Service, welcome: m.Welcome) -> None:
+        """Return to the state before a frame; answers given in that frame can be repeated."""
+        if welcome.frame not in self._answers:
+            self._answers = {welcome.frame - 1: ()}
+            # Nothing is saved of a first frame that never ended: return to before it.
+            saved = self._initial if welcome.saved is None else welcome.saved
+            if saved is not None:
+                restore(service, saved)
+
+    # --- ticks ---
+
+    def sources(self, sources: m.Sources, topics: Iterable[str]) -> None:
+        """Note which lockstep members publish the topics of this generator."""
+        if not isinstance(self._service, Generator):
+            return  # Only generators answer for the readings of a frame.
+        published = sources.publishers
+        self._sources = {topic: published[topic] for topic in topics if topic in published}
+
+    def repeated(self, frame: int) -> tuple[Outgoing, ...] | None:
+        """The answer to a tick that was answered before; None where it is new.
+
+        A new tick is noted as asked, unless it is older than those that were answered.
+        """
+        answer = self._answers.get(frame)
+        if answer is None and frame >= max(self._answers, default=0):
+            self.asked = frame
+        return answer
+
+    @property
+    def complete(self) -> bool:
+        """Whether a tick is asked and all readings of its frame have arrived."""
+        return self.asked is not None and not (self._sources and next(self.missing(), None))
+
+    def missing(self) -> Iterator[str]:
+        """The publishers whose readings of the asked frame have not arrived."""
+        return self.buffer.missing(-1 if self.asked is None else self.asked, self._sources)
+
+    def answer(self, frame: Frame, vocabulary: Vocabulary) -> tuple[Outgoing, ...]:
+        """C^d(t): the events of a frame, and the readings that are published."""
+        self.asked = None
+        answer = tuple(self._answer(frame, vocabulary))
+        kept = {n: out for n, out in self._answers.items() if n >= frame.number - 1}
+        self._answers = {**kept, frame.number: answer}
+        return answer
+
+    def _answer(self, frame: Frame, vocabulary: Vocabulary) -> Iterator[Outgoing]:
+        service = self._service
+        if not isinstance(service, Generator) or not service.lockstep:
+            if isinstance(service, Device) and service.coupled:
+                yield m.TickReply(self._name, frame.number)
+            return
+        readings, orders = self.buffer.taken(), self._ordered(frame.number)
+        tick = Tick(frame, self._name, readings=readings, orders=orders)
+        with blamed(service.generate):
+            events = in_columns(self.checked(made_events(service.generate(tick)), vocabulary))
+            published = self._publish(service, tick) if service.publishes or tick.published else ()
+        yield from published
+        yield m.TickReply(self._name, frame.number, events, saved_by(service))
+
+    # --- orders ---
+
+    def take_orders(self, orders: m.Orders) -> None:
+        """Keep people's orders for a frame.
+
+        A successor of the coordinator sends the orders of a frame again; those that have been
+        obeyed are left out.
+        """
+        frame, obeyed = orders.frame, self._obeyed.get(orders.frame)
+        if obeyed is None:
+            self._orders[frame] = orders.events
+        elif orders.events[obeyed:]:
+            self._orders[frame + 1] = orders.events[obeyed:]
+
+    def _ordered(self, frame: int) -> tuple[AnyEvent, ...]:
+        """People's orders for a frame, and for earlier ones in which it was not asked."""
+        due = {n: self._orders.pop(n) for n in sorted(self._orders) if n <= frame}
+        self._obeyed = {frame: len(due.get(frame, ()))}
+        return tuple([event for events in due.values() for event in events])
+
+    # --- events and readings ---
+
+    def checked(self, events: Iterable[AnyEvent], vocabulary: Vocabulary) -> tuple[AnyEvent, ...]:
+        """Events, checked against the vocabulary and the declaration. Raises MisuseError."""
+        checked = tuple([vocabulary.check_any(event, self._name) for event in events])
+        for event in checked:
+            if event.type not in self._generates:
+                service = type(self._service).__name__
+                raise MisuseError(
+                    f"it makes {event.type}, which it does not declare;"
+                    f' write class {service}(Generator, events=("{event.type}",'
+                    " ...))"
+                )
+        return checked
+
+    def _publish(self, service: Service, tick: Tick) -> list[m.Readings]:
+        by_topic: dict[str, list[Reading]] = {topic: [] for topic in service.publishes}
+        for topic, reading in tick.published:
+            self._check_topic(service, topic)
+            by_topic[topic].append(reading)
+        messages = {
+            topic: m.Readings(self._name, topic, tick.number, tuple(readings))
+            for topic, readings in by_topic.items()
+        }
+        self._published |= messages
+        return list(messages.values())
+
+    def _check_topic(self, service: Service, topic: str) -> None:
+        if topic not in service.publishes:
+            raise MisuseError(f"{self._name} publishes on {topic!r}; declare it in `publishes`")
+
+    def last_published(self, topic: str) -> m.Readings | None:
+        """The latest readings on a topic."""
+        return self._published.get(topic)
+
+    def published(self, topic: str, reading: Reading) -> m.Readings:
+        """The message for a reading of a free-running publisher. Raises MisuseError."""
+        assert self._service is not None
+        self._check_topic(self._service, topic)
+        return m.Readings(self._name, topic, -1, (reading,))
+
+
+def generated_types(service: Service | None) -> tuple[str, ...]:
+    """The event types that a service generates. Raises UserCodeError."""
+    if not isinstance(service, Generator):
+        return ()
+    with blamed(service.generates):
+        return tuple(service.generates())
+
+
+def ordered_types(service: Service | None) -> tuple[str, ...]:
+    """The event types whose orders a service takes. Raises UserCodeError."""
+    if not isinstance(service, Generator):
+        return ()
+    with blamed(service.takes_orders):
+        return tuple(service.takes_orders())

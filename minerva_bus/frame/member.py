@@ -1,0 +1,276 @@
+"""Member side of the frame protocol as a pure state machine: messages in, messages out.
+
+The same object answers on the bus, in one process and in tests. User code runs in it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeAlias, cast
+
+from minerva_bus.blame import blamed
+from minerva_bus.errors import MinervaError, UserCodeError
+from minerva_bus.frame import messages as m
+from minerva_bus.frame.calling import made_events
+from minerva_bus.frame.compatibility import PROTOCOL_VERSION
+from minerva_bus.frame.drawing import DeviceSide
+from minerva_bus.frame.generating import GeneratorSide, generated_types, ordered_types
+from minerva_bus.frame.hosting import Host
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.source import handler_name
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.context import Frame
+from minerva_bus.world.evolution import Policy
+from minerva_bus.world.kinds import kinds_of
+from minerva_bus.world.operator import Nobody, Operator
+from minerva_bus.world.readings import Reading
+from minerva_bus.world.services import Device, Generator, Service, WorldInfo, checked_service
+
+Outgoing: TypeAlias = m.FromMember | m.Readings
+
+
+class Refusal(MinervaError):
+    """The world does not accept this member."""
+
+
+class Unready(Refusal):
+    """The member cannot take part in this world, as its service reports."""
+
+
+class Anew(Refusal):
+    """The world has been started again, so its former members must start again too."""
+
+
+class Member:
+    """One member: agents of some kinds, or a service, under a name."""
+
+    def __init__(
+        self, name: str, service: Service | None = None, agents: Iterable[type[Agent]] = ()
+    ) -> None:
+        self.name = name
+        self.operator = cast("Operator", Nobody())
+        self.service = checked_service(service)
+        self.host = Host(name, kinds_of(agents))
+        self.world: m.Welcome | None = None
+        self.stopped = ""
+        self.frame = -1
+        self._generating = GeneratorSide(name, service)
+        self._drawing = DeviceSide(service)
+        self._evolved: tuple[int, set[int]] = (-1, set())
+        self._out: list[Outgoing] = []
+        self._handlers: dict[type, Callable[[Any], None]] = {
+            m.TickRequest: self._on_tick,
+            m.EvolveRequest: self._on_evolve,
+            m.Readings: self._on_readings,
+            m.ViewShown: self._on_view,
+            m.Fragments: self.host.take,
+            m.Orders: self._generating.take_orders,
+            m.Greet: self._on_greet,
+            m.Welcome: self._on_welcome,
+            m.Refused: self._on_refused,
+            m.Sources: self._on_sources,
+            m.Repeat: self._on_repeat,
+            m.Stop: self._on_stop,
+        }
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The sensor topics that it subscribes to."""
+        return self.service.topics if self.service is not None else ()
+
+    def receive(self, message: m.ToMember | m.Readings) -> list[Outgoing]:
+        """Take one message and return what to send because of it, in order.
+
+        Raises Refusal where the world does not accept the member, and whatever user code raises.
+        """
+        self._out = []
+        if self.world is None and not isinstance(
+            message, m.Greet | m.Welcome | m.Refused | m.Stop | m.Sources
+        ):
+            return self._out
+        self._handlers[type(message)](message)
+        return self._out
+
+    # --- joining and leaving ---
+
+    def hello(self) -> m.Hello:
+        """Who this member is and what it can do."""
+        service = self.service
+        generator = service if isinstance(service, Generator) else None
+        device = service if isinstance(service, Device) else None
+        return m.Hello(
+            self.name,
+            PROTOCOL_VERSION,
+            service=type(service).__name__ if service is not None else "",
+            kinds=tuple(cls.kind for _, cls in sorted(self.host.kinds.items())),
+            generates=generated_types(generator),
+            lockstep=generator is not None and generator.lockstep,
+            ahead=generator is not None and generator.lockstep and generator.ahead,
+            orders=ordered_types(generator),
+            draws=tuple(device.draws) if device is not None else (),
+            coupled=device is not None and device.coupled,
+            every=device.every if device is not None else 0,
+            rate=device.rate if device is not None else 0.0,
+            topics=self.topics,
+            publishes=service.publishes if service is not None else (),
+            pid=os.getpid(),
+            host=platform.node(),
+            people=generator is not None and generator.people,
+        )
+
+    def _on_greet(self, _: m.Greet) -> None:
+        self._out.append(self.hello())
+
+    def _on_welcome(self, welcome: m.Welcome) -> None:
+        """Join a world, or rejoin it after its coordinator lost sight of this member."""
+        rejoins = self.world is not None and self._is_same_run(self.world, welcome)
+        self.world = welcome
+        self._evolved = (-1, set())
+        self._generating.clear()
+        self.host.clear()
+        self._drawing.rejoin()
+        if self.service is None:
+            return
+        if rejoins:
+            self._generating.rejoin(self.service, welcome)
+            return
+        self._join(self.service, welcome)
+        self._generating.join(welcome.saved)
+
+    def _join(self, service: Service, welcome: m.Welcome) -> None:
+        info = WorldInfo(welcome.world, welcome.vocabulary, welcome.seed, welcome.dt, self.operator)
+        try:
+            service.joined(info)
+        except MinervaError as error:
+            raise Unready(f"{self.name} cannot take part: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise UserCodeError(handler_name(service.joined), service.joined) from error
+
+    def _is_same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:
+        """Whether a welcome is of the run that it took part in. Raises Anew where it cannot be."""
+        same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
+        earlier = welcome.frame + 1 < self.frame and welcome.saved is None
+        if not same or earlier:
+            raise Anew(f"the world {welcome.world!r} has begun anew, at frame {welcome.frame}")
+        return True
+
+    def _on_refused(self, refused: m.Refused) -> None:
+        raise Refusal(f"the world does not take {self.name}: {refused.reason}")
+
+    def _on_stop(self, stop: m.Stop) -> None:
+        self.stopped = stop.reason or "the world has ended"
+        self.show()
+        self._out.append(m.Report(self.name, self.figures()))
+
+    def figures(self) -> m.Figures:
+        """Metrics of its service, without numbers that are not finite, as the mean of nothing."""
+        reported: m.Figures = {}
+        if self.service is not None:
+            with blamed(self.service.report):
+                reported = self.service.report() or {}
+        figures = {name: value for name, value in reported.items() if _is_figure(value)}
+        if self._generating.buffer.dropped:
+            figures["dropped"] = self._generating.buffer.dropped
+        return figures
+
+    # --- generators ---
+
+    def _on_sources(self, sources: m.Sources) -> None:
+        self._generating.sources(sources, self.topics)
+        self._tick_if_complete()
+
+    def _on_readings(self, readings: m.Readings) -> None:
+        if isinstance(self.service, Device) and not isinstance(self.service, Generator):
+            with blamed(self.service.heard):
+                for reading in readings.readings:
+                    self.service.heard(reading)
+            return
+        self._generating.buffer.put(readings)
+        self._tick_if_complete()
+
+    def _on_tick(self, request: m.TickRequest) -> None:
+        answer = self._generating.repeated(request.frame)
+        if answer is not None:
+            self._out.extend(answer)
+        else:
+            self._tick_if_complete()
+
+    def _tick_if_complete(self) -> None:
+        """Answer a tick once all readings of its frame have arrived."""
+        frame = self._generating.asked
+        if frame is None or not self._generating.complete:
+            return
+        self.frame = frame
+        context, vocabulary = self._context(frame), self._welcome.vocabulary
+        self._out.extend(self._generating.answer(context, vocabulary))
+
+    def missing(self) -> Iterator[str]:
+        """The publishers whose readings of the asked frame have not arrived."""
+        return self._generating.missing()
+
+    def _on_repeat(self, repeat: m.Repeat) -> None:
+        published = self._generating.last_published(repeat.topic)
+        if published is not None:
+            self._out.append(published)
+
+    def emitted(self, event: AnyEvent) -> m.Emitted:
+        """The message for an event of a free-running generator. Raises UserCodeError."""
+        assert isinstance(self.service, Generator)
+        with blamed(self.service.run):
+            events = self._generating.checked(made_events(event), self._welcome.vocabulary)
+            return m.Emitted(self.name, events)
+
+    def published(self, topic: str, reading: Reading) -> m.Readings:
+        """The message for a reading of a free-running publisher. Raises MisuseError."""
+        return self._generating.published(topic, reading)
+
+    # --- devices ---
+
+    def _on_view(self, shown: m.ViewShown) -> None:
+        if not self._drawing.take(shown):
+            self._out.append(m.Resync(self.name, shown.event_type))
+        elif isinstance(self.service, Device) and self.service.coupled:
+            self.show()
+
+    def show(self) -> None:
+        """Let the device show what it has not shown yet."""
+        self._drawing.show(self._begin_view)
+
+    def _begin_view(self, frame: int) -> None:
+        self.frame = frame  # If the device raises, the error names the frame of the view.
+
+    # --- agents ---
+
+    def _on_evolve(self, request: m.EvolveRequest) -> None:
+        if self.name not in request.asked or self._has_evolved(request):
+            return
+        self.frame = request.frame
+        policy = Policy(self._welcome.policy)
+        context = self._context(request.frame)
+        self._out.append(self.host.answer(request, context, policy, self._welcome.vocabulary))
+
+    def _has_evolved(self, request: m.EvolveRequest) -> bool:
+        """Whether this was asked before: fragments may evolve only once in a frame."""
+        frame, parts = self._evolved
+        if request.frame < frame or (request.frame == frame and request.part in parts):
+            return True
+        if request.frame > frame:
+            parts = set[int]()
+        parts.add(request.part)
+        self._evolved = request.frame, parts
+        return False
+
+    @property
+    def _welcome(self) -> m.Welcome:
+        assert self.world is not None
+        return self.world
+
+    def _context(self, number: int) -> Frame:
+        return Frame(number, self._welcome.dt, self._welcome.seed)
+
+
+def _is_figure(value: bool | int | float | str) -> bool:
+    return not isinstance(value, float) or math.isfinite(value)
