@@ -117,28 +117,28 @@ class Conversations:
         figure = self._figure(id, peer)
         return None if figure is None else Conversation.of(figure)
 
-    def keep(self, *some: Conversation) -> Conversations:
+    def keep(self, *conversations: Conversation) -> Conversations:
         """With these as they are now: in the places of what they were, else at the end.
 
         Those that are over are left out.
         """
         kept = self
-        for one in some:
-            kept = kept._with(one)
+        for conversation in conversations:
+            kept = kept._with(conversation)
         return kept
 
-    def drop(self, one: Conversation) -> Conversations:
+    def drop(self, conversation: Conversation) -> Conversations:
         """Without this one."""
-        old = self._figure(one.id, one.peer)
+        old = self._figure(conversation.id, conversation.peer)
         return Conversations(Scene(tuple([node for node in self.scene if node is not old])))
 
-    def _with(self, one: Conversation) -> Conversations:
-        if one.over:
-            return self.drop(one)
-        old = self._figure(one.id, one.peer)
+    def _with(self, conversation: Conversation) -> Conversations:
+        if conversation.over:
+            return self.drop(conversation)
+        old = self._figure(conversation.id, conversation.peer)
         if old is None:
-            return Conversations(self.scene + one.string)
-        (new,) = one.string
+            return Conversations(self.scene + conversation.string)
+        (new,) = conversation.string
         return Conversations(Scene(tuple([new if node is old else node for node in self.scene])))
 
     def _figure(self, id: str, peer: str) -> FigureNode | None:

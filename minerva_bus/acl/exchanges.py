@@ -85,7 +85,7 @@ class Exchange:
     @property
     def agents(self) -> tuple[str, ...]:
         """Who takes part, in the order in which they first speak or are spoken to."""
-        names = [name for one in self.said for name in (one.sender, *one.receivers)]
+        names = [name for message in self.said for name in (message.sender, *message.receivers)]
         return tuple(dict.fromkeys(names))
 
     def plain(self) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class Exchange:
         return {
             "title": self.title,
             "agents": list(self.agents),
-            "messages": [one.plain() for one in self.said],
+            "messages": [message.plain() for message in self.said],
         }
 
     def mermaid(self) -> str:
@@ -108,12 +108,12 @@ class Exchange:
         first, last = ids[self.agents[0]], ids[self.agents[-1]]
         over = first if first == last else f"{first},{last}"
         frame = None
-        for one in self.said:
-            if one.frame != frame:
-                frame = one.frame
+        for message in self.said:
+            if message.frame != frame:
+                frame = message.frame
                 yield f"    Note over {over}: frame {frame}"
-            for receiver in one.receivers:
-                yield f"    {ids[one.sender]}->>{ids[receiver]}: {_escaped(one.label)}"
+            for receiver in message.receivers:
+                yield f"    {ids[message.sender]}->>{ids[receiver]}: {_escaped(message.label)}"
 
 
 def exchange_of(record: Record, conversation: str = "") -> Exchange:
@@ -132,7 +132,7 @@ def exchange_of(record: Record, conversation: str = "") -> Exchange:
     world = record.description.world.name
     if not conversation:
         return Exchange(world, tuple(said))
-    chosen = tuple([one for one in said if one.conversation == conversation])
+    chosen = tuple([message for message in said if message.conversation == conversation])
     if not chosen:
         known = _conversations(said)
         near = nearest(conversation, known)
@@ -156,7 +156,11 @@ def check_drawable(record: Record, exchange: Exchange) -> None:
 
 
 def _conversations(said: list[Said]) -> list[str]:
-    return [one for one in dict.fromkeys(one.conversation for one in said) if one]
+    return [
+        conversation
+        for conversation in dict.fromkeys(message.conversation for message in said)
+        if conversation
+    ]
 
 
 def _named(known: list[str]) -> str:
@@ -168,4 +172,6 @@ def _named(known: list[str]) -> str:
 
 def _escaped(text: str) -> str:
     """A text in which nothing means anything to Mermaid; its entities are of the form #NN;."""
-    return "".join([f"#{ord(one)};" if one in "#;<>&%\"'`{}\\" else one for one in text])
+    return "".join(
+        [f"#{ord(letter)};" if letter in "#;<>&%\"'`{}\\" else letter for letter in text]
+    )

@@ -23,8 +23,8 @@ eMail = EventType("eMail", visual=True)  # noqa: N816 - event types begin with e
 TOutside = Transformation("TOutside", id=str)
 
 _parameters: dict[str, Any] = {
-    one.name: one.type if one.default is None else Default(one.type, one.default)
-    for one in eMessage.fields.all
+    field.name: field.type if field.default is None else Default(field.type, field.default)
+    for field in eMessage.fields.all
 }
 PMail = Primitive("PMail", frame=int, sender=str, **_parameters)
 

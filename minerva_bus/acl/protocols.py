@@ -154,5 +154,7 @@ PROPOSE: Final = Protocol(
     ),
 )
 
-PROTOCOLS: Final = {one.name: one for one in (REQUEST, QUERY, CONTRACT_NET, SUBSCRIBE, PROPOSE)}
+PROTOCOLS: Final = {
+    protocol.name: protocol for protocol in (REQUEST, QUERY, CONTRACT_NET, SUBSCRIBE, PROPOSE)
+}
 """By the names that stand in messages."""

@@ -152,12 +152,12 @@ class Talker(Agent):
     ) -> list[Conversation]:
         """Those that are under way, in the order in which they began."""
         return [
-            one
-            for one in Conversations(self.talks)
-            if (protocol is None or one.protocol == protocol.name)
-            and id in ("", one.id)
-            and state in ("", one.state)
-            and role in ("", one.role)
+            conversation
+            for conversation in Conversations(self.talks)
+            if (protocol is None or conversation.protocol == protocol.name)
+            and id in ("", conversation.id)
+            and state in ("", conversation.state)
+            and role in ("", conversation.role)
         ]
 
     def expire(self, moment: Context) -> list[Conversation]:
@@ -166,22 +166,27 @@ class Talker(Agent):
         To be called in whatever the agent does in each frame: no message comes of silence.
         """
         kept = Conversations(self.talks)
-        gone = [one for one in kept if one.expired(moment.number)]
-        for one in gone:
-            kept = kept.drop(one)
+        gone = [conversation for conversation in kept if conversation.expired(moment.number)]
+        for conversation in gone:
+            kept = kept.drop(conversation)
         self.talks = kept.scene
-        return [replace(one, state=EXPIRED) for one in gone]
+        return [replace(conversation, state=EXPIRED) for conversation in gone]
 
-    def _keep(self, *some: Conversation) -> None:
-        self.talks = Conversations(self.talks).keep(*some).scene
+    def _keep(self, *conversations: Conversation) -> None:
+        self.talks = Conversations(self.talks).keep(*conversations).scene
 
 
-def _said(one: Conversation, act: str, deadline: int) -> Conversation:
+def _said(conversation: Conversation, act: str, deadline: int) -> Conversation:
     """The conversation after its own side has spoken. Raises MisuseError."""
     if act not in ACTS:
         raise MisuseError(f"there is no communicative act {act!r}{nearest(act, list(ACTS))}")
-    after = one.said(act, deadline)
+    after = conversation.said(act, deadline)
     if after is None:
-        where = "cannot begin with" if one.state == START else f"is {one.state}: it does not allow"
-        raise MisuseError(f"{one.protocol} {one.id} with #{one.peer} {where} {act} by {one.role}")
+        where = (
+            "cannot begin with"
+            if conversation.state == START
+            else f"is {conversation.state}: it does not allow"
+        )
+        about = f"{conversation.protocol} {conversation.id} with #{conversation.peer}"
+        raise MisuseError(f"{about} {where} {act} by {conversation.role}")
     return after

@@ -59,7 +59,7 @@ def _among(kind: Type, column: Column) -> Column:
 
 def _texts(array: NDArray[Any]) -> Column:
     texts = array.tolist()
-    if not all(type(one) is str for one in texts):
+    if not all(type(text) is str for text in texts):
         raise Unfit("an array of texts")
     plain = np.empty(len(texts), object)
     plain[:] = texts
@@ -82,7 +82,7 @@ def fits(kind: Type, column: Column) -> bool:
     array = column.array
     if kind.kind == "text":
         texts = array.tolist() if array.dtype == object else [None]
-        return all(type(one) is str for one in texts) and (
+        return all(type(text) is str for text in texts) and (
             not kind.words or {*texts} <= {*kind.words}
         )
     if kind.kind not in SCALARS or array.dtype != _DTYPES[kind.kind]:

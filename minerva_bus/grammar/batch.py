@@ -52,7 +52,7 @@ class Events:
     def _receivers(self) -> list[tuple[str, ...]]:
         if self.receivers is None:
             return [()] * self.count
-        return [(one,) for one in self.receivers.texts()]
+        return [(text,) for text in self.receivers.texts()]
 
     def event(self, row: int) -> Event:
         """One of them."""
@@ -96,20 +96,20 @@ class Events:
         """Events as columns; None where they cannot be."""
         first = events[0]
         alike = all(
-            one.type == first.type
-            and one.names == first.names
-            and one.condition == first.condition
-            and len(one.receivers) == len(first.receivers) < 2
-            and bool(one.sender) == bool(first.sender)
-            for one in events
+            event.type == first.type
+            and event.names == first.names
+            and event.condition == first.condition
+            and len(event.receivers) == len(first.receivers) < 2
+            and bool(event.sender) == bool(first.sender)
+            for event in events
         )
         if not alike:
             return None
-        columns = tuple(map(Column.of, zip(*[one.values for one in events], strict=True)))
-        if any(one.array.dtype == object and not _texts(one) for one in columns):
+        columns = tuple(map(Column.of, zip(*[event.values for event in events], strict=True)))
+        if any(column.array.dtype == object and not _texts(column) for column in columns):
             return None
-        senders = Ids.of([one.sender for one in events]) if first.sender else None
-        receivers = Ids.of([one.receivers[0] for one in events]) if first.receivers else None
+        senders = Ids.of([event.sender for event in events]) if first.sender else None
+        receivers = Ids.of([event.receivers[0] for event in events]) if first.receivers else None
         return Events(
             first.type, first.names, columns, len(events), first.condition, senders, receivers
         )
@@ -120,7 +120,8 @@ class Events:
             and (self.senders is None) == (other.senders is None)
             and (self.receivers is None) == (other.receivers is None)
             and all(
-                one.dtype == two.dtype for one, two in zip(self.columns, other.columns, strict=True)
+                column.dtype == two.dtype
+                for column, two in zip(self.columns, other.columns, strict=True)
             )
         )
 
@@ -132,16 +133,18 @@ class Events:
             return first
         if not all(map(first._like, parts)):
             return None
-        columns = tuple(map(Column.concatenated, zip(*[one.columns for one in parts], strict=True)))
-        count = sum(one.count for one in parts)
+        columns = tuple(
+            map(Column.concatenated, zip(*[part.columns for part in parts], strict=True))
+        )
+        count = sum(part.count for part in parts)
         return Events(
             first.type,
             first.names,
             columns,
             count,
             first.condition,
-            _all([one.senders for one in parts]),
-            _all([one.receivers for one in parts]),
+            _all([part.senders for part in parts]),
+            _all([part.receivers for part in parts]),
         )
 
     def distinct(self) -> Events:
@@ -160,8 +163,8 @@ class Events:
 
     def _again(self) -> NDArray[np.bool_]:
         """Which of them are the same as an earlier one, shape (n,)."""
-        ids = [one.spelled for one in (self.senders, self.receivers) if one is not None]
-        arrays = [*[bits(column.array) for column in self.columns], *ids]
+        known = [ids.spelled for ids in (self.senders, self.receivers) if ids is not None]
+        arrays = [*[bits(column.array) for column in self.columns], *known]
         codes = [np.unique(array, return_inverse=True)[1] for array in arrays]
         codes.append(np.zeros(self.count, np.intp))  # An event may have no data at all.
         order = np.lexsort(codes)
@@ -174,8 +177,8 @@ class Events:
 
     def _hashes(self) -> NDArray[np.uint64]:
         found = np.zeros(self.count, np.uint64)
-        for one in self.columns:
-            array = one.array
+        for column in self.columns:
+            array = column.array
             if array.dtype == object:
                 word = np.array([hash(text) & 0xFFFFFFFFFFFFFFFF for text in array], np.uint64)
             else:
@@ -218,9 +221,9 @@ def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
         return events
     found: list[AnyEvent] = []
     for _, alike in groupby(sorted(events, key=_by_type), _by_type):
-        for many, group in groupby(alike, lambda event: isinstance(event, Events)):
+        for is_batch, group in groupby(alike, lambda event: isinstance(event, Events)):
             run = list(group)
-            columns = None if many else Events.of(cast("list[Event]", run))
+            columns = None if is_batch else Events.of(cast("list[Event]", run))
             found += run if columns is None else [columns]
     return tuple(found)
 
@@ -230,12 +233,12 @@ def _by_type(event: AnyEvent) -> str:
 
 
 def _texts(column: Column) -> bool:
-    return all(type(one) is str for one in column.array.tolist())
+    return all(type(value) is str for value in column.array.tolist())
 
 
-def _mixed(found: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    found = (found ^ word) * _MIX
-    return found ^ (found >> np.uint64(31))
+def _mixed(hashes: NDArray[np.uint64], word: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    hashes = (hashes ^ word) * _MIX
+    return hashes ^ (hashes >> np.uint64(31))
 
 
 def _distinct(ids: Ids | None) -> bool:
@@ -243,5 +246,5 @@ def _distinct(ids: Ids | None) -> bool:
 
 
 def _all(parts: Sequence[Ids | None]) -> Ids | None:
-    known = [one for one in parts if one is not None]
+    known = [part for part in parts if part is not None]
     return Ids.concatenated(known) if known else None

@@ -123,12 +123,12 @@ class Column(Joinable):
 
     @classmethod
     def _in_one(cls, parts: Sequence[Column]) -> Column:
-        ids = [one.ids for one in parts if one.ids is not None]
+        ids = [part.ids for part in parts if part.ids is not None]
         if len(ids) == len(parts):
             return Column.of_ids(Ids.concatenated(ids))
-        arrays = [one.array for one in parts]
-        if any(one.dtype != arrays[0].dtype for one in arrays):
-            arrays = [one.astype(object) for one in arrays]
+        arrays = [part.array for part in parts]
+        if any(array.dtype != arrays[0].dtype for array in arrays):
+            arrays = [array.astype(object) for array in arrays]
         return Column(np.concatenate(arrays))
 
 

@@ -69,7 +69,7 @@ class Columns(Digested):
     @property
     def shape(self) -> Shape:
         """Symbol and names of each level."""
-        return tuple([(one.symbol, one.names) for one in self.levels()])
+        return tuple([(level.symbol, level.names) for level in self.levels()])
 
     def column(self, name: str) -> NDArray[Any]:
         """The values of one name of the outermost level."""
@@ -82,7 +82,7 @@ class Columns(Digested):
 
     def all_columns(self) -> tuple[Column, ...]:
         """The columns of all levels, from outside to inside."""
-        return tuple([column for one in self.levels() for column in one.columns])
+        return tuple([column for level in self.levels() for column in level.columns])
 
     def nodes(self) -> tuple[Node, ...]:
         """Row by row, the nodes that these stand for."""
@@ -100,10 +100,10 @@ class Columns(Digested):
         symbol, names = self.symbol, self.names
         if self.ids is not None:
             pairs = zip(self.ids.texts(), values, strict=True)
-            return [AgentNode(symbol, one, names, row) for one, row in pairs]
+            return [AgentNode(symbol, agent_id, names, row) for agent_id, row in pairs]
         if inner is not None:
             both = zip(values, inner, strict=True)
-            return [TransformationNode(symbol, names, row, Scene((one,))) for row, one in both]
+            return [TransformationNode(symbol, names, row, Scene((node,))) for row, node in both]
         if symbol[:1] == "P":
             return [FigureNode(symbol, names, row) for row in values]
         return [TransformationNode(symbol, names, row) for row in values]
@@ -143,7 +143,7 @@ class Columns(Digested):
         born = None
         if newborn is not None:
             born, both = newborn.ids, zip(old, newborn.columns, strict=True)
-            old = [one.with_rows(turnover.born, other) for one, other in both]
+            old = [column.with_rows(turnover.born, other) for column, other in both]
         ids = None if self.ids is None else self.ids.turned(turnover, born)
         return Columns(self.symbol, self.names, tuple(old), len(rows), ids)
 
@@ -153,29 +153,31 @@ class Columns(Digested):
         if len(parts) == 1:
             return parts[0]
         first = parts[0]
-        columns = tuple(map(Column.concatenated, zip(*[one.columns for one in parts], strict=True)))
+        columns = tuple(
+            map(Column.concatenated, zip(*[part.columns for part in parts], strict=True))
+        )
         ids = None
         if first.ids is not None:
-            ids = Ids.concatenated([one.ids for one in parts if one.ids is not None])
+            ids = Ids.concatenated([part.ids for part in parts if part.ids is not None])
         scope = None
         if first.scope is not None:
-            inner = [one.scope for one in parts if one.scope is not None]
+            inner = [part.scope for part in parts if part.scope is not None]
             scope = Columns.concatenated(inner)
-        count = sum(one.count for one in parts)
+        count = sum(part.count for part in parts)
         return Columns(first.symbol, first.names, columns, count, ids, scope)
 
     @staticmethod
     def of(nodes: Sequence[Node]) -> Columns:
         """Neighbours that have one shape (`shape_of`)."""
         first = nodes[0]
-        values = zip(*[one.values for one in nodes], strict=True)
-        columns = tuple([Column.of(one) for one in values])
+        values = zip(*[node.values for node in nodes], strict=True)
+        columns = tuple([Column.of(value) for value in values])
         if isinstance(first, AgentNode):
-            ids = Ids.of([cast("AgentNode", one).id for one in nodes])
+            ids = Ids.of([cast("AgentNode", node).id for node in nodes])
             return Columns(first.symbol, first.names, columns, len(nodes), ids)
         scope = None
         if isinstance(first, TransformationNode) and first.scope.pieces:
-            inner = [cast("TransformationNode", one).scope.nodes[0] for one in nodes]
+            inner = [cast("TransformationNode", node).scope.nodes[0] for node in nodes]
             scope = Columns.of(inner)
         return Columns(first.symbol, first.names, columns, len(nodes), None, scope)
 
@@ -223,17 +225,17 @@ def runs(pieces: Sequence[Piece]) -> Iterator[tuple[Shape | None, list[Piece]]]:
 def merged(group: Sequence[Piece]) -> Columns:
     """Neighbours of one shape as one."""
     parts: list[Columns] = []
-    for columnar, some in groupby(group, lambda one: isinstance(one, Columns)):
+    for columnar, run in groupby(group, lambda piece: isinstance(piece, Columns)):
         if columnar:
-            parts += cast("Iterator[Columns]", some)
+            parts += cast("Iterator[Columns]", run)
         else:
-            parts.append(Columns.of(list(cast("Iterator[Node]", some))))
+            parts.append(Columns.of(list(cast("Iterator[Node]", run))))
     return Columns.concatenated(parts)
 
 
 def size(group: Sequence[Piece]) -> int:
     """How many nodes the pieces stand for."""
-    return sum(one.count if isinstance(one, Columns) else 1 for one in group)
+    return sum(piece.count if isinstance(piece, Columns) else 1 for piece in group)
 
 
 def packed(scene: Scene) -> Scene:
@@ -315,18 +317,20 @@ def walk_pieces(scene: Scene, whole: Callable[[Columns], bool]) -> Iterator[tupl
                 stack.append(iter(piece.scope.pieces))
 
 
-def around_each(many: Columns, inside: Scene) -> Scene:
+def around_each(transformations: Columns, inside: Scene) -> Scene:
     """Each of many transformations around its row of a scope, or around all of it."""
     pieces = inside.pieces
-    if not many.count:
+    if not transformations.count:
         return EMPTY
     if not pieces:
-        return Scene((many,))
+        return Scene((transformations,))
     inner = pieces[0]
     if len(pieces) == 1 and isinstance(inner, Columns):
-        if inner.count == many.count and inner.ids is None and len(inner.shape) < CHAIN:
-            return Scene((replace(many, scope=inner),))
+        if inner.count == transformations.count and inner.ids is None and len(inner.shape) < CHAIN:
+            return Scene((replace(transformations, scope=inner),))
     elif len(pieces) == 1 and isinstance(inner, FigureNode) and shape_of(inner):
-        every = Columns.of([inner]).take(np.zeros(many.count, np.intp))
-        return Scene((replace(many, scope=every),))
-    return Scene(tuple([with_scope(cast("TransformationNode", n), inside) for n in many.nodes()]))
+        every = Columns.of([inner]).take(np.zeros(transformations.count, np.intp))
+        return Scene((replace(transformations, scope=every),))
+    return Scene(
+        tuple([with_scope(cast("TransformationNode", n), inside) for n in transformations.nodes()])
+    )

@@ -66,8 +66,10 @@ class Condition:
         return frozenset(name.name for name in self._names())
 
     def _names(self) -> Iterator[Name]:
-        for one in self.comparisons:
-            yield from (value for value in (one.left, one.right) if isinstance(value, Name))
+        for comparison in self.comparisons:
+            yield from (
+                value for value in (comparison.left, comparison.right) if isinstance(value, Name)
+            )
 
     def holds(self, state: Mapping[str, Any]) -> bool:
         """Whether it holds for an agent's state."""
@@ -90,8 +92,8 @@ class Condition:
 
         `sort_of` a name is empty where it is unknown, or cannot be compared at all.
         """
-        for one in self.comparisons:
-            left, right = one.left, one.right
+        for comparison in self.comparisons:
+            left, right = comparison.left, comparison.right
             for value, other in ((left, right), (right, left)):
                 mine, others = sort_in(value, sort_of), sort_in(other, sort_of)
                 if isinstance(value, Name) and (not mine or (others and mine != others)):
@@ -107,7 +109,9 @@ class Condition:
         found = [(scope, problem) for scope, problem in wrong if problem is not None]
         if not found or len(found) < len(wrong):
             return
-        scope, (offset, name, other) = max(found, key=lambda one: (one[1][0], one[0].near(one[1])))
+        scope, (offset, name, other) = max(
+            found, key=lambda item: (item[1][0], item[0].near(item[1]))
+        )
         if other:
             sort = scope.sort_of(name)
             problem = f"{name} of {scope.who} is {sort}, which cannot be compared with {other}"
@@ -132,7 +136,7 @@ class Scope:
     def near(self, problem: tuple[int, str, str]) -> str:
         """The name that may have been meant, as part of a message."""
         _, name, other = problem
-        alike = [one for one in self.known if one.startswith("#") == name.startswith("#")]
+        alike = [scope for scope in self.known if scope.startswith("#") == name.startswith("#")]
         return "" if other else nearest(name, alike)
 
 

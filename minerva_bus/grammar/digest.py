@@ -110,14 +110,14 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
 
 def _aligned(group: Sequence[Piece]) -> bool:
     """Whether these are columns, all but the last of them of whole chunks."""
-    return all(isinstance(one, Columns) for one in group) and all(
-        cast("Columns", one).count % CHUNK == 0 for one in group[:-1]
+    return all(isinstance(piece, Columns) for piece in group) and all(
+        cast("Columns", piece).count % CHUNK == 0 for piece in group[:-1]
     )
 
 
-def _digest_of_many(many: Sequence[Columns]) -> bytes:
-    parts = [f"{size(many)}\0".encode()]
-    for levels in zip(*[one.levels() for one in many], strict=True):
+def _digest_of_many(pieces: Sequence[Columns]) -> bytes:
+    parts = [f"{size(pieces)}\0".encode()]
+    for levels in zip(*[part.levels() for part in pieces], strict=True):
         first = levels[0]
         parts.append(f"{first.symbol}<{','.join(first.names)}>\0".encode())
         if first.ids is not None:
@@ -161,9 +161,9 @@ def _digest_of_chunk(values: NDArray[Any]) -> bytes:
     types = set(map(type, listed))
     if types == {bool}:
         return _hash_two(b"b", np.array(listed, np.uint8))
-    if types <= {int, float} and all(_exact(one) for one in listed):
+    if types <= {int, float} and all(_exact(entry) for entry in listed):
         return _hash_two(b"n", np.array(listed, "<f8"))
-    return _hash(b"t" + b"".join([f"{value_text(one)}\n".encode() for one in listed]))
+    return _hash(b"t" + b"".join([f"{value_text(entry)}\n".encode() for entry in listed]))
 
 
 def _exact(number: Any) -> bool:

@@ -79,10 +79,12 @@ class Fields:
     _reals: tuple[bool, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "names", tuple([one.name for one in self.all]))
-        holds = any(one.type.holds_strings for one in self.all)
+        object.__setattr__(self, "names", tuple([parameter.name for parameter in self.all]))
+        holds = any(parameter.type.holds_strings for parameter in self.all)
         object.__setattr__(self, "hold_strings", holds)
-        reals = [one.type.kind == "real" and one.type.range is None for one in self.all]
+        reals = [
+            parameter.type.kind == "real" and parameter.type.range is None for parameter in self.all
+        ]
         object.__setattr__(self, "_reals", tuple(reals))
 
     @staticmethod
@@ -94,19 +96,19 @@ class Fields:
         """The given values in the declared order, typed, defaults filled in. Raises Unfit."""
         if len(given) > len(self.all) or any(name not in self.names for name in given):
             raise Unfit(self._unknown(owner, given))
-        values = [given.get(one.name, one.default) for one in self.all]
-        for one, value in zip(self.all, values, strict=True):
+        values = [given.get(parameter.name, parameter.default) for parameter in self.all]
+        for parameter, value in zip(self.all, values, strict=True):
             if value is None:
-                raise Unfit(f"{owner} needs a value for {one.name} ({one.type})")
+                raise Unfit(f"{owner} needs a value for {parameter.name} ({parameter.type})")
         return tuple(self.fitted(owner, values))
 
-    def fit(self, owner: str, one: Field, value: Any) -> Value:
+    def fit(self, owner: str, field: Field, value: Any) -> Value:
         """One value, typed. Raises Unfit with the owner's and the field's name."""
         try:
-            return one.type.fit(value)
+            return field.type.fit(value)
         except Unfit as unfit:
-            wrong = Unfit(f"{owner}: {one.name} must be {unfit}")
-            wrong.attribute = one.name
+            wrong = Unfit(f"{owner}: {field.name} must be {unfit}")
+            wrong.attribute = field.name
             raise wrong from None
 
     def fitted(self, owner: str, values: Sequence[Any]) -> list[Value]:
@@ -114,8 +116,8 @@ class Fields:
         return [
             value  # most values of most symbols, so they are spared the calls
             if real and type(value) is float and isfinite(value)
-            else self.fit(owner, one, value)
-            for one, real, value in zip(self.all, self._reals, values, strict=True)
+            else self.fit(owner, parameter, value)
+            for parameter, real, value in zip(self.all, self._reals, values, strict=True)
         ]
 
     def refit(
@@ -155,22 +157,22 @@ class Fields:
         try:
             if any(name not in self.names for name in given):
                 raise Unfit(self._unknown(owner, given))
-            return tuple([self._column(owner, one, given, count) for one in self.all])
+            return tuple([self._column(owner, parameter, given, count) for parameter in self.all])
         except Unfit as unfit:
             raise MisuseError(str(unfit)) from None
 
-    def _column(self, owner: str, one: Field, given: Mapping[str, Any], count: int) -> Column:
-        value = given.get(one.name, one.default)
+    def _column(self, owner: str, field: Field, given: Mapping[str, Any], count: int) -> Column:
+        value = given.get(field.name, field.default)
         if value is None:
-            raise Unfit(f"{owner} needs a value for {one.name} ({one.type})")
+            raise Unfit(f"{owner} needs a value for {field.name} ({field.type})")
         try:
             if not is_array(value):
-                return repeated(one.type, value, count)
+                return repeated(field.type, value, count)
             if len(value) != count:
                 raise Unfit(f"{count} values, not {len(value)}")
-            return fit_array(one.type, value)
+            return fit_array(field.type, value)
         except Unfit as unfit:
-            raise Unfit(f"{owner}: {one.name} must be {unfit}") from None
+            raise Unfit(f"{owner}: {field.name} must be {unfit}") from None
 
     def merged(
         self, owner: str, args: tuple[Any, ...], kwargs: Mapping[str, Any]

@@ -82,8 +82,8 @@ def shallow(value: _V) -> _V:
     """
     level: list[Value] = [value]
     for _ in range(DEPTH):
-        within = {id(one): one for outer in level for one in _inside(outer)}
-        level = [one for one in within.values() if isinstance(one, tuple | Scene)]
+        within = {id(item): item for outer in level for item in _inside(outer)}
+        level = [item for item in within.values() if isinstance(item, tuple | Scene)]
         if not level:
             return value
     raise Unfit(f"a value nested at most {DEPTH} deep")
@@ -91,7 +91,7 @@ def shallow(value: _V) -> _V:
 
 def _inside(value: Value) -> Iterable[Value]:
     if isinstance(value, Scene):
-        return (one for opens, node in walk(value) if opens for one in node.values)
+        return (item for opens, node in walk(value) if opens for item in node.values)
     return value if isinstance(value, tuple) else ()
 
 

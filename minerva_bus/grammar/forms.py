@@ -81,7 +81,7 @@ def parameters_of(form: "Form") -> tuple[str, ...]:
         measures = (form.text,)
     else:
         measures = (form.cells, form.cell, form.x, form.y, form.turn)
-    return tuple(one for one in measures if isinstance(one, str))
+    return tuple(measure for measure in measures if isinstance(measure, str))
 
 
 Shape: TypeAlias = Disc | Line | Label | Raster

@@ -54,7 +54,7 @@ class Ids(Joinable):
         try:
             return Ids(None, np.array(texts, f"S{width}"))
         except UnicodeEncodeError:  # no ids, then, but that is for others to say
-            return Ids(None, np.array([one.encode() for one in texts], f"S{4 * width}"))
+            return Ids(None, np.array([text.encode() for text in texts], f"S{4 * width}"))
 
     def __len__(self) -> int:
         return len(self._data)
@@ -95,7 +95,7 @@ class Ids(Joinable):
             try:
                 return self._data.astype("U").tolist()
             except UnicodeDecodeError:
-                return [one.decode() for one in self._data.tolist()]
+                return [item.decode() for item in self._data.tolist()]
         return [f"{self._stem}{number}" for number in self._data.tolist()]
 
     @cached_property
@@ -136,7 +136,7 @@ class Ids(Joinable):
 
     def sound_like(self, sources: Sequence[Ids]) -> Ids:
         """These, made of others: where those are known to be ids of agents, these are too."""
-        if all("strange" in one.__dict__ and one.strange is None for one in sources):
+        if all("strange" in source.__dict__ and source.strange is None for source in sources):
             self.__dict__["strange"] = None
         return self
 
@@ -191,21 +191,21 @@ class Ids(Joinable):
     @classmethod
     def _in_one(cls, parts: Sequence[Ids]) -> Ids:
         stem = parts[0]._stem
-        if stem is not None and all(one._stem == stem for one in parts):
-            whole = Ids(stem, np.concatenate([one._data for one in parts]))
+        if stem is not None and all(part._stem == stem for part in parts):
+            whole = Ids(stem, np.concatenate([part._data for part in parts]))
         else:
-            whole = Ids(None, np.concatenate([one.spelled for one in parts]))
-        if any("hashes" in one.__dict__ for one in parts):
-            whole.__dict__["hashes"] = np.concatenate([one.hashes for one in parts])
+            whole = Ids(None, np.concatenate([part.spelled for part in parts]))
+        if any("hashes" in part.__dict__ for part in parts):
+            whole.__dict__["hashes"] = np.concatenate([part.hashes for part in parts])
         return whole.sound_like(parts)
 
     @staticmethod
     def in_common(columns: Sequence[Ids]) -> str | None:
         """An id that stands twice in some columns, or None."""
-        twice = next((one.duplicate for one in columns if one.duplicate is not None), None)
+        twice = next((column.duplicate for column in columns if column.duplicate is not None), None)
         if twice is not None or len(columns) == 1:
             return twice
-        if all(one._apart(other) for n, one in enumerate(columns) for other in columns[:n]):
+        if all(column._apart(other) for n, column in enumerate(columns) for other in columns[:n]):
             return None
         return Ids.concatenated(columns).duplicate
 
@@ -274,9 +274,9 @@ class Ids(Joinable):
         longer, shorter = (one, other) if len(one) > len(other) else (other, one)
         return not longer.startswith(shorter) or not longer[len(shorter) :].isdigit()
 
-    def row_of(self, one: str) -> int:
+    def row_of(self, agent_id: str) -> int:
         """The row of an id, or -1."""
-        return int(self.rows_of(Ids.of([one]))[0])
+        return int(self.rows_of(Ids.of([agent_id]))[0])
 
     @property
     def consecutive(self) -> bool:
@@ -296,7 +296,7 @@ class Ids(Joinable):
         stem = cast("str", self._stem)
         alike = np.flatnonzero(np.strings.startswith(others.spelled, stem.encode()))
         texts = others.take(alike).texts()
-        mine = [n for n, one in enumerate(texts) if _NUMBER.fullmatch(one, len(stem))]
+        mine = [n for n, text in enumerate(texts) if _NUMBER.fullmatch(text, len(stem))]
         if mine:
             numbers = [int(texts[n][len(stem) :]) for n in mine]
             rows[alike[mine]] = self._rows(np.array(numbers, np.int64))
@@ -323,8 +323,8 @@ _KNOWN: Final[WeakValueDictionary[tuple[Any, ...], Ids]] = WeakValueDictionary()
 def _numbered(texts: Sequence[str]) -> tuple[str, NDArray[np.int64]] | None:
     """The one stem of all these ids and their numbers."""
     stem, numbers = None, list[int]()
-    for one in texts:
-        found = _NUMBERED.fullmatch(one)
+    for text in texts:
+        found = _NUMBERED.fullmatch(text)
         if found is None or (stem is not None and found[1] != stem):
             return None
         stem = found[1]

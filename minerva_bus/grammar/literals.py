@@ -59,25 +59,25 @@ class Literals:
             at, more = self.pair(at, found)
         return (tuple(found), tuple(found.values())), at
 
-    def pair(self, at: int, found: dict[str, Value]) -> tuple[int, bool]:
+    def pair(self, at: int, pairs: dict[str, Value]) -> tuple[int, bool]:
         """Read `name=value` and the sign behind it: the offset behind that, and if more follows."""
         plain = _PLAIN_PAIR.match(self.text, at)
-        if plain is not None and plain.group(1) not in found:
+        if plain is not None and plain.group(1) not in pairs:
             name, digits, sign = plain.groups()
-            found[name] = self.parse_number(digits, plain.start(2))
+            pairs[name] = self.parse_number(digits, plain.start(2))
             return (self.skip(plain.end()), True) if sign == "," else (plain.end(), False)
-        name, at = self.name(at, found)
+        name, at = self.name(at, pairs)
         value, at = self.value(at)
-        found[name], at = value, self.skip(at)
+        pairs[name], at = value, self.skip(at)
         if self.text.startswith(">", at):
             return at + 1, False
         return self.expect(",", at, "'>'"), True
 
-    def name(self, at: int, found: Collection[str]) -> tuple[str, int]:
+    def name(self, at: int, names: Collection[str]) -> tuple[str, int]:
         match = _NAME.match(self.text, at)
         if match is None:
-            raise self.wrong(at, "a name" if found else "a name or '>'")
-        if match.group() in found:
+            raise self.wrong(at, "a name" if names else "a name or '>'")
+        if match.group() in names:
             raise self.wrong(at, "each name once", f"{match.group()} is given twice")
         return match.group(), self.expect("=", self.skip(match.end()))
 

@@ -66,26 +66,26 @@ def difference(old: Columns, new: Columns, turnover: RowDelta | None = None) -> 
 
 def _changes(old: Columns, new: Columns, turnover: RowDelta | None) -> Iterator[Change]:
     for level, (before, after) in enumerate(zip(old.levels(), new.levels(), strict=True)):
-        for place, (one, other) in enumerate(zip(before.columns, after.columns, strict=True)):
-            rows = _other_rows(one, other) if turnover is None else _in(turnover, one, other)
+        for place, (column, other) in enumerate(zip(before.columns, after.columns, strict=True)):
+            rows = _other_rows(column, other) if turnover is None else _in(turnover, column, other)
             if rows is None or len(rows) > FEW * len(other):
                 yield Change(level, place, None, other)
             elif len(rows):
                 yield Change(level, place, rows, other.take(rows))
 
 
-def _other_rows(one: Column, other: Column) -> Rows | None:
-    if one is other:
+def _other_rows(old: Column, new: Column) -> Rows | None:
+    if old is new:
         return np.empty(0, np.intp)
-    rows = other.rows_since(one)
-    return one.differs(other) if rows is None else rows
+    rows = new.rows_since(old)
+    return old.differs(new) if rows is None else rows
 
 
-def _in(turnover: RowDelta, one: Column, other: Column) -> Rows | None:
+def _in(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
     """The rows that have other values after a turnover, among them all that are born."""
-    if one.ids is not None and other.ids is not None and other.ids.since(one.ids) is turnover:
+    if old.ids is not None and new.ids is not None and new.ids.since(old.ids) is turnover:
         return turnover.born
-    rows = one.take(turnover.source).differs(other)
+    rows = old.take(turnover.source).differs(new)
     if rows is None or not len(turnover.born):
         return rows
     found = np.zeros(turnover.after, np.bool_)
@@ -95,7 +95,7 @@ def _in(turnover: RowDelta, one: Column, other: Column) -> Rows | None:
 
 def check(old: Columns, patch: Delta) -> None:
     """Raise Unfit where a patch is none of these columns."""
-    symbols = tuple([one.symbol for one in old.levels()])
+    symbols = tuple([level.symbol for level in old.levels()])
     if patch.count != old.count or patch.symbols != symbols:
         raise Unfit(f"a patch of {old.count} {old.symbol}")
     turnover = patch.turnover
@@ -106,7 +106,7 @@ def check(old: Columns, patch: Delta) -> None:
     born = 0 if patch.born is None else len(patch.born)
     if born != (len(turnover.born) if old.ids is not None else 0):
         raise Unfit(f"a patch with {born} ids for {len(turnover.born)} more {old.symbol}")
-    told = {(one.level, one.place) for one in patch.changes if _tells(one, turnover)}
+    told = {(change.level, change.place) for change in patch.changes if _tells(change, turnover)}
     if len(turnover.born) and len(told) < len(old.all_columns()):
         raise Unfit(f"a patch without values for {len(turnover.born)} more {old.symbol}")
 

@@ -37,13 +37,13 @@ def rested(scene: Scene, who: Collection[str], kinds: Kinds) -> Scene:
     """
     if not who or not any(kind.rest for kind in kinds.values()):
         return scene
-    return of_pieces(scene, [one for piece in scene.pieces for one in _piece(piece, who, kinds)])
+    return of_pieces(scene, [node for piece in scene.pieces for node in _piece(piece, who, kinds)])
 
 
 def _piece(piece: Piece, who: Collection[str], kinds: Kinds) -> tuple[Piece, ...]:
     if isinstance(piece, Columns):
         return (_columns(piece, who, kinds),)
-    if not any(one.id in who and kinds[one.symbol].rest for one in agents(Scene((piece,)))):
+    if not any(agent.id in who and kinds[agent.symbol].rest for agent in agents(Scene((piece,)))):
         return (piece,)
 
     def leave(node: Node, scope: Scene) -> Scene | Node:
@@ -75,7 +75,7 @@ def _columns(part: Columns, who: Collection[str], kinds: Kinds) -> Columns:
 
 def _still(column: Column, rows: Rows) -> Column:
     values = column.array[rows].tolist()
-    still = [at_rest(one) for one in values]
+    still = [at_rest(value) for value in values]
     return column if still == values else column.put(rows, np.array(still, column.dtype))
 
 

@@ -88,13 +88,13 @@ class OpenTransformation:
 
     def __call__(self, *scope: Scene) -> Scene:
         name, fields = self.transformation.name, self.transformation.fields
-        for one in scope:
-            if not isinstance(one, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
+        for node in scope:
+            if not isinstance(node, Scene):  # pyright: ignore[reportUnnecessaryIsInstance]
                 raise MisuseError(
-                    f"the scope of {name} holds strings, not {one!r}; a primitive gives one when"
+                    f"the scope of {name} holds strings, not {node!r}; a primitive gives one when"
                     " it is called, a transformation when it is called twice"
                 )
-        inside = Scene(tuple([piece for one in scope for piece in one.pieces]))
+        inside = Scene(tuple([piece for node in scope for piece in node.pieces]))
         if self.many is not None:
             return around_each(self.many, inside)
         return Scene((TransformationNode(name, fields.names, self.values, inside),))
@@ -140,7 +140,7 @@ class AgentKind:
             )
 
     def _check_rest(self, attribute: str) -> None:
-        types = {one.name: one.type for one in self.fields.all}
+        types = {field.name: field.type for field in self.fields.all}
         known = types.get(attribute)
         if known is None:
             near = nearest(attribute, list(types))
@@ -153,11 +153,11 @@ class AgentKind:
 
     def chance(self, event_type: str) -> float | str:
         """The probability with which it answers an event of a type; 1 where nothing is said."""
-        return next((h for one, h in self.chances if one == event_type), 1.0)
+        return next((h for answered, h in self.chances if answered == event_type), 1.0)
 
     def sort_of(self, attribute: str) -> str:
         """What an attribute can be compared with in conditions; empty: with nothing."""
-        found = [one.type.kind for one in self.fields.all if one.name == attribute]
+        found = [declared.type.kind for declared in self.fields.all if declared.name == attribute]
         return sort_of_kind(found[0]) if found else ""
 
 
@@ -168,9 +168,9 @@ class EventType:
         self.name = _checked(name, "an event type", "e")
         self.visual = visual
         self.fields = Fields.of(data)
-        for one in self.fields.names:
-            if hasattr(Event, one):
-                raise MisuseError(f"{name} cannot have data named {one}: every event has {one}")
+        for datum in self.fields.names:
+            if hasattr(Event, datum):
+                raise MisuseError(f"{name} cannot have data named {datum}: every event has {datum}")
 
     def __call__(
         self,
@@ -217,7 +217,7 @@ class EventType:
 
 def _ids(receivers: Iterable[object]) -> tuple[str, ...]:
     given = [receivers] if isinstance(receivers, str) else list(receivers)
-    ids = [one for one in given if isinstance(one, str)]
+    ids = [value for value in given if isinstance(value, str)]
     if isinstance(receivers, str) or len(ids) != len(given):
         raise MisuseError(f"receivers are a list of ids: receivers=[...], not {receivers!r}")
     return tuple(sorted(set(ids)))

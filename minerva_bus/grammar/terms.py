@@ -74,8 +74,8 @@ class Joined:
     def truth(self, state: Mapping[str, Any]) -> Any:
         """As for a comparison."""
         found: Any = self.terms[0].truth(state)
-        for one in self.terms[1:]:
-            truth = one.truth(state)
+        for term in self.terms[1:]:
+            truth = term.truth(state)
             found = found & truth if self.word == "and" else found | truth
         return found
 

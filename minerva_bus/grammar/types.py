@@ -122,7 +122,7 @@ class Type:
         if not isinstance(value, tuple | list):
             raise Unfit(f"a {self}, not {shown(value)}")
         items = cast("tuple[Any, ...] | list[Any]", value)
-        fitted = tuple([item.fit(one) for one in items])
+        fitted = tuple([item.fit(element) for element in items])
         if isinstance(value, tuple) and all(map(is_, fitted, items)):
             fitted = cast("tuple[Value, ...]", value)
         return shallow(fitted) if self.holds_strings else fitted

@@ -41,11 +41,11 @@ _E = TypeVar("_E", Primitive, Transformation, AgentKind, EventType)
 
 
 def _check_unlimited(owner: str, fields: Fields) -> None:
-    for one in fields.all:
-        if one.type.range is not None or one.type.source is not None:
+    for parameter in fields.all:
+        if parameter.type.range is not None or parameter.type.source is not None:
             raise MisuseError(
-                f"{owner}: {one.name} is a {one.type}; only data of event types have a range or a"
-                " source"
+                f"{owner}: {parameter.name} is a {parameter.type}; only data of event types have a"
+                " range or a source"
             )
 
 
@@ -61,7 +61,7 @@ class Vocabulary:
     @staticmethod
     def of(*entries: Entry | type[HasKind]) -> Vocabulary:
         """A vocabulary of these symbols, agent classes and event types. Raises MisuseError."""
-        plain = [_entry(one) for one in entries]
+        plain = [_entry(entry) for entry in entries]
         made = Vocabulary(
             _named(Primitive, plain),
             _named(Transformation, plain),
@@ -80,8 +80,8 @@ class Vocabulary:
 
     def _check_sources_of(self, event_type: EventType) -> None:
         """Whether the symbols exist of which the data of an event type are texts."""
-        for one in event_type.fields.all:
-            of = one.type.source
+        for parameter in event_type.fields.all:
+            of = parameter.type.source
             if of is None:
                 continue
             table = self._symbols(of.symbol[:1])
@@ -89,8 +89,8 @@ class Vocabulary:
             if of.parameter not in names:
                 every = [f"{name}.{own}" for name in table for own in table[name].fields.names]
                 raise MisuseError(
-                    f"{event_type.name}: {one.name} is a text of {of}, which the vocabulary does"
-                    f" not have{nearest(str(of), every)}"
+                    f"{event_type.name}: {parameter.name} is a text of {of}, which the vocabulary"
+                    f" does not have{nearest(str(of), every)}"
                 )
 
     def _check_events_of(self, kind: AgentKind) -> None:
@@ -149,9 +149,9 @@ class Vocabulary:
 
         return rewritten(scene, leave, whole)
 
-    def _fits(self, many: Columns) -> bool:
+    def _fits(self, part: Columns) -> bool:
         """Whether columns are as this vocabulary has them, except for their ids."""
-        for level in many.levels():
+        for level in part.levels():
             entry = self._symbols(level.symbol[:1]).get(level.symbol)
             if entry is None or entry.fields.names != level.names:
                 return False
@@ -159,17 +159,19 @@ class Vocabulary:
                 return False
             if (level.symbol[:1] == "T") < (level.scope is not None):
                 return False
-            if not all(map(fits, [one.type for one in entry.fields.all], level.columns)):
+            if not all(
+                map(fits, [parameter.type for parameter in entry.fields.all], level.columns)
+            ):
                 return False
         return True
 
-    def _with_known_ids(self, many: Columns, taken: _Taken, source: str) -> Columns:
-        if many.ids is not None:
+    def _with_known_ids(self, part: Columns, taken: _Taken, source: str) -> Columns:
+        if part.ids is not None:
             try:
-                taken.add_all(many.ids)
+                taken.add_all(part.ids)
             except Unfit as unfit:
                 raise VocabularyError(str(unfit), source=source) from None
-        return many
+        return part
 
     def _node(self, node: Node, scope: Scene, source: str, parsed: Parsed | None) -> Node:
         if type(node) is not _NODES.get(node.symbol[:1], type(node)):
@@ -244,7 +246,9 @@ class Vocabulary:
         if (
             declared is None
             or declared.fields.names != events.names
-            or not all(map(fits, [one.type for one in declared.fields.all], events.columns))
+            or not all(
+                map(fits, [parameter.type for parameter in declared.fields.all], events.columns)
+            )
         ):
             columns = Events.of([self.check_event(event, source) for event in events])
             if columns is None:
@@ -261,13 +265,13 @@ class Vocabulary:
 _NODES = {"P": FigureNode, "T": TransformationNode, "A": AgentNode}
 
 
-def _entry(one: Entry | type[HasKind]) -> Entry:
-    if isinstance(one, Entry):
-        return one
-    kind: object = getattr(one, "kind", None)
+def _entry(entry: Entry | type[HasKind]) -> Entry:
+    if isinstance(entry, Entry):
+        return entry
+    kind: object = getattr(entry, "kind", None)
     if not isinstance(kind, AgentKind):
         raise MisuseError(
-            f"{one!r} is no part of a vocabulary: give primitives, transformations, event types"
+            f"{entry!r} is no part of a vocabulary: give primitives, transformations, event types"
             ' and agent classes with a symbol, class Fox(Agent, symbol="AFox")'
         )
     return kind

@@ -40,37 +40,39 @@ class Binary(Protocol):
     def __call__(self, x: float, y: NDArray[Any], /) -> Numbers: ...
 
 
-def unary(one: Callable[[float], float], many: Callable[[Numbers], Numbers]) -> Unary:
+def unary(scalar: Callable[[float], float], arrays: Callable[[Numbers], Numbers]) -> Unary:
     """The function with a form for one number and a form for an array of one axis."""
 
     def function(x: Any, /) -> Any:
         if isinstance(x, np.ndarray):
-            return in_blocks(many, cast("NDArray[Any]", x))
-        return one(float(x))
+            return in_blocks(arrays, cast("NDArray[Any]", x))
+        return scalar(float(x))
 
-    return cast("Unary", _named(function, one))
+    return cast("Unary", _named(function, scalar))
 
 
 def binary(
-    one: Callable[[float, float], float], many: Callable[[Numbers, Numbers], Numbers]
+    scalar: Callable[[float, float], float], arrays: Callable[[Numbers, Numbers], Numbers]
 ) -> Binary:
     """The function of two with a form for numbers and a form for arrays of one axis."""
 
     def function(x: Any, y: Any, /) -> Any:
         if isinstance(x, np.ndarray) or isinstance(y, np.ndarray):
-            return in_blocks(many, *np.broadcast_arrays(cast("Any", x), cast("Any", y)))
-        return one(float(x), float(y))
+            return in_blocks(arrays, *np.broadcast_arrays(cast("Any", x), cast("Any", y)))
+        return scalar(float(x), float(y))
 
-    return cast("Binary", _named(function, one))
+    return cast("Binary", _named(function, scalar))
 
 
-def _named(function: Callable[..., Any], one: Callable[..., Any]) -> Callable[..., Any]:
-    function.__name__ = function.__qualname__ = one.__name__.removesuffix("_one").removeprefix("_")
-    function.__doc__, function.__module__ = one.__doc__, one.__module__
+def _named(function: Callable[..., Any], scalar: Callable[..., Any]) -> Callable[..., Any]:
+    function.__name__ = function.__qualname__ = scalar.__name__.removesuffix("_one").removeprefix(
+        "_"
+    )
+    function.__doc__, function.__module__ = scalar.__doc__, scalar.__module__
     return function
 
 
-def in_blocks(many: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
+def in_blocks(function: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
     """The results of a form for arrays of one axis; arrays of one shape, block by block."""
     flat = [np.asarray(array, np.float64).ravel() for array in arrays]
     count = len(flat[0])
@@ -78,7 +80,7 @@ def in_blocks(many: Callable[..., Numbers], *arrays: NDArray[Any]) -> Numbers:
     with np.errstate(all="ignore"):
         for start in range(0, count, _BLOCK):
             end = start + _BLOCK
-            made[start:end] = many(*(array[start:end] for array in flat))
+            made[start:end] = function(*(array[start:end] for array in flat))
     return made.reshape(arrays[0].shape)
 
 

@@ -48,7 +48,7 @@ class ByParts(Generic[_T]):
             self._skeleton, self._static = skeleton, {}
             self._parts = {name: known for name, known in self._parts.items() if name in parts}
         pieces = enumerate(skeleton.pieces)
-        return list(chain.from_iterable([self._piece(at, one, parts) for at, one in pieces]))
+        return list(chain.from_iterable([self._piece(at, piece, parts) for at, piece in pieces]))
 
     def _piece(self, at: int, piece: Piece, parts: Mapping[str, Scene]) -> list[_T]:
         if isinstance(piece, AgentNode):

@@ -113,7 +113,7 @@ class Picture:
 def rgb(color: str) -> Color:
     """A colour #rrggbb or #rgb as numbers from 0 to 255; grey for anything else."""
     digits = color.removeprefix("#")
-    digits = "".join(2 * one for one in digits) if len(digits) == 3 else digits
+    digits = "".join(2 * digit for digit in digits) if len(digits) == 3 else digits
     try:
         red, green, blue = bytes.fromhex(digits)
     except ValueError:
@@ -134,7 +134,9 @@ class _Lister(Lister[Row | Item]):
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
-        self._names = {name: _name_of(one) for name, one in vocabulary.primitives.items()}
+        self._names = {
+            name: _name_of(primitive) for name, primitive in vocabulary.primitives.items()
+        }
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         parameters, at = figure.parameters, self.pose
@@ -211,7 +213,9 @@ class _Same(Sequence[str]):
 
 
 def _points(line: Line, figure: FigureNode, at: Pose) -> Floats:
-    xs, ys = (np.asarray(figure.parameters[one], np.float64) for one in (line.xs, line.ys))
+    xs, ys = (
+        np.asarray(figure.parameters[coordinates], np.float64) for coordinates in (line.xs, line.ys)
+    )
     n, turn = min(len(xs), len(ys)), np.radians(at.angle)
     x, y, cos, sin = xs[:n], ys[:n], np.cos(turn), np.sin(turn)
     return np.stack([at.x + x * cos - y * sin, at.y + x * sin + y * cos], axis=1)
@@ -238,14 +242,14 @@ def _together(listed: list[Row | Item]) -> list[Item]:
     """Rows of discs as arrays, and neighbouring discs as one batch."""
     items: list[Item] = []
     rows: list[Row] = []
-    for one in listed:
-        if isinstance(one, tuple):
-            rows.append(one)
+    for value in listed:
+        if isinstance(value, tuple):
+            rows.append(value)
             continue
         if rows:
             items.append(_discs(rows))
             rows = []
-        items.append(one)
+        items.append(value)
     if rows:
         items.append(_discs(rows))
     return items

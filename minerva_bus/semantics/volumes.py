@@ -203,10 +203,10 @@ def _cores(
 
 
 def _boxes(raster: Raster, parameters: Mapping[str, Any], at: Pose) -> list[tuple[Point, ...]]:
-    x, y, turn = (resolve(one, parameters) for one in (raster.x, raster.y, raster.turn))
+    x, y, turn = (resolve(measure, parameters) for measure in (raster.x, raster.y, raster.turn))
     corner, cell = at.then(x, y, turn, 0.0), resolve(raster.cell, parameters)
     stands = parameters[raster.cells] >= raster.colors[-1][0]
-    found = [[one * cell for one in row] for row in rectangles(stands)]
+    found = [[value * cell for value in row] for row in rectangles(stands)]
     return [
         (_at(corner, a, b), _at(corner, c, b), _at(corner, c, d), _at(corner, a, d))
         for a, b, c, d in found
@@ -231,29 +231,29 @@ def _together(listed: Sequence[_One | Volumes]) -> Volumes:
     """All in one, in order."""
     parts: list[Volumes] = []
     single: list[_One] = []
-    for one in listed:
-        if isinstance(one, _One):
-            single.append(one)
+    for value in listed:
+        if isinstance(value, _One):
+            single.append(value)
             continue
         if single:
             parts.append(_packed(single))
             single = []
-        parts.append(one)
+        parts.append(value)
     if single or not parts:
         parts.append(_packed(single))
     return parts[0] if len(parts) == 1 else _concatenated(parts)
 
 
-def _packed(some: Sequence[_One]) -> Volumes:
-    points = [point for one in some for point in one.core]
-    sizes = [len(one.core) for one in some]
+def _packed(volumes: Sequence[_One]) -> Volumes:
+    points = [point for volume in volumes for point in volume.core]
+    sizes = [len(volume.core) for volume in volumes]
     return Volumes(
         np.array(points, np.float64).reshape(-1, 2),
         np.concatenate(([0], np.cumsum(sizes, dtype=np.intp))).astype(np.intp),
-        np.array([one.radius for one in some], np.float64),
-        _objects(one.owner for one in some),
-        _objects(one.kind for one in some),
-        _objects(one.symbol for one in some),
+        np.array([volume.radius for volume in volumes], np.float64),
+        _objects(volume.owner for volume in volumes),
+        _objects(volume.kind for volume in volumes),
+        _objects(volume.symbol for volume in volumes),
     )
 
 
@@ -265,12 +265,12 @@ def _objects(texts: Iterable[str]) -> Texts:
 
 
 def _concatenated(parts: Sequence[Volumes]) -> Volumes:
-    sizes = np.concatenate([one.sizes for one in parts])
+    sizes = np.concatenate([part.sizes for part in parts])
     return Volumes(
-        np.concatenate([one.points for one in parts]),
+        np.concatenate([part.points for part in parts]),
         np.concatenate(([0], np.cumsum(sizes))).astype(np.intp),
-        np.concatenate([one.radius for one in parts]),
-        np.concatenate([one.owners for one in parts]),
-        np.concatenate([one.kinds for one in parts]),
-        np.concatenate([one.symbols for one in parts]),
+        np.concatenate([part.radius for part in parts]),
+        np.concatenate([part.owners for part in parts]),
+        np.concatenate([part.kinds for part in parts]),
+        np.concatenate([part.symbols for part in parts]),
     )

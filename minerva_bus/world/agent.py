@@ -94,7 +94,7 @@ def _mark(
     together: bool,
     probability: float | str,
 ) -> Callable[[_F], _F]:
-    if not event_types or not all(isinstance(one, str) for one in event_types):
+    if not event_types or not all(isinstance(event_type, str) for event_type in event_types):
         raise MisuseError('name the event types: @on("eHunger"), @view("ePicture")')
 
     def mark(function: _F) -> _F:
@@ -288,18 +288,20 @@ class Agent:
             return f"<{self.kind.name}#{self.id}, not valid: {error}>"
 
 
-def _for_many(found: dict[str, _F]) -> dict[str, _F]:
+def _for_many(methods: dict[str, _F]) -> dict[str, _F]:
     return {
-        event: function for event, function in found.items() if getattr(function, POPULATION, False)
+        event: function
+        for event, function in methods.items()
+        if getattr(function, POPULATION, False)
     }
 
 
 def _check_columns(kind: AgentKind, population: Collection[str]) -> None:
-    for one in kind.fields.all if population else ():
-        if one.type.kind not in SCALARS:
+    for field in kind.fields.all if population else ():
+        if field.type.kind not in SCALARS:
             raise MisuseError(
                 f"{kind.name} has methods for populations, so its attributes must be numbers,"
-                f" truths or texts; {one.name} is a {one.type}"
+                f" truths or texts; {field.name} is a {field.type}"
             )
 
 

@@ -243,7 +243,7 @@ def at_fault(
     It is the last one that sets it, or else the last one; before any has run, None, at `event`.
     """
     attribute = error.attribute if isinstance(error, StateError) else ""
-    setters = [one for one in ran if attribute and assignments(one[0], attribute)]
+    setters = [entry for entry in ran if attribute and assignments(entry[0], attribute)]
     return (*setters[-1:], *ran[-1:], (None, event))[0]
 
 

@@ -109,11 +109,11 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
 
 
 def emissions(
-    many: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
+    batches: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
 ) -> tuple[AnyEvent, ...]:
     """What agents sent, by type, in the order of the agents and, for each, of its sending."""
     chunks: dict[str, list[tuple[Rows, Events]]] = {}
-    for rows, events in many:
+    for rows, events in batches:
         chunks.setdefault(events.type, []).append((rows, events))
     alone: dict[str, list[tuple[int, Event]]] = {}
     for row, events in single:
@@ -143,7 +143,7 @@ def _ordered(
             pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
         ]
         return [event for _, event in sorted(pairs, key=_row)]
-    rows: NDArray[Any] = np.concatenate([some for some, _ in chunks])
+    rows: NDArray[Any] = np.concatenate([chunk for chunk, _ in chunks])
     if (rows[1:] < rows[:-1]).any():
         return [whole.take(np.argsort(rows, kind="stable"))]
     return [whole]

@@ -64,7 +64,9 @@ def chances_of(
     found: dict[str, float | str] = {}
     for event_type, function in activities.items():
         marked = (vars(base).get(function.__name__) for base in cls.__mro__)
-        first = next((one for one in marked if event_type in getattr(one, ON, ())), function)
+        first = next(
+            (method for method in marked if event_type in getattr(method, ON, ())), function
+        )
         probability: float | str = getattr(first, PROBABILITY, 1.0)
         if probability != 1.0:
             found[event_type] = probability

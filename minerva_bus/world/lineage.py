@@ -50,7 +50,7 @@ def copy_id(original: str, frame: int, number: int, height: int = 1) -> str:
 
 def newest_copy(ids: Iterable[str]) -> int:
     """The last frame that has made copies with some of these ids; -1 where none has."""
-    return max((int(frame) for one in ids for frame in _COPY.findall(one)), default=-1)
+    return max((int(frame) for agent_id in ids for frame in _COPY.findall(agent_id)), default=-1)
 
 
 _COPY: Final = re.compile(r":([0-9]{1,18})-(?:[0-9]+(?:-[0-9]+)?|[0-9a-f]{24})(?=:|$)")

@@ -69,7 +69,13 @@ class Norm:
     @property
     def conditions(self) -> tuple[Condition, ...]:
         """What is forbidden: all of these."""
-        return tuple([parse_condition(one) for one in (self.when, self.where) if one.strip()])
+        return tuple(
+            [
+                parse_condition(condition)
+                for condition in (self.when, self.where)
+                if condition.strip()
+            ]
+        )
 
     @property
     def refuses(self) -> bool:
@@ -78,7 +84,7 @@ class Norm:
 
     def holds(self, state: Mapping[str, Any]) -> bool:
         """Whether it forbids what is so."""
-        return all(one.holds(state) for one in self.conditions)
+        return all(condition.holds(state) for condition in self.conditions)
 
     def concerns(self, *names: str) -> bool:
         """Whether it applies to one of a kind, or to a member."""
@@ -92,7 +98,7 @@ def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, sou
     VocabularyError with a caret.
     """
     named = {agent.id: agent.symbol for agent in agents(w)} if "#" in text else {}
-    others = {one: vocabulary.kinds[symbol] for one, symbol in named.items()}
+    others = {agent_id: vocabulary.kinds[symbol] for agent_id, symbol in named.items()}
     scopes = [_scope(kind, about, others) for kind, about in _concerned(norm, vocabulary)]
     parse_condition(text, source).check(scopes, source)
 
@@ -104,9 +110,9 @@ def _concerned(
     kinds: list[AgentKind | None] = [
         kind for name, kind in vocabulary.kinds.items() if norm.concerns(name)
     ]
-    if norm.on and any(one not in vocabulary.kinds for one in norm.applies):
+    if norm.on and any(name not in vocabulary.kinds for name in norm.applies):
         kinds.append(None)
-    for about in [vocabulary.events[one] for one in norm.on] or [None]:
+    for about in [vocabulary.events[event_type] for event_type in norm.on] or [None]:
         for kind in kinds or [None]:
             yield kind, about
 
@@ -116,12 +122,14 @@ def _scope(
 ) -> Scope:
     """The names that a norm may use of an agent of a kind, and of what it does."""
     own = kind.fields.all if kind is not None else ()
-    sorts = {one.name: one for one in own}
+    sorts = {field.name: field for field in own}
     if about is None:
-        sorts |= {WAS + one.name: one for one in own}
+        sorts |= {WAS + field.name: field for field in own}
     else:
-        sorts |= {EVENT + one.name: one for one in about.fields.all}
-    sorts |= {f"#{id}.{one.name}": one for id, other in others.items() for one in other.fields.all}
+        sorts |= {EVENT + field.name: field for field in about.fields.all}
+    sorts |= {
+        f"#{id}.{field.name}": field for id, other in others.items() for field in other.fields.all
+    }
     who = kind.name if kind is not None else "a generator"
 
     def sort_of(name: str) -> str:
@@ -156,7 +164,7 @@ class Book:
         """Note that somebody does what a norm forbids, or limits; whether that breaks it."""
         if norm.most:
             lately = self._lately.setdefault(norm.name, {})
-            frames = [one for one in lately.get(who, ()) if one > frame - norm.per]
+            frames = [past for past in lately.get(who, ()) if past > frame - norm.per]
             broken = len(frames) >= norm.most
             if not (broken and norm.refuses):
                 frames.append(frame)
@@ -169,7 +177,7 @@ class Book:
     def exceeds(self, norm: Norm, who: str, frame: int) -> bool:
         """Whether somebody may not do what a norm forbids, or limits, in a frame; notes nothing."""
         lately = self._lately.get(norm.name, {}).get(who, ())
-        count = sum(frame - norm.per < one < frame for one in lately)
+        count = sum(frame - norm.per < past < frame for past in lately)
         return count >= norm.most
 
     def saved(self, norms: tuple[Norm, ...], frame: int) -> dict[str, Any]:

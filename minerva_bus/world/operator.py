@@ -109,7 +109,7 @@ class WorldStatus:
     @property
     def orders(self) -> tuple[str, ...]:
         """The event types that somebody takes people's orders for, sorted."""
-        return tuple(sorted({one for member in self.members for one in member.orders}))
+        return tuple(sorted({order for member in self.members for order in member.orders}))
 
     @property
     def time(self) -> float:

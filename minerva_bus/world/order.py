@@ -53,8 +53,8 @@ def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
     if not any(isinstance(event, Events) for event in events):
         return dict.fromkeys(events)
     parts: list[Events | None] = []
-    for many, group in groupby(events, lambda event: isinstance(event, Events)):
-        if many:
+    for is_batch, group in groupby(events, lambda event: isinstance(event, Events)):
+        if is_batch:
             parts += cast("Iterator[Events]", group)
         else:
             parts.append(Events.of(list(cast("Iterator[Event]", group))))

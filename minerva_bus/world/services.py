@@ -258,7 +258,7 @@ def checked_service(service: Service | None) -> Service | None:
     for name in names:
         said = getattr(service, name)
         names_only = isinstance(said, tuple | list) and all(
-            isinstance(one, str) for one in cast("Iterable[Any]", said)
+            isinstance(event, str) for event in cast("Iterable[Any]", said)
         )
         if not names_only:
             raise MisuseError(

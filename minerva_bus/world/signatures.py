@@ -26,7 +26,7 @@ def check_signature(function: Any, what: str, expected: Sequence[str]) -> None:
     try:
         signature.bind(*expected)
     except TypeError:
-        names = ", ".join(str(one) for one in signature.parameters.values())
+        names = ", ".join(str(value) for value in signature.parameters.values())
         problem = f"{handler_name(function)} takes ({names}); {what} takes ({', '.join(expected)})"
         raise SignatureError(problem, function) from None
 

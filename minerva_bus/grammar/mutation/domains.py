@@ -64,9 +64,9 @@ def _range(low: Any, high: Any) -> Range:
 def _values(text: str, kind: Type) -> tuple[Value, ...]:
     """Values with commas between, as a list in a string has them; texts also without quotes."""
     try:
-        return tuple([kind.fit(one) for one in _read(f"[{text}]")])
+        return tuple([kind.fit(value) for value in _read(f"[{text}]")])
     except SceneError:
-        return tuple([_value(one, kind) for one in text.split(",")])
+        return tuple([_value(part, kind) for part in text.split(",")])
 
 
 def _value(text: str, kind: Type) -> Value:

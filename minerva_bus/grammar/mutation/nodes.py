@@ -33,7 +33,7 @@ def new_node(scene: Scene, targets: Targets, scope: Scene, without: Scene, chanc
     """
     symbol = one_of(targets.symbols, chance)
     fields = targets.vocabulary.fields(symbol)
-    values = tuple([_first_value(symbol, one, targets, chance) for one in fields.all])
+    values = tuple([_first_value(symbol, field, targets, chance) for field in fields.all])
     if symbol.startswith("P"):
         return FigureNode(symbol, fields.names, values)
     if symbol.startswith("T"):
@@ -42,13 +42,13 @@ def new_node(scene: Scene, targets: Targets, scope: Scene, without: Scene, chanc
     return AgentNode(symbol, new_id(symbol, taken), fields.names, values, scope)
 
 
-def _first_value(symbol: str, one: Field, targets: Targets, chance: Stream) -> Value:
-    domain = targets.domain(symbol, one.name)
-    if one.default is not None:
-        varies = domain is not None or one.type.kind == "real"
+def _first_value(symbol: str, field: Field, targets: Targets, chance: Stream) -> Value:
+    domain = targets.domain(symbol, field.name)
+    if field.default is not None:
+        varies = domain is not None or field.type.kind == "real"
         if not varies or chance.random() >= FRESH:
-            return one.default
-    return drawn(one.type, domain, chance)
+            return field.default
+    return drawn(field.type, domain, chance)
 
 
 def with_value(node: Node, n: int, value: Value) -> Node:

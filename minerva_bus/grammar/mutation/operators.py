@@ -46,11 +46,11 @@ class Material:
 
     def movable(self) -> list[Place]:
         """The nodes that may come and go."""
-        return [one for one in self.all() if self.targets.whole(one)]
+        return [field for field in self.all() if self.targets.whole(field)]
 
-    def one_of(self, found: Sequence[Place]) -> Place | None:
+    def one_of(self, places: Sequence[Place]) -> Place | None:
         """One of some places, by chance."""
-        return one_of(found, self.chance) if found else None
+        return one_of(places, self.chance) if places else None
 
     def new(self, scope: Scene = EMPTY, without: Scene = EMPTY) -> Node:
         """A node of a symbol that may be new here."""
@@ -67,9 +67,9 @@ Operator: TypeAlias = Callable[[Material], Mutant | None]
 def perturb(given: Material) -> Mutant | None:
     """One parameter takes another value near its own, of its type and in its domain."""
     found = [
-        (place, n, one, domain)
+        (place, n, field, domain)
         for place in given.all()
-        for n, one, domain in given.targets.fields(place)
+        for n, field, domain in given.targets.fields(place)
     ]
     if not found:
         return None
@@ -154,10 +154,10 @@ def swap(given: Material) -> Mutant | None:
 def cross(given: Material, other: Scene) -> Mutant | None:
     """A node of another string takes the place of one here, of its symbol if there is one."""
     place = given.one_of(given.movable())
-    donors = [one for one in places(other, given.limit.depth) if given.targets.whole(one)]
+    donors = [item for item in places(other, given.limit.depth) if given.targets.whole(item)]
     if place is None or not donors:
         return None
-    alike = [one for one in donors if one.node.symbol == place.node.symbol]
+    alike = [item for item in donors if item.node.symbol == place.node.symbol]
     donor = given.one_of(alike or donors)
     assert donor is not None
     taken = given.with_own_ids(scene_of(donor.node), scene_of(place.node))
@@ -167,7 +167,7 @@ def cross(given: Material, other: Scene) -> Mutant | None:
 
 def blend(given: Material, other: Scene) -> Mutant | None:
     """Of each parameter that may change, either string's value; where both have such a node."""
-    theirs = {(one.path, one.node.symbol): one.node for one in places(other, given.limit.depth)}
+    theirs = {(item.path, item.node.symbol): item.node for item in places(other, given.limit.depth)}
     scene = given.scene
     for place in given.all():
         donor = theirs.get((place.path, place.node.symbol))
@@ -181,9 +181,9 @@ def scatter(given: Material) -> Mutant:
     """Every parameter that has a domain is drawn anew from it."""
     scene = given.scene
     for place in given.all():
-        for n, one, domain in given.targets.fields(place):
+        for n, field, domain in given.targets.fields(place):
             if domain is not None:
-                scene = with_value_at(scene, place.path, n, drawn(one.type, domain, given.chance))
+                scene = with_value_at(scene, place.path, n, drawn(field.type, domain, given.chance))
     return Mutant(scene, "drawn anew")
 
 

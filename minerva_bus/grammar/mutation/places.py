@@ -28,7 +28,7 @@ class Place:
     @property
     def path(self) -> tuple[int, ...]:
         """The indices from the outermost node to this one."""
-        return tuple([one.index for one in self.upwards()])[::-1]
+        return tuple([above.index for above in self.upwards()])[::-1]
 
     def upwards(self) -> Iterator[Place]:
         """The place itself, the one around it, and so on outwards."""
@@ -60,10 +60,10 @@ def _within(scene: Scene, parent: Place | None, deepest: int) -> list[Place]:
 
 def put(scene: Scene, place: Place, nodes: Sequence[Node]) -> Scene:
     """The string with these nodes in the place of one; nodes elsewhere are shared."""
-    for one in place.upwards():
-        around = one.parent
+    for above in place.upwards():
+        around = above.parent
         siblings = (scene if around is None else scope_of(around.node)).nodes
-        made = Scene((*siblings[: one.index], *nodes, *siblings[one.index + 1 :]))
+        made = Scene((*siblings[: above.index], *nodes, *siblings[above.index + 1 :]))
         if around is None:
             return made
         nodes = (rescoped(around.node, made),)

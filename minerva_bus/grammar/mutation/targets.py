@@ -59,29 +59,29 @@ class Targets:
 
     def whole(self, place: Place) -> bool:
         """Whether a node may go, come or move as a whole."""
-        return not self.all or any(not one.parameter and one.meets(place) for one in self.all)
+        return not self.all or any(not field.parameter and field.meets(place) for field in self.all)
 
     def fields(self, place: Place) -> Iterator[tuple[int, Field, Domain]]:
         """The parameters of a node that may change, by place, with their domains."""
-        for n, one in enumerate(self.vocabulary.fields(place.node.symbol).all):
-            found = self._domain(place, one.name)
+        for n, field in enumerate(self.vocabulary.fields(place.node.symbol).all):
+            found = self._domain(place, field.name)
             if found is not None:
-                yield n, one, found.domain
+                yield n, field, found.domain
 
     def _domain(self, place: Place, name: str) -> Target | None:
         """The target that lets a parameter change: the one that says most of it."""
         if not self.all:
             return _EVERYTHING
-        met = [one for one in self.all if one.parameter in ("", name) and one.meets(place)]
+        met = [field for field in self.all if field.parameter in ("", name) and field.meets(place)]
         return max(met, key=_exactness, default=None)
 
-    def idle(self, found: Sequence[Place]) -> list[int]:
+    def idle(self, places: Sequence[Place]) -> list[int]:
         """Which targets, by number, are of none of these nodes, nor of new ones that may come."""
         may_come = set(self.symbols)
         return [
             number
-            for number, one in enumerate(self.all)
-            if _symbol(one) not in may_come and not any(self._is_of(one, it) for it in found)
+            for number, field in enumerate(self.all)
+            if _symbol(field) not in may_come and not any(self._is_of(field, it) for it in places)
         ]
 
     def _is_of(self, target: Target, place: Place) -> bool:
@@ -93,12 +93,12 @@ class Targets:
         """The symbols of which new nodes may come."""
         words = self.vocabulary
         every = [*words.primitives, *words.transformations, *words.kinds]
-        named = {_symbol(one) for one in self.all if not one.parameter}
-        return every if not self.all else [one for one in every if one in named]
+        named = {_symbol(field) for field in self.all if not field.parameter}
+        return every if not self.all else [target for target in every if target in named]
 
     def domain(self, symbol: str, name: str) -> Domain:
         """The domain of a parameter of a new node, wherever it will stand."""
-        of_it = [one for one in self.all if (_symbol(one), one.parameter) == (symbol, name)]
+        of_it = [field for field in self.all if (_symbol(field), field.parameter) == (symbol, name)]
         return max(of_it, key=_exactness).domain if of_it else None
 
 
@@ -157,4 +157,4 @@ def _type_of(text: str, step: str, name: str, vocabulary: Vocabulary) -> Field |
         known = nearest(name, list(fields.names))
         has = ", ".join(fields.names) or "none"
         raise MisuseError(f"{text!r}: {symbol} has no {name!r}{known}; it has {has}")
-    return next(one for one in fields.all if one.name == name)
+    return next(field for field in fields.all if field.name == name)

@@ -30,9 +30,9 @@ _SCALES: Final = {"deg": 15.0, "deg/s": 15.0, "cm": 10.0, "mm": 100.0, "ms": 100
 _LEAST, _GREATEST = -(1 << 63), (1 << 63) - 1
 
 
-def one_of(found: Sequence[_T], chance: Stream) -> _T:
+def one_of(choices: Sequence[_T], chance: Stream) -> _T:
     """One of some things, by chance."""
-    return found[int(chance.integers(len(found)))]
+    return choices[int(chance.integers(len(choices)))]
 
 
 def drawn(kind: Type, domain: Domain, chance: Stream) -> Value:
@@ -67,7 +67,7 @@ def perturbed(kind: Type, domain: Domain, value: Any, chance: Stream, inner: Inn
     """A value of the same type near another one; the very value where there is none."""
     choice = domain.values if isinstance(domain, OneOf) else kind.words
     if choice:
-        others = [one for one in choice if not same_values((one,), (value,))]
+        others = [item for item in choice if not same_values((item,), (value,))]
         return one_of(others, chance) if others else value
     if isinstance(domain, Range) and chance.random() < AFRESH:
         return drawn(kind, domain, chance)
