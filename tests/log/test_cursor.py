@@ -1,0 +1,115 @@
+"""The cursor has the state before any frame, and its inputs lead to the frames that follow."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.launch.rerunning import Rerun, Without
+from minerva_bus.log.cursor import Cursor
+from minerva_bus.log.reader import Record
+from minerva_bus.runtime.direct import InProcessRunner
+from tests.log.recorded_runs import CHECKPOINTS, bytes_of, happened, record_of, strings_of
+from tests.log.test_swapping import LOCKSTEP, OTHERS, swapped
+from tests.runtime.running import here, summary, write_world
+
+pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
+
+
+@pytest.mark.parametrize("name", ["meadow", "robot"])
+def test_the_state_before_each_frame_is_that_of_the_run(name, tmp_path):
+    strings = strings_of(name)
+    with record_of(bytes_of(name), tmp_path) as record:
+        cursor = Cursor(record, state=True)
+        for number, kept in enumerate(CHECKPOINTS[name, None], 1):
+            assert cursor.advance() == strings[number]
+            assert cursor.number == number
+            assert replace(cursor.checkpoint, saved={}) == kept.checkpoint
+            assert cursor.checkpoint.saved.keys() == kept.saved.keys()
+        assert cursor.ahead is None
+        cursor.seek(7)
+        assert cursor.scene == strings[7]
+        assert cursor.ahead.number == 7
+
+
+def futures(record, number, file, seed):
+    """The digests of a run that starts with the state before a frame of a record."""
+    cursor = Cursor(record, state=True)
+    scene = cursor.seek(number)
+    world = replace(file.world, scene=scene, past=cursor.checkpoint, seed=seed)
+    algorithm, digests = FrameAlgorithm(world), []
+
+    def watch(notice):
+        if isinstance(notice, s.FrameDone):
+            digests.append(notice.record.digest)
+
+    runner = InProcessRunner(algorithm, [one.participant() for one in file.processes], watch)
+    runner.start()
+    while runner.ended is None:
+        runner.handle(s.Begin())
+    return digests
+
+
+def test_a_run_has_more_than_one_future(tmp_path):
+    file, frames = happened("meadow")
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        digests = [frame.digest for frame, _ in frames[20:]]
+        assert futures(record, 20, file, file.world.seed) == digests
+        assert futures(record, 20, file, file.world.seed + 1) != digests
+        assert futures(record, 20, file, file.world.seed) == digests
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """A recorded world in which two members make events of the same type."""
+    folder = tmp_path_factory.mktemp("shared")
+    members = LOCKSTEP + '\n[process.fast]\nservice = "others:Slow"\nstride = 1000\n'
+    path = write_world(folder, members, frames=8)
+    (folder / "others.py").write_text(OTHERS)
+    words = ("run", path, "--in-process", "--json", "--record", "run.mcap")
+    return folder, summary(here(folder, *words))
+
+
+def test_inputs_tell_who_sent_an_event(shared):
+    folder, _ = shared
+    with Record(folder / "run.mcap") as record:
+        cursor = Cursor(record, inputs=True)
+        while cursor.ahead is not None:
+            ticked = cursor.ahead.inputs.ticked
+            number = cursor.ahead.number
+            assert [e.count for e in ticked["fast"].events] == [1000 * number]
+            fed = Without(frozenset({"fast"})).inputs(cursor.ahead)
+            assert "steps" in fed.ticked
+            assert "fast" not in fed.ticked
+            assert not fed.replies
+            cursor.advance()
+
+
+@pytest.mark.parametrize("what", ["steps=yard:Steps", "fast=others:Slow"])
+def test_one_of_two_members_that_make_the_same_events_is_swapped(shared, what):
+    folder, whole = shared
+    options = ("--stride", 1000) if what.startswith("fast") else ()
+    code, result = swapped(folder, what, *options)
+    assert code == 0, result
+    assert result["digest"] == whole["digest"]
+
+
+def test_another_member_makes_the_difference_alone(shared):
+    code, result = swapped(shared[0], "fast=others:Slow", "--stride", 7)
+    assert code == 1
+    assert result["difference"]["frame"] == 1
+    assert json.dumps(result["difference"]["events"]).count("eStep") == 2
+
+
+def test_a_missing_frame_ends_a_rerun(tmp_path):
+    file, _ = happened("meadow")
+    with record_of(bytes_of("meadow"), tmp_path) as record:
+        algorithm = FrameAlgorithm(file.world)
+        rerun = Rerun(record, algorithm)
+        runner = InProcessRunner(algorithm, [one.participant() for one in file.processes])
+        runner.start()
+        algorithm.frame = 3
+        with pytest.raises(Exception, match="frame 3 is not in the record, so the run cannot"):
+            rerun.step(runner)
