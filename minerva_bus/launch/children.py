@@ -12,9 +12,9 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.access import security
 from minerva_bus.launch.exporting import exported
-from minerva_bus.launch.journaling import Keeping, find_past, next_epoch
+from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.profiling import Profiling, profile_of, sampled
-from minerva_bus.launch.recording import Nothing, Recording, recording
+from minerva_bus.launch.recording import RunRecord, recording
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
@@ -112,7 +112,7 @@ class Shift:
             queued=work.queued,
             system=system,
         )
-        told.journal = Keeping(file, told.coordinator, past, say)
+        told.journal = RunJournal(file, told.coordinator, past, say)
 
     def life(self) -> Generator[None, None, int]:
         """Run the world to its end, turn by turn; the exit code."""
@@ -130,11 +130,11 @@ class _Told:
     """What the launcher is told, and the record, of a world that runs."""
 
     coordinator: Coordinator
-    journal: Keeping
+    journal: RunJournal
 
     def __init__(self, reports: Reports, elsewhere: Collection[str]) -> None:
         self._elsewhere = elsewhere
-        self.record: Recording = Nothing()
+        self.record = RunRecord()
         self._reports = reports
         self._began = False
         self._members = 0
@@ -151,7 +151,7 @@ class _Told:
             stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
             came=lambda member: tell("came", member=member),
             frame_done=self._frame_done,
-            idle=lambda: self.record.help(),
+            idle=lambda: self.record.idle(),
             operated=lambda: self.journal.operated(),
             stopping=lambda reason: tell("stopping", reason=reason),
             restart=self._restart,
@@ -166,7 +166,7 @@ class _Told:
 
     def _opened(self, session: Any) -> list[Any]:
         record, keys = self.record, self.coordinator.keys
-        return overhear(session, keys, record.topics, record.heard) if record.topics else []
+        return overhear(session, keys, record.topics, record.received) if record.topics else []
 
     def _frame_done(self, done: s.FrameDone) -> None:
         self.journal.frame(done)

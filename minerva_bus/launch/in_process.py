@@ -20,7 +20,7 @@ from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
 from minerva_bus.launch.printed import MEMBERS, printed
-from minerva_bus.launch.recording import Recording, recording
+from minerva_bus.launch.recording import RunRecord, recording
 from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.control import Operated, answer
@@ -84,7 +84,7 @@ class InProcessRun:
                 close_services(members)
             return self._progress.summary(runner.ended, reason)
 
-    def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, Recording]:
+    def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, RunRecord]:
         record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
@@ -126,7 +126,7 @@ class InProcessRun:
                 elif runner.ended is None:
                     time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
 
-    def _failed(self, error: Exception, runner: InProcessRunner, record: Recording) -> WorldStopped:
+    def _failed(self, error: Exception, runner: InProcessRunner, record: RunRecord) -> WorldStopped:
         """Show an error in a member's code; the reason why the world stops."""
         running = runner.direct.running
         member = MEMBERS if running is None else running.name
@@ -163,7 +163,7 @@ def _members(file: WorldFile) -> list[Member]:
     return [process.participant() for process in file.processes]
 
 
-def _recorded(record: Recording) -> Callable[[Notice], None]:
+def _recorded(record: RunRecord) -> Callable[[Notice], None]:
     def observe(notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             record.frame(notice)
@@ -182,7 +182,7 @@ def _no_restart(_: str) -> str:
 class _Log(Sink):
     """Writes warnings to the console, the record and the log that operators read."""
 
-    def __init__(self, algorithm: FrameAlgorithm, console: Console, record: Recording) -> None:
+    def __init__(self, algorithm: FrameAlgorithm, console: Console, record: RunRecord) -> None:
         self.diary = Diary()
         self._algorithm = algorithm
         self._console = console

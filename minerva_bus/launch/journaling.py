@@ -1,4 +1,4 @@
-"""The journal of a run, from which a coordinator goes on when the one before it was killed."""
+"""Journal of a running world, from which another coordinator continues after a crash."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from minerva_bus.runtime.coordinator import Coordinator
 
 
 def journal_path(file: WorldFile) -> Path:
-    """Where a world's journal is: in the folder that was asked for, or with what runs here."""
+    """Path of a world's journal: in the configured folder, or in the runtime folder."""
     place = Path(file.bus.journal) if file.bus.journal else runtime_folder()
     return place / f"{file.world.name}.journal"
 
 
 def find_past(file: WorldFile, *, again: bool) -> Journaled | None:
-    """What a world goes on from: `again`, or where a journal was asked for and is there.
+    """The journal to continue from, if `again` is set or a journal is configured, and it exists.
 
-    Raises RecordError where that journal cannot be gone on from.
+    Raises RecordError if the journal cannot be used.
     """
-    wanted = again or file.bus.journal
-    return read_journal(journal_path(file), file.world) if wanted else None
+    configured = again or file.bus.journal
+    return read_journal(journal_path(file), file.world) if configured else None
 
 
 def next_epoch(past: Journaled | None, now: float) -> int:
-    """The epoch of a coordinator: seconds since 1970, but always above the one before it."""
+    """Epoch of a coordinator: seconds since 1970, but always greater than the previous one."""
     return int(now) if past is None else max(past.epoch + 1, int(now))
 
 
-class Keeping:
-    """Writes the journal of a running world; `say` hears when it cannot be written any more.
+class RunJournal:
+    """Writes the journal of a running world; `say` reports when that fails.
 
-    One that nobody asked for is gone when its world has ended, however it did; one that was asked
-    for only where the world came to its own end. Raises BusError where it cannot be begun.
+    A configured journal is deleted when the world has come to its own end; without configuration,
+    it is deleted whenever the run ends. Raises BusError if it cannot be created.
     """
 
     def __init__(
@@ -49,8 +49,8 @@ class Keeping:
     ) -> None:
         self._coordinator = coordinator
         self._say = say
-        self._asked_for = bool(file.bus.journal)
-        self._attending: MemberIndex | None = None
+        self._configured = bool(file.bus.journal)
+        self._members: MemberIndex | None = None
         self._journal: Journal | None = Journal(
             journal_path(file), coordinator.transport.epoch, coordinator.algorithm
         )
@@ -64,7 +64,7 @@ class Keeping:
         self._note_pace(self._journal)
 
     def frame(self, done: s.FrameDone) -> None:
-        """A frame is over. Raises Followed."""
+        """Write a frame that has ended. Raises Followed."""
         if self._journal is None or done.inputs is None:
             return
         try:
@@ -74,7 +74,7 @@ class Keeping:
             self._give_up(self._journal, error)
 
     def operated(self) -> None:
-        """A person may have changed the pace, or sent an event. Raises Followed."""
+        """Write the pace and waiting events, after a person's request. Raises Followed."""
         if self._journal is None:
             return
         try:
@@ -84,19 +84,19 @@ class Keeping:
             self._give_up(self._journal, error)
 
     def close(self) -> None:
-        """The run is over."""
+        """Close the journal at the end of the run."""
         if self._journal is not None:
-            over = self._coordinator.algorithm.over or not self._asked_for
+            over = self._coordinator.algorithm.over or not self._configured
             self._journal.close(over=over)
 
     def _note_members(self, journal: Journal) -> None:
         members = self._coordinator.algorithm.members
-        if members.index is not self._attending:
-            self._attending = members.index
+        if members.index is not self._members:
+            self._members = members.index
             journal.members(member.name for member in members.active())
 
     def _note_pace(self, journal: Journal) -> None:
-        """The pace, with the frame that is under way among those left: it is not written yet."""
+        """Write the pace; a frame in progress counts as left: the journal lacks it."""
         pace, begun = self._coordinator.schedule.pace, self._coordinator.algorithm.in_frame
         journal.pace(pace.rate, None if pace.left is None else pace.left + begun)
 
@@ -104,6 +104,6 @@ class Keeping:
         journal.close(over=True)
         self._journal = None
         self._say(
-            f"{journal.path}: cannot be written: {error.strerror}; the world goes on, but a"
-            " coordinator that is killed now ends it"
+            f"{journal.path}: cannot be written: {error.strerror}; the world continues, but"
+            " ends if its coordinator is killed"
         )

@@ -1,4 +1,4 @@
-"""The record of a run, if one is wanted: made where its frames are."""
+"""Record of a running world, written in the process of its coordinator."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -20,62 +20,35 @@ if TYPE_CHECKING:
     from minerva_bus.log.reader import Record
 
 
-class Recording(Protocol):
-    """What is told of a run as it goes on; `topics` are those that it wants to hear of."""
+class RunRecord:
+    """Receives the events of a run; this base class records nothing.
 
-    topics: tuple[str, ...]
-
-    def frame(self, done: s.FrameDone) -> None:
-        """A frame is over."""
-        ...
-
-    def help(self) -> None:
-        """Nobody waits for the caller of `frame` just now: what is left to do may be done."""
-        ...
-
-    def said(self, member: str, text: str) -> None:
-        """Something was said of a member, or printed by it."""
-        ...
-
-    def sensed(self, told: Readings) -> None:
-        """Something came on a sensor topic; as `heard` from any thread."""
-        ...
-
-    def heard(self, topic: str, member: str, data: bytes) -> None:
-        """Something came on a sensor topic, over the bus."""
-        ...
-
-    def close(self) -> None:
-        """The run is over."""
-        ...
-
-
-class Nothing:
-    """No record is wanted."""
+    `topics` are the sensor topics to record.
+    """
 
     topics: tuple[str, ...] = ()
 
     def frame(self, done: s.FrameDone) -> None:
-        """A frame is over."""
+        """Record a frame that has ended."""
 
-    def help(self) -> None:
-        """There is time."""
+    def idle(self) -> None:
+        """Do pending work: the caller of `frame` waits for members now."""
 
     def said(self, member: str, text: str) -> None:
-        """Something was said of a member."""
+        """Record a log line about a member, or a line that it printed."""
 
-    def sensed(self, told: Readings) -> None:
-        """Something came on a sensor topic."""
+    def sensed(self, readings: Readings) -> None:
+        """Record readings of a sensor topic; like `received` callable from any thread."""
 
-    def heard(self, topic: str, member: str, data: bytes) -> None:
-        """Something came on a sensor topic, over the bus."""
+    def received(self, topic: str, member: str, data: bytes) -> None:
+        """Record readings of a sensor topic as received from the bus."""
 
     def close(self) -> None:
-        """The run is over."""
+        """Finish the record."""
 
 
-class InFile:
-    """A record in a file. Raises RecordError, and MisuseError where mcap is not installed."""
+class FileRecord(RunRecord):
+    """A record in a file. Raises RecordError, and MisuseError if mcap is not installed."""
 
     def __init__(
         self,
@@ -98,19 +71,19 @@ class InFile:
                 for what in differing(file.world, past.description.world) if again else ():
                     raise RecordError(f"{origin}: it is the record of another world: {what}")
                 self._next = past.end()[0].frame
-                told = _retold(past.description, file)
-                # What a killed coordinator has left is all in the new one.
-                self._record(file, told, say, past, keep_old=not again)
+                description = _continued(past.description, file)
+                # The new record contains everything of the previous coordinator's.
+                self._record(file, description, say, past, keep_old=not again)
             return
         options = {name: option_text(value) for name, value in file.options.items()}
         began, path = time.time_ns(), str(file.path)
-        told = Description(file.world, file.text, file.rate, options, began=began, path=path)
-        self._record(file, told, say)
+        description = Description(file.world, file.text, file.rate, options, began=began, path=path)
+        self._record(file, description, say)
 
     def _record(
         self,
         file: WorldFile,
-        told: Description,
+        description: Description,
         say: Callable[[str], None],
         past: Record | None = None,
         *,
@@ -118,10 +91,10 @@ class InFile:
     ) -> None:
         from minerva_bus.log.recorder import Recorder
 
-        self._began = time.monotonic() - (time.time_ns() - told.began) / 1e9
+        self._began = time.monotonic() - (time.time_ns() - description.began) / 1e9
         self._recorder = Recorder(
             Path(file.record.path),
-            told,
+            description,
             flush_seconds=file.record.flush,
             durable=file.record.durable,
             say=say,
@@ -130,9 +103,9 @@ class InFile:
         )
 
     def frame(self, done: s.FrameDone) -> None:
-        """A frame is over."""
+        """Record a frame that has ended."""
         if done.frame < self._next:
-            return  # It is in the record that a killed coordinator has left.
+            return  # The previous coordinator has recorded it.
         if done.frame > self._next:
             self._say(f"frames {self._next} to {done.frame - 1} are not in the record")
         self._next = done.frame + 1
@@ -140,25 +113,25 @@ class InFile:
         checkpoint = algorithm.checkpoint
         self._recorder.frame(done, algorithm.scene, self._seconds(), checkpoint=checkpoint)
 
-    def help(self) -> None:
-        """Nobody waits for the caller of `frame` just now."""
-        self._recorder.help()
+    def idle(self) -> None:
+        """Do pending work."""
+        self._recorder.idle()
 
     def said(self, member: str, text: str) -> None:
-        """Something was said of a member, or printed by it."""
+        """Record a line about a member."""
         self._recorder.log(member, text, self._seconds())
 
-    def sensed(self, told: Readings) -> None:
-        """Something came on a sensor topic; from any thread."""
-        if ALL in self.topics or told.topic in self.topics:
-            self._recorder.sensed(told, self._seconds())
+    def sensed(self, readings: Readings) -> None:
+        """Record readings of a sensor topic."""
+        if ALL in self.topics or readings.topic in self.topics:
+            self._recorder.sensed(readings, self._seconds())
 
-    def heard(self, topic: str, member: str, data: bytes) -> None:
-        """Something came on a sensor topic, over the bus; from any thread."""
-        self._recorder.heard(topic, member, data, self._seconds())
+    def received(self, topic: str, member: str, data: bytes) -> None:
+        """Record readings of a sensor topic as received from the bus."""
+        self._recorder.received(topic, member, data, self._seconds())
 
     def close(self) -> None:
-        """The run is over."""
+        """Finish the record."""
         self._recorder.close()
 
     def _seconds(self) -> float:
@@ -166,50 +139,55 @@ class InFile:
 
 
 def _origin(file: WorldFile, again: bool) -> Path | None:
-    """The record that this one goes on from."""
+    """The record that this one continues."""
     if again:
         return Path(file.record.path)
     return file.origin if isinstance(file, Resumed) else None
 
 
-def _retold(told: Description, file: WorldFile) -> Description:
-    """What a record says of its world when it goes on, perhaps to another end."""
-    wanted = file.world
+def _continued(description: Description, file: WorldFile) -> Description:
+    """Description of a continued record; name and end of the world may have changed."""
+    now = file.world
     world = replace(
-        told.world,
-        name=wanted.name,
-        frames=wanted.frames,
-        until=wanted.until,
-        expected=wanted.expected,
+        description.world,
+        name=now.name,
+        frames=now.frames,
+        until=now.until,
+        expected=now.expected,
     )
     options = {name: option_text(value) for name, value in file.options.items()}
     return replace(
-        told, world=world, file=file.text, rate=file.rate, options=options, path=str(file.path)
+        description,
+        world=world,
+        file=file.text,
+        rate=file.rate,
+        options=options,
+        path=str(file.path),
     )
 
 
 def recording(
     file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None], *, again: bool = False
-) -> Recording:
-    """The record that a world file or a command line asks for.
+) -> RunRecord:
+    """The record that the settings ask for.
 
-    `again`: another one was begun by a coordinator that was killed; it goes on, if it can.
+    `again`: continue the record of a coordinator that was killed, if possible.
     """
     if not file.record.path:
-        return Nothing()
+        return RunRecord()
     from minerva_bus.log.errors import RecordError
 
     try:
-        return InFile(file, algorithm, say, again)
+        return FileRecord(file, algorithm, say, again)
     except RecordError as error:
         if not again:
             raise
-        say(f"{error}; the world goes on without a record")
-        return Nothing()
+        say(f"{error}; the world continues without a record")
+        return RunRecord()
 
 
 def check_record(file: WorldFile) -> None:
-    """Raises MisuseError where a record is wanted that cannot be made here."""
+    """Raises MisuseError if a record is requested but mcap is not installed."""
     if file.record.path:
         from minerva_bus.log.extra import check_installed
 

@@ -1,4 +1,4 @@
-"""Sensor data that waits to be written: bounded, for nobody waits for a record of it."""
+"""Bounded queue of sensor data to be recorded; publishers never wait for it."""
 
 from __future__ import annotations
 
@@ -13,70 +13,70 @@ from minerva_bus.wire.codec import Decoder
 
 MESSAGES: Final = 1024
 BYTES: Final = 64 << 20
-"""So much may wait; what comes meanwhile is dropped."""
+"""Bytes that may be queued; further data are dropped."""
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """What came on a topic: in the midst of which frame, and when by the clock, in seconds.
+class Sensed:
+    """Data of a sensor topic: readings, or the bytes received from the bus.
 
-    `told` are the readings, or the bytes that the bus brought.
+    `frame` was in progress when they arrived, `seconds` after the record began, by the clock.
     """
 
     topic: str
     member: str
-    told: Readings | bytes
+    data: Readings | bytes
     frame: int
     seconds: float
 
     @property
     def size(self) -> int:
-        """Bytes, where it came over the bus."""
-        return len(self.told) if isinstance(self.told, bytes) else 0
+        """Size in bytes, if received from the bus."""
+        return len(self.data) if isinstance(self.data, bytes) else 0
 
     def readings(self) -> Readings:
-        """The readings. Raises ProtocolError for what are none."""
-        if isinstance(self.told, Readings):
-            return self.told
-        return Decoder().readings(self.topic, self.member, self.told)
+        """The readings. Raises ProtocolError for invalid data."""
+        if isinstance(self.data, Readings):
+            return self.data
+        return Decoder().readings(self.topic, self.member, self.data)
 
 
 class Backlog:
-    """Filled by any threads, emptied by one; `put` neither waits nor reads what it is given.
+    """A queue with any number of writers and one reader; `put` neither waits nor decodes.
 
-    `dropped` counts what has not been taken: there was no room, or it was none that could be read.
+    `dropped` counts data for which there was no room, or that were invalid.
     """
 
     def __init__(self) -> None:
         self.dropped: int = 0
         self._lock = threading.Lock()
-        self._waiting: deque[Heard] = deque()
+        self._waiting: deque[Sensed] = deque()
         self._bytes = 0
 
-    def put(self, one: Heard) -> None:
-        """Let something wait, where there is room."""
+    def put(self, sensed: Sensed) -> None:
+        """Queue data, if there is room."""
         with self._lock:
-            if len(self._waiting) >= MESSAGES or self._bytes + one.size > BYTES:
+            if len(self._waiting) >= MESSAGES or self._bytes + sensed.size > BYTES:
                 self.dropped += 1
             else:
-                self._waiting.append(one)
-                self._bytes += one.size
+                self._waiting.append(sensed)
+                self._bytes += sensed.size
 
     @property
     def waiting(self) -> int:
-        """How many wait."""
+        """Number of queued items."""
         return len(self._waiting)
 
-    def take(self) -> tuple[Heard, Readings] | None:
-        """The next one, as readings; None where nothing waits."""
+    def take(self) -> tuple[Sensed, Readings] | None:
+        """The next item and its readings, or None if the queue is empty."""
         while True:
             with self._lock:
                 if not self._waiting:
                     return None
-                one = self._waiting.popleft()
-                self._bytes -= one.size
+                sensed = self._waiting.popleft()
+                self._bytes -= sensed.size
             try:
-                return one, one.readings()
+                return sensed, sensed.readings()
             except ProtocolError:
                 with self._lock:
                     self.dropped += 1

@@ -1,12 +1,12 @@
-"""Checkpoints in a record: what a world needs beside its string to go on after any frame.
+"""Checkpoints in a log: the state of a world beside its string, before any frame.
 
     checkpoint = ["checkpoint", number, whole, {member: saved}, [event, ...],
                   {source: [event, ...]}, [reached, ...], [reaching, ...]]
 
-It belongs to the frame of its number, which comes next. Of what members have saved, as msgpack in
-bytes, and of who has reached `until`, there is what is new since the checkpoint before; in a
-`whole` one, all. The events are those that wait for the frame: the agents' own, and those of
-others. Where there is none for a number, nothing is new, and no events wait.
+The number is that of the next frame. Data saved by members (msgpack in bytes) and the agents that
+reached `until` are changes since the previous checkpoint; a `whole` one contains everything. The
+events wait for the frame: first those of agents, then those of other sources. If a number has no
+checkpoint, nothing changed and no events wait.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from minerva_bus.wire.values import Reader, plain_event
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A checkpoint that nobody changes any more: what members have saved is there as bytes."""
+    """An immutable copy of a checkpoint; data saved by members are encoded."""
 
     checkpoint: Checkpoint
     saved: Mapping[str, bytes]
 
     @classmethod
     def of(cls, checkpoint: Checkpoint) -> Kept:
-        """Keep a checkpoint as it is now. Raises TypeError for what is no plain data."""
-        saved = {name: pack(one) for name, one in checkpoint.saved.items()}
+        """Copy a checkpoint. Raises TypeError for data that are not plain."""
+        saved = {name: pack(data) for name, data in checkpoint.saved.items()}
         return cls(replace(checkpoint, saved={}), saved)
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A checkpoint as it was recorded: all of it where it is `whole`, else what is new."""
+    """A recorded checkpoint: everything if `whole`, otherwise the changes."""
 
     whole: bool
     new: Checkpoint
 
     def after(self, before: Checkpoint) -> Checkpoint:
-        """The checkpoint that it makes of the one before."""
+        """The checkpoint after this step."""
         if self.whole:
             return self.new
         return replace(
@@ -57,9 +57,9 @@ class Step:
 
 
 def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
-    """What is new in a checkpoint as bytes, none where nothing is; all of it where none was before.
+    """Changes of a checkpoint as bytes, empty if there are none; everything if `before` is None.
 
-    Raises ValueError where what is to be written cannot be.
+    Raises ValueError for data that cannot be encoded.
     """
     new, old = kept.checkpoint, before.checkpoint if before is not None else Checkpoint()
     known: Mapping[str, bytes] = before.saved if before is not None else {}
@@ -80,9 +80,9 @@ def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     _, number, complete, saved, emitted, inbox, reached, reaching = items
     new = Checkpoint(
         as_int(number, "the number of a frame"),
-        {name: _saved(one) for name, one in as_map(saved, "what members saved").items()},
+        {name: _saved(data) for name, data in as_map(saved, "what members saved").items()},
         reader.events(emitted),
-        {source: reader.events(some) for source, some in as_map(inbox, "an inbox").items()},
+        {source: reader.events(sent) for source, sent in as_map(inbox, "an inbox").items()},
         _names(reached),
         _names(reaching),
     )
@@ -99,10 +99,10 @@ def _plain(events: Sequence[AnyEvent]) -> list[Any]:
 
 def _saved(plain: Any) -> Mapping[str, Any]:
     if not isinstance(plain, bytes):
-        raise ProtocolError("what a member saved is bytes")
+        raise ProtocolError("saved data of a member must be bytes")
     return as_map(unpack(plain, ON_DISK), "what a member saved")
 
 
 def _names(plain: Any) -> frozenset[str]:
     names: Iterable[Any] = as_list(plain, "names")
-    return frozenset(as_text(one, "a name") for one in names)
+    return frozenset(as_text(name, "a name") for name in names)

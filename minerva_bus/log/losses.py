@@ -1,4 +1,4 @@
-"""What of a damaged record is lost, in words."""
+"""Losses of a damaged record."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any, Final
 from minerva_bus.log.scanning import Damage
 
 SHOWN: Final = 5
-"""Ranges of lost frames that are named."""
+"""Maximum number of ranges of lost frames that are listed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """What of a record cannot be used.
+    """The parts of a record that cannot be used.
 
-    `damage` are bytes that cannot be read, `cut` so many at the end that are of no whole chunk.
-    `lost` are frames; those from number `open_from` on are lost, too, if there were any.
+    `damage`: unreadable bytes. `cut`: bytes at the end that belong to no complete chunk. `lost`:
+    ranges of frames; frames from number `open_from` on, if there were any, are lost too.
     """
 
     damage: tuple[Damage, ...]
@@ -26,7 +26,7 @@ class Losses:
 
     @property
     def damaged(self) -> str:
-        """Where it is damaged, in words; empty where it is not."""
+        """Damaged places as text, or an empty string."""
         if not self.damage:
             return ""
         first, more = self.damage[0], len(self.damage) - 1
@@ -36,10 +36,10 @@ class Losses:
 
     @property
     def frames(self) -> str:
-        """Which frames that has cost, in words; empty where nothing is damaged."""
+        """Frames lost by the damage as text, or an empty string."""
         if not self.damage:
             return ""
-        named = [_spanned(one) for one in self.lost[:SHOWN]]
+        named = [_range_text(frames) for frames in self.lost[:SHOWN]]
         if len(self.lost) > SHOWN:
             named.append(f"{sum(map(len, self.lost[SHOWN:])):,} more")
         if self.open_from is not None:
@@ -47,16 +47,16 @@ class Losses:
         return ", ".join(named) or "no frame"
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object; `lost_from` is nil where the end is intact."""
+        """As a JSON object; `lost_from` is null if the end is intact."""
         return {
             "damage": [{"begin": d.begin, "end": d.end, "why": d.why} for d in self.damage],
             "cut": self.cut,
-            "lost": [[one.start, one.stop - 1] for one in self.lost],
+            "lost": [[frames.start, frames.stop - 1] for frames in self.lost],
             "lost_from": self.open_from,
         }
 
 
-def _spanned(frames: range) -> str:
+def _range_text(frames: range) -> str:
     if len(frames) == 1:
         return f"frame {frames.start:,}"
     return f"frames {frames.start:,} to {frames.stop - 1:,}"

@@ -1,16 +1,15 @@
-"""Recording a world while it runs.
+"""Records a world while it runs, on a thread of its own.
 
-Only a thread of its own goes to the disk, so a frame is not held up by it. What a frame leaves to
-write is put together in memory, and that, where it is `LIGHT`, by whoever runs the frames while it
-has to wait for others anyway: two threads that want the interpreter at the same time cost more
-than the work itself. All else the thread does.
+Only the recorder's thread accesses the disk, so frames do not wait for it. Frames are encoded in
+memory. If that takes little time (`LIGHT`), the thread that runs the frames does it while it waits
+for members: two threads that compete for the interpreter cost more than the work itself.
 
-Up to `WAITING` frames wait. When they are as many, the world waits too, since a record with holes
-cannot be replayed; when the disk does nothing at all for `PATIENCE` seconds, frames are left out
-until it goes on, and how many is said. The strings of the frames behind a hole are right all the
-same: what is written of a frame is what differs from the last frame that was written.
+Up to `WAITING` frames are queued. If the queue is full, the world waits too, because a record with
+gaps cannot be replayed. If the disk makes no progress for `PATIENCE` seconds, frames are dropped
+until it does, and their number is reported. The strings after a gap are still correct, because a
+frame is written as the delta from the last written frame.
 
-Where the disk is full, the world goes on without a record, and what was flushed stays readable.
+If the disk is full, the world continues without a record; flushed data stay readable.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.backlog import Backlog, Heard
+from minerva_bus.log.backlog import Backlog, Sensed
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.errors import RecordError
@@ -39,19 +38,19 @@ from minerva_bus.log.writer import RecordWriter, open_for_record, part_of, take_
 
 WAITING: Final = 16
 HELPED_WITHIN: Final = 4
-"""Frames that may wait for a helper before the thread is called."""
+"""Queued frames that may wait for `idle` before the thread is woken."""
 
 PATIENCE: Final = 1.0
 CLOSING_WITHIN: Final = 30.0
 TURN: Final = 0.001
-"""Seconds that the writing thread keeps the interpreter's lock while a frame's wants it: Python's
-own five milliseconds are several frames, and giving way unasked costs more than it brings."""
+"""Seconds after which the recorder's thread releases the interpreter's lock. Python's default of
+five milliseconds is several frames; releasing it more often costs more than it gains."""
 
 LIGHT: Final = 0.0005
-"""Seconds of work on a frame that may be done while others are waited for."""
+"""Seconds of encoding per frame up to which `idle` does the work."""
 
 REST: Final = 0.01
-"""Seconds that the thread waits at least to be called, however often there is to be flushed."""
+"""Minimum seconds between two wake-ups of the thread, however short the flush interval."""
 
 _NONE: Mapping[str, float] = {}
 
@@ -80,18 +79,18 @@ _Item = _FrameItem | _LogItem
 class Recorder:
     """Writes the record of one run.
 
-    `flush_seconds`: so often all that there is reaches the disk. `durable`: every frame does,
-    before `frame` returns. `say` hears, within `frame` or `close` and so in the caller's thread,
-    what the people who watch should know. `past` is the record after whose end the world goes on:
-    all that is in it comes first, and it may have the same name. What has that name is kept beside
-    it, unless `keep_old` is false. Raises RecordError where the file cannot be begun, and
-    MisuseError where mcap is not installed; later, nothing is raised.
+    `flush_seconds`: interval after which all data are written to the disk. `durable`: each frame is
+    on the disk before `frame` returns. `say` receives messages for people, within `frame` or
+    `close` and so in the caller's thread. `past`: a record to continue; its contents are copied
+    first, and it may have the same name. An existing file of that name is kept, unless `keep_old`
+    is false. Raises RecordError if the file cannot be created, and MisuseError if mcap is not
+    installed; raises nothing later.
     """
 
     def __init__(
         self,
         path: Path,
-        told: Description,
+        description: Description,
         *,
         flush_seconds: float = 2.0,
         durable: bool = False,
@@ -104,7 +103,7 @@ class Recorder:
         self.lost: int = 0
         self._say = say
         self._failure = ""
-        self._told = False
+        self._is_reported = False
         self._frame: int = 0
         self._durable = durable
         self._flush_seconds = 0.0 if durable else flush_seconds
@@ -114,7 +113,7 @@ class Recorder:
         else:
             self._stream = open_for_record(part_of(path), keep_old=False)
         try:
-            self._writer = RecordWriter(self._stream, told, past)
+            self._writer = RecordWriter(self._stream, description, past)
             if past is not None:
                 take_name(path, keep_old=keep_old)
         except (OSError, RecordError) as error:
@@ -129,11 +128,11 @@ class Recorder:
         self._writing = threading.Lock()
         self._called = threading.Event()
         self._written = threading.Event()
-        self._helped = False
+        self._is_helped = False
         self._light = True
         self._stuck = False
         self._closed = False
-        self._heard = Backlog()
+        self._backlog = Backlog()
         self._dropped: int = 0
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -141,7 +140,7 @@ class Recorder:
 
     @property
     def frames(self) -> int:
-        """How many frames are sure to be in the record."""
+        """Number of frames that are certainly in the record."""
         return self._writer.kept
 
     def frame(
@@ -152,32 +151,32 @@ class Recorder:
         timings: Mapping[str, float] = _NONE,
         checkpoint: Checkpoint | None = None,
     ) -> None:
-        """Record a frame; `scene` is the string after it, `seconds` the clock since the beginning.
+        """Record a frame; `scene` is the string after it, `seconds` the time since the beginning.
 
-        Its digest is reckoned when it is written, so that no frame waits for it.
-        `timings` are in seconds, by name. The `checkpoint` is that after the frame; without it, a
-        world cannot go on from there.
+        The digest is computed when the frame is written, so no frame waits for it. `timings` are
+        in seconds, by name. `checkpoint` is that after the frame; a run can only be resumed if
+        there is one.
         """
         self._frame = record.frame + 1
         try:
             kept = Kept.of(checkpoint) if checkpoint is not None else None
         except (TypeError, ValueError, OverflowError) as error:
-            self._failure = self._failure or f"a member saved what is no plain data: {error}"
+            self._failure = self._failure or f"a member saved data that are not plain: {error}"
         else:
             self._put(_FrameItem(record, scene, seconds, timings, kept))
-        self._tell_failure()
+        self._report_failure()
 
-    def help(self) -> None:
-        """Write what waits, if that is little and may stay in memory; else the thread will.
+    def idle(self) -> None:
+        """Encode a queued frame if that is quick and stays in memory; otherwise wake the thread.
 
-        For the caller of `frame`, when it has nothing to do. Who calls it once has to go on: the
-        thread then relies on it.
+        For the caller of `frame` while it waits. After the first call the thread relies on
+        further ones.
         """
-        self._helped = True
-        if self._durable or not (self._items or self._heard.waiting):
+        self._is_helped = True
+        if self._durable or not (self._items or self._backlog.waiting):
             return
         little = self._light and self._writer.has_room
-        if self._heard.waiting or not (little and self._flush_seconds):
+        if self._backlog.waiting or not (little and self._flush_seconds):
             self._called.set()
         elif self._writing.acquire(blocking=False):
             try:
@@ -189,52 +188,54 @@ class Recorder:
         """Record a line about a member."""
         self._put(_LogItem(self._frame, seconds, member, text, warning))
 
-    def sensed(self, told: Readings, seconds: float) -> None:
-        """Record what came on a sensor topic; nothing waits for that. From any thread."""
-        self._hear(Heard(told.topic, told.member, told, self._frame, seconds))
+    def sensed(self, readings: Readings, seconds: float) -> None:
+        """Record readings of a sensor topic, without waiting. From any thread."""
+        self._queue(Sensed(readings.topic, readings.member, readings, self._frame, seconds))
 
-    def heard(self, topic: str, member: str, data: bytes, seconds: float) -> None:
-        """As `sensed`, of readings as the bus has brought them."""
-        self._hear(Heard(topic, member, data, self._frame, seconds))
+    def received(self, topic: str, member: str, data: bytes, seconds: float) -> None:
+        """As `sensed`, for readings as received from the bus."""
+        self._queue(Sensed(topic, member, data, self._frame, seconds))
 
-    def _hear(self, one: Heard) -> None:
+    def _queue(self, sensed: Sensed) -> None:
         if not (self._failure or self._closed):
-            self._heard.put(one)
+            self._backlog.put(sensed)
 
     def close(self) -> None:
-        """Write what is left, and the index. More than once does no harm."""
+        """Write the remaining data and the index. Further calls do nothing."""
         if self._closed:
             return
         self._closed = True
         self._called.set()
         self._thread.join(CLOSING_WITHIN)
         if self._thread.is_alive():
-            self._failure = self._failure or "the disk does not answer"
-        self._tell_failure()
+            self._failure = self._failure or "the disk does not respond"
+        self._report_failure()
         if self.lost:
-            self._say(f"{self.path}: {self.lost} frames are not in the record: the disk was slow")
-        if self._heard.dropped:
             self._say(
-                f"{self.path}: {self._heard.dropped} messages on topics are not in the record: they"
-                " came faster than they were written"
+                f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
+            )
+        if self._backlog.dropped:
+            self._say(
+                f"{self.path}: {self._backlog.dropped} messages on topics are not in the record:"
+                " they arrived faster than they could be written"
             )
 
     def _put(self, item: _Item) -> None:
         if self._failure or self._closed:
             return
         if not self._has_room():
-            self._leave_out(item)
+            self._drop(item)
             return
         self._items.append(item)
         self._given += 1
         self._stuck = False
         if self._durable:
             self._await_disk()
-        elif not self._helped or len(self._items) > HELPED_WITHIN:
+        elif not self._is_helped or len(self._items) > HELPED_WITHIN:
             self._called.set()
 
     def _await_disk(self) -> None:
-        """Let the thread write: an interrupt ends the waiting for it, and not what it does."""
+        """Wait for the thread: an interrupt ends the wait, but not the write."""
         while self._flushed < self._given:
             self._written.clear()
             self._called.set()
@@ -242,7 +243,7 @@ class Recorder:
                 self._written.wait()
 
     def _has_room(self) -> bool:
-        """Whether one more can wait, now or before patience ends; a queue that waits costs more."""
+        """Whether the queue has room, now or within `PATIENCE`. Polling is cheaper than locks."""
         until = 0.0 if self._stuck else time.monotonic() + PATIENCE
         while len(self._items) >= WAITING:
             self._called.set()
@@ -251,18 +252,20 @@ class Recorder:
             time.sleep(0.001)
         return True
 
-    def _leave_out(self, item: _Item) -> None:
+    def _drop(self, item: _Item) -> None:
         if not self._stuck:
-            self._say(f"{self.path}: the disk does not keep up; frames are left out until it does")
+            self._say(
+                f"{self.path}: disk too slow; dropping frames from the record until it catches up"
+            )
         self._stuck = True
         self.lost += isinstance(item, _FrameItem)
 
-    def _tell_failure(self) -> None:
-        if not self._failure or self._told:
+    def _report_failure(self) -> None:
+        if not self._failure or self._is_reported:
             return
-        self._told = True
+        self._is_reported = True
         self._say(
-            f"{self.path}: {self._failure}; the world goes on without a record, of which"
+            f"{self.path}: {self._failure}; the world continues without a record, of which"
             f" {self._writer.kept} frames can be read"
         )
 
@@ -276,17 +279,17 @@ class Recorder:
             self._write_all()
             self._written.set()
         self._write_all()
-        self._carefully(self._write_heard)
+        self._carefully(self._write_sensed)
         self._carefully(self._writer.finish)
         _shut(self._stream)
 
     def _write_all(self) -> None:
-        """Write all that waits, and flush when it is time: a fast world always lets some wait."""
+        """Write all queued data; flush on time even if a fast world always queues more."""
         more = True
         while more:
-            with self._writing:  # Whoever else may want to write gets in between.
+            with self._writing:  # Released after each item, so that `idle` can write too.
                 self._write_next()
-                self._carefully(self._write_heard)
+                self._carefully(self._write_sensed)
                 if time.monotonic() >= self._flush_at:
                     self._carefully(self._writer.flush)
                     self._flushed = self._taken
@@ -294,7 +297,7 @@ class Recorder:
             more = bool(self._items)
 
     def _write_next(self) -> None:
-        """Write what has waited longest, if another has not; `_writing` is held."""
+        """Write the oldest queued item; the caller holds `_writing`."""
         if self._items:
             began = time.thread_time()
             item = self._items.popleft()
@@ -309,22 +312,22 @@ class Recorder:
         else:
             self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
 
-    def _write_heard(self) -> None:
-        """Write what waits of sensor topics, unless the world waits; more may come all the time."""
+    def _write_sensed(self) -> None:
+        """Write queued readings, unless the world waits for the queue of frames."""
         seconds = 0.0
-        for _ in range(self._heard.waiting):
-            found = self._heard.take() if len(self._items) < WAITING else None
-            if found is None:
+        for _ in range(self._backlog.waiting):
+            taken = self._backlog.take() if len(self._items) < WAITING else None
+            if taken is None:
                 break
-            one, told = found
-            seconds = one.seconds
-            self._writer.sensed(told, one.frame, seconds)
-        if self._heard.dropped > self._dropped:
-            new, self._dropped = self._heard.dropped - self._dropped, self._heard.dropped
+            sensed, readings = taken
+            seconds = sensed.seconds
+            self._writer.sensed(readings, sensed.frame, seconds)
+        if self._backlog.dropped > self._dropped:
+            new, self._dropped = self._backlog.dropped - self._dropped, self._backlog.dropped
             self._writer.dropped(new, self._frame, seconds)
 
     def _carefully(self, work: Callable[[], None]) -> None:
-        """Whatever goes wrong with a record must not end its world."""
+        """Note a failure instead of raising it: a record must never end its world."""
         if self._failure:
             return
         try:
@@ -336,7 +339,7 @@ class Recorder:
 
 
 def _shut(stream: IO[bytes]) -> None:
-    """Close a file; what a full disk has not taken is given up."""
+    """Close a file; ignore data that a full disk does not accept."""
     try:
         stream.close()
     except OSError:

@@ -1,4 +1,4 @@
-"""Writing all that is intact in a damaged record into a new one: `minerva recover`."""
+"""Copies the intact parts of a damaged record to a new one: `minerva recover`."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from minerva_bus.wording import counted
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """A record that was written of what another one still had."""
+    """Result of a recovery: the new record, its number of frames, and the losses."""
 
     path: Path
     frames: int
     losses: Losses
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object."""
+        """The result as a JSON object."""
         return {"record": str(self.path), "frames": self.frames} | self.losses.plain()
 
     def lines(self) -> list[str]:
-        """As a person reads it."""
+        """The result as lines of text."""
         losses = self.losses
         shown = [f"{self.path}: {counted(self.frames, 'frame')}"]
         if losses.damage:
             shown += [f"damaged: {losses.damaged}", f"lost: {losses.frames}"]
         elif losses.cut:
-            shown.append(f"cut off: its last {losses.cut:,} bytes are of no whole chunk")
+            shown.append(f"cut off: its last {losses.cut:,} bytes belong to no complete chunk")
         else:
             shown.append("nothing was damaged")
         return shown
 
 
 def recovered_name(path: Path) -> Path:
-    """Where a record is recovered to, if nobody says."""
+    """Default path of a recovered record."""
     return path.with_name(f"{path.stem}.recovered{path.suffix}")
 
 
 def recover(path: Path, into: Path) -> Recovered:
-    """Write what is intact in a record into a new file, as a complete record.
+    """Copy the intact parts of a record to a new, complete record.
 
-    Raises RecordError where nothing can be used, and MisuseError where the file is there already
-    or cannot be written.
+    Raises RecordError if nothing is usable, and MisuseError if the file exists or cannot be
+    written.
     """
     with Record(path) as record:
         check_new(into, "record")

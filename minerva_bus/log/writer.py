@@ -1,4 +1,4 @@
-"""A record as a file: an MCAP with our channels, written in the order in which things happen."""
+"""Writes a record: an MCAP file with our channels, in the order of events."""
 
 from __future__ import annotations
 
@@ -36,38 +36,39 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 CHUNK: Final = 4 << 20
-"""Bytes before compression: what a robot remembers of its floor hardly differs between frames."""
+"""Bytes of a chunk before compression. Large, because the maps of robots repeat between frames."""
 
 SMALL: Final = CHUNK // 8
-"""Bytes that a frame has at most that is not worth a thread."""
+"""Maximum bytes of a frame that `idle` encodes."""
 
 HEAD: Final = 31
-"""Bytes of a message beside its data (MCAP specification, Message)."""
+"""Bytes of a message without its data (MCAP specification, Message)."""
 
 KEY_AFTER: Final = 8
 """A keyframe is written when the frames since the last one are so many times as long."""
 
 SHOWN: Final = 500
-"""Agents of a kind whose poses are shown; of more every n-th."""
+"""Agents of a kind whose poses are shown; of a larger kind, every n-th agent."""
 
 SHOWN_EVERY: Final = 0.1
-"""Seconds of the world's time between two poses of an agent that are shown."""
+"""Seconds of world time between two shown poses of an agent."""
 
 
 class RecordWriter:
-    """Writes one record. Raises OSError where it cannot be written any more.
+    """Writes one record. Raises OSError if it cannot be written.
 
-    `stream` is the file; it is not closed. What was written before the last `flush` can be read
-    whatever happens then: `kept` frames of the `frames` that there are. Where the world goes on
-    from where another record ends, `past`, all that is in that one comes first.
+    `stream` is the file, which stays open. Data written before the last `flush` can be read in any
+    case: `kept` of `frames` frames. `past` is a record to continue; its contents are copied first.
     """
 
-    def __init__(self, stream: IO[bytes], told: Description, past: Record | None = None) -> None:
+    def __init__(
+        self, stream: IO[bytes], description: Description, past: Record | None = None
+    ) -> None:
         self._stream = stream
-        self._told = told
-        self._dt = told.world.dt
-        self._scene = told.world.scene
-        self._surveyor = Surveyor(told.world.vocabulary, SHOWN)
+        self._description = description
+        self._dt = description.world.dt
+        self._scene = description.world.scene
+        self._surveyor = Surveyor(description.world.vocabulary, SHOWN)
         self._since_key = 0
         self._key_bytes = 0
         self._last_shown = -1.0
@@ -88,7 +89,7 @@ class RecordWriter:
         self.flush()
 
     def _begin(self) -> None:
-        world = self._told.world
+        world = self._description.world
         self._writer.start(c.PROFILE, f"minerva-bus {__version__}")
         self._writer.add_metadata(
             "minerva", {"world": world.name, "seed": str(world.seed), "dt": repr(world.dt)}
@@ -102,22 +103,20 @@ class RecordWriter:
             self._show_in(c.POSES + kind, "foxglove.PosesInFrame")
 
     def _show_in(self, topic: str, schema: str) -> None:
-        """Have a channel for what others show."""
+        """Register a channel for other tools."""
         if schema not in self._schemas:
             plain = json.dumps(c.SCHEMAS[schema]).encode()
-            made = self._writer.register_schema(schema, "jsonschema", plain)
-            self._schemas[schema] = made
-        made = self._writer.register_channel(topic, "json", self._schemas[schema])
-        self._channels[topic] = made
+            self._schemas[schema] = self._writer.register_schema(schema, "jsonschema", plain)
+        self._channels[topic] = self._writer.register_channel(topic, "json", self._schemas[schema])
 
     def _describe(self) -> None:
-        """Say of which world it is, in two chunks: nothing in a record can be read without it."""
-        self._put(c.WORLD, encode_description(self._told), 0, 0.0)
+        """Write the description, in two chunks: a record cannot be read without it."""
+        self._put(c.WORLD, encode_description(self._description), 0, 0.0)
         self._writer.flush()
-        self._put(c.WORLD, encode_description(self._told, string=False), 0, 0.0)
+        self._put(c.WORLD, encode_description(self._description, string=False), 0, 0.0)
 
     def _put_beginning(self) -> None:
-        world = self._told.world
+        world = self._description.world
         self._describe()
         self._put_keyframe(0, 0.0, None)
         for grid in encode_maps(world.scene, world.vocabulary):
@@ -128,7 +127,7 @@ class RecordWriter:
         """Copy a record up to the state from which its world resumes, and write that state."""
         end = past.intact_end()
         number, self._scene = end.number, end.scene
-        published = self._told.began
+        published = self._description.began
         self._describe()
         for topic, message in past.messages(number):
             if topic == c.WORLD or topic not in self._channels:
@@ -142,12 +141,12 @@ class RecordWriter:
             )
             self.frames += topic == c.FRAME
             published = message.publish_time
-            told = decode_sensed(message.data) if topic == c.SENSED else None
-            if isinstance(told, Readings):
-                seconds = (published - self._told.began) / c.NANO
-                self._show_readings(told, message.sequence, seconds)
+            sensed = decode_sensed(message.data) if topic == c.SENSED else None
+            if isinstance(sensed, Readings):
+                seconds = (published - self._description.began) / c.NANO
+                self._show_readings(sensed, message.sequence, seconds)
         kept = None if end.checkpoint is None else Kept.of(end.checkpoint)
-        self._put_keyframe(number, (published - self._told.began) / c.NANO, kept)
+        self._put_keyframe(number, (published - self._description.began) / c.NANO, kept)
 
     def frame(
         self,
@@ -181,30 +180,30 @@ class RecordWriter:
         self._show_poses(after, seconds)
 
     def log(self, frame: int, seconds: float, member: str, text: str, warning: bool) -> None:
-        """Write a line of the log, in the midst of this frame."""
+        """Write a log line during this frame."""
         time = c.time_of(frame, self._dt)
         self._put(c.LOG, encode_log(time, member, text, warning), frame, seconds)
 
-    def sensed(self, told: Readings, frame: int, seconds: float) -> None:
-        """Write what came on a sensor topic in the midst of this frame."""
-        number = told.frame if told.frame >= 0 else frame
-        self._put(c.SENSED, encode_readings(told), number, seconds, number)
-        self._show_readings(told, number, seconds)
+    def sensed(self, readings: Readings, frame: int, seconds: float) -> None:
+        """Write readings of a sensor topic that arrived during this frame."""
+        number = readings.frame if readings.frame >= 0 else frame
+        self._put(c.SENSED, encode_readings(readings), number, seconds, number)
+        self._show_readings(readings, number, seconds)
 
     def dropped(self, count: int, frame: int, seconds: float) -> None:
-        """Write that so many messages on topics are not in the record."""
+        """Write how many messages on topics are missing."""
         self._put(c.SENSED, encode_dropped(count), frame, seconds, frame)
 
-    def _show_readings(self, told: Readings, frame: int, seconds: float) -> None:
-        for schema, data in shown_readings(told, c.time_of(frame, self._dt)):
-            topic = f"{c.TOPICS}{told.topic}/{told.member}/{schema.partition('.')[2]}"
+    def _show_readings(self, readings: Readings, frame: int, seconds: float) -> None:
+        for schema, data in shown_readings(readings, c.time_of(frame, self._dt)):
+            topic = f"{c.TOPICS}{readings.topic}/{readings.member}/{schema.partition('.')[2]}"
             if topic not in self._channels:
                 self._show_in(topic, schema)
             self._put(topic, data, frame, seconds, frame)
-        self._sensing.update(one.robot for one in told.readings)
+        self._sensing.update(reading.robot for reading in readings.readings)
 
     def flush(self) -> None:
-        """Let all that was written reach the disk."""
+        """Write everything to the disk."""
         if self._dirty:
             self._writer.flush()
             _sync(self._stream)
@@ -212,13 +211,13 @@ class RecordWriter:
 
     @property
     def has_room(self) -> bool:
-        """Whether a small frame's messages, and a whole string if one is due, stay in memory."""
+        """Whether a small frame, and a keyframe if one is due, stay in memory."""
         due = self._since_key + SMALL > KEY_AFTER * self._key_bytes
         whole = self._key_bytes if due else 0
         return whole <= SMALL and self._in_chunk + whole < CHUNK - SMALL
 
     def finish(self) -> None:
-        """Write what is left, and the index, by which others find their way faster."""
+        """Write the remaining data and the index."""
         self.flush()
         self._writer.finish()
         self._stream.flush()
@@ -235,10 +234,10 @@ class RecordWriter:
         if self._last_shown >= 0.0 and now - self._last_shown < SHOWN_EVERY:
             return
         self._last_shown = now
-        for kind, some in self._surveyor.places(self._scene).items():
+        for kind, places in self._surveyor.places(self._scene).items():
             time = c.time_of(frame, self._dt)
-            self._put(c.POSES + kind, encode_poses(time, some), frame, seconds)
-            for robot, x, y, angle in some.of(self._sensing) if self._sensing else ():
+            self._put(c.POSES + kind, encode_poses(time, places), frame, seconds)
+            for robot, x, y, angle in places.of(self._sensing) if self._sensing else ():
                 if c.TRANSFORMS not in self._channels:
                     self._show_in(c.TRANSFORMS, "foxglove.FrameTransform")
                 data = encode_transform(robot, time, x, y, angle)
@@ -248,7 +247,7 @@ class RecordWriter:
         self._writer.add_message(
             self._channels[topic],
             log_time=c.time_of(frame, self._dt),
-            publish_time=self._told.began + round(seconds * c.NANO),
+            publish_time=self._description.began + round(seconds * c.NANO),
             data=data,
             sequence=sequence & 0xFFFFFFFF,
         )
@@ -272,7 +271,7 @@ def _mcap_writer(stream: IO[bytes]) -> Writer:
 
 
 def _sync(stream: IO[bytes]) -> None:
-    """Let a file reach its disk, if it is one on a disk."""
+    """Write a file to its disk, if it is on one."""
     try:
         os.fsync(stream.fileno())
     except OSError as error:
@@ -281,7 +280,7 @@ def _sync(stream: IO[bytes]) -> None:
 
 
 def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
-    """A new file of this name; what had the name before is kept as `NAME.old.mcap`, if wanted.
+    """A new file of this name; with `keep_old`, an existing one is kept as `NAME.old.mcap`.
 
     Raises RecordError.
     """
@@ -296,12 +295,12 @@ def open_for_record(path: Path, *, keep_old: bool = True) -> IO[bytes]:
 
 
 def part_of(path: Path) -> Path:
-    """The name of a record that cannot take its own name yet."""
+    """Temporary name of a record while it is copied."""
     return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
 def take_name(path: Path, *, keep_old: bool) -> None:
-    """Let the part of a record be the record, as `open_for_record`. Raises RecordError."""
+    """Rename the temporary record to its final name, as `open_for_record`. Raises RecordError."""
     try:
         if keep_old:
             _keep_old(path)

@@ -171,7 +171,7 @@ def test_a_file_that_may_not_grow_ends_the_record_and_not_the_world(tmp_path, wh
     path = tmp_path / "run.mcap"
     limited = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))  # noqa: E731
     said = recorded_run(path, preexec_fn=limited)
-    [line] = [one for one in said.splitlines() if "the world goes on without a record" in one]
+    [line] = [one for one in said.splitlines() if "the world continues without a record" in one]
     assert "File too large" in line
     confirmed = int(line.split("of which ")[1].split(" frames")[0])
     assert path.stat().st_size <= limit
@@ -189,7 +189,7 @@ def test_a_full_disk_ends_the_record_and_not_the_world(tmp_path):
         pytest.skip("no file systems can be mounted here")
     try:
         said = recorded_run(disk / "run.mcap")
-        assert "No space left on device; the world goes on without a record" in said
+        assert "No space left on device; the world continues without a record" in said
         confirmed = int(said.split("of which ")[1].split(" frames")[0])
         copy = Path(shutil.copy(disk / "run.mcap", tmp_path))
         assert works(copy, confirmed) >= 1

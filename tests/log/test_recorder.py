@@ -148,7 +148,7 @@ def test_a_full_disk_is_said_once_and_what_was_kept_can_be_read(
     recorder.close()
     [message] = said
     assert message.startswith(
-        "run.mcap: No space left on device; the world goes on without a record, of which"
+        "run.mcap: No space left on device; the world continues without a record, of which"
     )
     with record_of(disk.kept, tmp_path) as record:
         read = [one for _, one in record.strings(check=True)]
@@ -183,7 +183,7 @@ def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
     monkeypatch.setattr(threading, "Event", Watched)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=0.0)
     while len(Watched.waited) < 3:
-        recorder.help()
+        recorder.idle()
     recorder.close()
     assert 0.0 not in Watched.waited
 
@@ -194,7 +194,7 @@ def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
     recorder.frame(record, "no string", 0.0)
     recorder.close()
     assert len(said) == 1
-    assert "the world goes on without a record" in said[0]
+    assert "the world continues without a record" in said[0]
 
 
 def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatch):
@@ -209,7 +209,7 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     for record, string in frames[1:50]:
         recorder.frame(record, string, 0.0)
     assert recorder.lost == 49 - module.WAITING
-    assert [text for text in said if "the disk does not keep up" in text] == said[:1]
+    assert [text for text in said if "disk too slow; dropping frames" in text] == said[:1]
     disk.free.set()
     while recorder.frames < 50 - recorder.lost:
         threading.Event().wait(0.005)
@@ -306,11 +306,11 @@ def test_what_is_little_is_written_by_who_has_time(monkeypatch):
     writers = writers_of(monkeypatch)
     monkeypatch.setattr(module, "LIGHT", 60.0)
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
-    recorder.help()
+    recorder.idle()
     for record, string in happened("meadow")[1]:
         recorder.frame(record, string, 0.0)
-        recorder.help()
-        recorder.help()
+        recorder.idle()
+        recorder.idle()
     assert writers == ["MainThread"] * 60
     recorder.close()
     assert not said
@@ -325,11 +325,11 @@ def test_what_is_much_is_left_to_the_thread(why, monkeypatch):
     else:
         monkeypatch.setattr(RecordWriter, "has_room", property(lambda self: False))
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
-    recorder.help()
+    recorder.idle()
     frames = happened("meadow")[1]
     for record, string in frames[:2]:
         recorder.frame(record, string, 0.0)
-        recorder.help()
+        recorder.idle()
         while len(writers) <= record.frame:
             threading.Event().wait(0.001)
     recorder.close()
@@ -349,11 +349,11 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
     monkeypatch.setattr(writer, "KEY_AFTER", 4)
     monkeypatch.setattr(writer, "SMALL", 4_000)  # Less than the string, more than most frames.
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
-    recorder.help()
+    recorder.idle()
     for record, string in happened("meadow")[1]:
         recorder.frame(record, string, 0.0)
         while recorder._items:
-            recorder.help()
+            recorder.idle()
     recorder.close()
     assert not said
     assert whole[0] == "MainThread"  # The first string is there before any frame.
@@ -363,7 +363,7 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
 def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
     writers = writers_of(monkeypatch)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
-    recorder.help()  # And never again.
+    recorder.idle()  # And never again.
     for record, string in happened("meadow")[1][: module.HELPED_WITHIN + 1]:
         recorder.frame(record, string, 0.0)
     while len(writers) <= module.HELPED_WITHIN:
@@ -382,7 +382,7 @@ def test_who_helps_never_waits_for_the_disk(monkeypatch):
     disk.asked.wait()  # The thread is with the disk now.
     for record, string in frames[1 : module.WAITING]:
         recorder.frame(record, string, 0.0)
-        recorder.help()
+        recorder.idle()
     disk.free.set()
     recorder.close()
     assert recorder.frames == module.WAITING
@@ -397,7 +397,7 @@ def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
     for record, string in happened("meadow")[1]:
         recorder.frame(record, string, 0.0)
         if record.frame % 3:
-            recorder.help()
+            recorder.idle()
     recorder.close()
     assert len(writers) == 60
     with record_of(disk.kept, tmp_path) as record:

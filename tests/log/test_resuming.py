@@ -112,7 +112,7 @@ def test_a_coordinator_that_follows_does_not_go_on_in_the_record_of_another_worl
     recording(other, FrameAlgorithm(other.world), said.append, again=True).close()
     assert said == [
         f"{path}: it is the record of another world: seed 7 is recorded, 5 is wanted;"
-        " the world goes on without a record"
+        " the world continues without a record"
     ]
     assert path.read_bytes() == before
 

@@ -192,13 +192,13 @@ def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
     recorder = Recorder(path, description(file), durable=True, say=said.append)
     for number in range(5):
         told = Readings("m", "battery", number, (ALL[""],))
-        recorder.heard("battery", "m", encode(told), 0.0)
-    recorder.heard("battery", "m", b"nonsense", 0.0)
+        recorder.received("battery", "m", encode(told), 0.0)
+    recorder.received("battery", "m", b"nonsense", 0.0)
     recorder.frame(*frames[0], 0.0)
-    recorder.heard("battery", "m", b"nonsense", 0.0)
+    recorder.received("battery", "m", b"nonsense", 0.0)
     recorder.close()
-    assert said == [f"{path}: 4 messages on topics are not in the record: they came faster than"
-                    " they were written"]  # fmt: skip
+    assert said == [f"{path}: 4 messages on topics are not in the record: they arrived faster"
+                    " than they could be written"]  # fmt: skip
     with Record(path) as record:
         told = heard(record)
         assert [one.frame for one in told if isinstance(one, Readings)] == [0, 1, 2]
@@ -214,14 +214,14 @@ def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
     sensed, said = RecordWriter.sensed, []
 
     def written(self, *what):
-        recorder.heard("battery", "m", data, 0.0)  # Another one has come meanwhile.
+        recorder.received("battery", "m", data, 0.0)  # Another one has come meanwhile.
         sensed(self, *what)
 
     monkeypatch.setattr(RecordWriter, "sensed", written)
     recorder = Recorder(
         tmp_path / "run.mcap", description(file), flush_seconds=0.01, say=said.append
     )
-    recorder.heard("battery", "m", data, 0.0)
+    recorder.received("battery", "m", data, 0.0)
     for record, string in frames:
         recorder.frame(record, string, 0.0)
     recorder.close()
@@ -236,7 +236,7 @@ def test_what_is_sensed_is_written_though_frames_always_wait(tmp_path, monkeypat
 
     def framed(self, *what):
         written.append(len(told))
-        recorder.heard("battery", "m", data, 0.0)
+        recorder.received("battery", "m", data, 0.0)
         for record, string in islice(left, 1):
             recorder.frame(record, string, 0.0)
         frame(self, *what)
@@ -256,7 +256,7 @@ def test_large_messages_are_bounded_by_their_bytes(monkeypatch):
     monkeypatch.setattr(backlog, "BYTES", 100)
     waiting = backlog.Backlog()
     for _ in range(3):
-        waiting.put(backlog.Heard("t", "m", bytes(40), 0, 0.0))
+        waiting.put(backlog.Sensed("t", "m", bytes(40), 0, 0.0))
     assert waiting.dropped == 1
 
 
