@@ -1,7 +1,8 @@
-"""`minerva`: run worlds, attach to them, ask them, check files.
+"""`minerva`: the command line.
 
-What a command's options are is in cli/commands, and nothing else is imported at first: `minerva
---help` has to be quick.
+Each command is the function `command` of the module in cli/commands that has its name; to add one,
+add a module and its name here. Those modules declare options and import nothing else at first,
+because `minerva --help` has to be fast.
 """
 
 from __future__ import annotations
@@ -9,13 +10,17 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from importlib import import_module
+from inspect import signature
+from typing import Annotated, Final
 
 import typer
 
-from minerva_bus.cli.commands import development, records, runs, studies, worlds
+from minerva_bus.cli.commands.keys import app as keys
 from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
-from minerva_bus.cli.keying import app as keys
+from minerva_bus.cli.options import OTHER_OPTIONS
 from minerva_bus.cli.promised import promised
+from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
@@ -23,12 +28,47 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help="Virtual worlds as strings of a grammar, run by many processes on Zenoh.",
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-for commands in (runs, worlds, records, studies, development):
-    app.add_typer(commands.app)
-app.add_typer(keys, name="keys")
+_COMMANDS: Final = (
+    *("run", "check", "attach", "bridge"),
+    *("list", "echo", "pub", "stop", "pause", "resume", "step", "rate", "restart", "drain"),
+    *("logs", "top", "metrics"),
+    *("info", "recover", "replay", "seek", "diff", "plot", "conversation", "map"),
+    *("evolve", "sweep", "new", "doctor", "version"),
+)
+"""In the order of the help."""
+
+
+def _add_commands() -> None:
+    for name in _COMMANDS:
+        command = import_module(f"minerva_bus.cli.commands.{name}").command
+        takes_more = "context" in signature(command).parameters
+        app.command(name, context_settings=OTHER_OPTIONS if takes_more else None)(command)
+    app.add_typer(keys, name="keys")
+
+
+_add_commands()
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from minerva_bus import __version__
+
+        say(f"minerva-bus {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Run virtual worlds: strings of a grammar, distributed over processes on Zenoh."""
 
 
 def main() -> None:
@@ -47,7 +87,7 @@ def main() -> None:
     except OSError as error:
         if error.errno != errno.EIO:
             raise
-        os._exit(INTERRUPTED)  # The terminal was closed: there is nobody to print for.
+        os._exit(INTERRUPTED)  # The terminal was closed, so nothing can be printed.
 
 
 if __name__ == "__main__":

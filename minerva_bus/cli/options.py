@@ -13,7 +13,7 @@ import typer
 from minerva_bus.errors import MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
-UNKNOWN_TOO: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
+OTHER_OPTIONS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
 """For a command that also takes options of a world or a service (`words.options_of`)."""
 
 

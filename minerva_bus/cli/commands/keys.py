@@ -1,4 +1,4 @@
-"""`minerva keys`: who belongs to a world's bus."""
+"""`minerva keys`: certificates of remote members."""
 
 from __future__ import annotations
 
@@ -19,17 +19,15 @@ if TYPE_CHECKING:
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Make and take away the certificates of those who may come in from elsewhere.",
+    help="Manage certificates for remote members.",
 )
 
-Dir = Annotated[Path, typer.Option("--dir", help="The folder of the keys.")]
+Dir = Annotated[Path, typer.Option("--dir", help="Folder of the keys.")]
 Hosts = Annotated[
     list[str] | None,
-    typer.Option(
-        "--host", help="A name or address at which it is reached; several: repeat, or commas."
-    ),
+    typer.Option("--host", help="Name or address of its machine; repeat, or separate by commas."),
 ]
-Days = Annotated[int, typer.Option(help="How long it is valid.")]
+Days = Annotated[int, typer.Option(help="Days of validity.")]
 _HERE = Path("keys")
 
 
@@ -39,19 +37,21 @@ def init(
     host: Hosts = None,
     days: Days = 3650,
 ) -> None:
-    """Make an authority, and the coordinator's certificate."""
+    """Create a certificate authority and the coordinator's certificate."""
     keys = _keys(dir)
     made = keys.init(_split(host), days)
     say(f"{dir}: an authority until {_day(keys.now, days)}, and {_shown(made, keys.now)}")
-    say(f"keep {dir / 'ca.key'} where nobody else comes: whoever has it can let anybody in")
+    say(f"keep {dir / 'ca.key'} secret: whoever has it can issue certificates for this world")
 
 
 @app.command()
 def issue(
-    name: Annotated[str, typer.Argument(help="The member's name, or a person's.")],
+    name: Annotated[str, typer.Argument(help="Name of the member or person.")],
     role: Annotated[
         list[str] | None,
-        typer.Option(help="agent, generator, view, operator, coordinator or router; or several."),
+        typer.Option(
+            help="agent, generator, view, operator, coordinator or router; may be repeated."
+        ),
     ] = None,
     dir: Dir = _HERE,
     kinds: Annotated[
@@ -63,22 +63,24 @@ def issue(
     days: Days = 365,
     family: Annotated[
         bool,
-        typer.Option("--family", help="For any number of members: NAME-a, NAME-b, NAME-c ..."),
+        typer.Option("--family", help="Valid for any number of members: NAME-a, NAME-b, ..."),
     ] = False,
     renew: Annotated[
         bool,
-        typer.Option("--renew", help="In place of the one there is, for the same unless you say."),
+        typer.Option(
+            "--renew", help="Replace the existing one, with the same rights unless given here."
+        ),
     ] = False,
 ) -> None:
-    """Make a certificate and its key: NAME.pem and NAME.key, to be taken there with ca.pem."""
+    """Issue a certificate: copy NAME.pem, NAME.key and ca.pem to the member's machine."""
     from minerva_bus.security.certificates import Wanted
 
     keys = _keys(dir)
-    said = (role, host, kinds, events, topics)
+    given = (role, host, kinds, events, topics)
     before = keys.issued().get(name) if renew else None
-    kept = [()] * len(said) if before is None else _purposes(before)
+    kept = [()] * len(given) if before is None else _purposes(before)
     fields = [
-        one if words is None else _split(words) for words, one in zip(said, kept, strict=True)
+        old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
     ]
     wanted = Wanted(*fields, days=days, family=family)
     say(_shown(keys.issue(name, wanted, renew=renew), keys.now))
@@ -86,9 +88,9 @@ def issue(
 
 @app.command()
 def revoke(
-    name: Annotated[str, typer.Argument(help="Whose certificate.")], dir: Dir = _HERE
+    name: Annotated[str, typer.Argument(help="Name in the certificate.")], dir: Dir = _HERE
 ) -> None:
-    """Let a certificate count no more, in worlds that run already, too."""
+    """Revoke a certificate, also in worlds that are running."""
     keys = _keys(dir)
     say(_shown(keys.revoke(name), keys.now))
 
@@ -98,13 +100,13 @@ def list_(
     dir: Dir = _HERE,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show who has a certificate, what for and until when."""
+    """List certificates with their roles, state and validity."""
     keys = _keys(dir)
     issued = keys.issued().values()
     if json:
-        say(json_.dumps([_plain(one, keys.now) for one in issued]))
+        say(json_.dumps([_plain(each, keys.now) for each in issued]))
         return
-    rows = [_TITLES, *[_Row.of(one, keys.now) for one in issued]]
+    rows = [_TITLES, *[_Row.of(each, keys.now) for each in issued]]
     widths = [max(map(len, column)) for column in zip(*(row.cells for row in rows), strict=True)]
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row.cells, widths, strict=True)]
@@ -113,12 +115,14 @@ def list_(
 
 @app.command()
 def router(
-    name: Annotated[str, typer.Argument(help="Whose certificate it shows: one for a router.")],
-    world: Annotated[str, typer.Argument(help="The world's name.")],
-    listen: Annotated[str, typer.Option(help="Where it listens.")] = "tls/0.0.0.0:7447",
+    name: Annotated[str, typer.Argument(help="Name of the router's certificate.")],
+    world: Annotated[str, typer.Argument(help="Name of the world.")],
+    listen: Annotated[
+        str, typer.Option(help="Endpoint at which the router listens.")
+    ] = "tls/0.0.0.0:7447",
     dir: Dir = _HERE,
 ) -> None:
-    """Print a configuration for zenohd: a router that lets in whom the world itself would."""
+    """Print a zenohd configuration for a router that admits the members of a world."""
     from minerva_bus.errors import KeysError
     from minerva_bus.runtime.endpoints import check_listening
     from minerva_bus.runtime.session import router_config
@@ -130,7 +134,9 @@ def router(
     keys = _keys(dir)
     own = keys.credentials(name)
     if ROUTER not in own.roles:
-        raise KeysError(f"the certificate of {name} is for no router; issue one with --role router")
+        raise KeysError(
+            f"the certificate of {name} is not for a router; issue one with --role router"
+        )
     access = access_control(WorldKeys(world), keys.rights().values(), [], carrier=True)
     say(json_.dumps(router_config(own, listen, access), indent=2))
 
@@ -142,46 +148,46 @@ class _Row:
     cells: tuple[str, ...]
 
     @staticmethod
-    def of(one: Issued, now: datetime) -> _Row:
-        rights = one.rights
-        confined = [*rights.kinds, *rights.events, *rights.topics, *one.hosts]
+    def of(issued: Issued, now: datetime) -> _Row:
+        rights = issued.rights
+        confined = [*rights.kinds, *rights.events, *rights.topics, *issued.hosts]
         roles = ", ".join(sorted(rights.roles))
-        ends = f"{one.ends:%Y-%m-%d}"
-        return _Row((rights.name, roles, one.state(now), ends, " ".join(sorted(confined))))
+        ends = f"{issued.ends:%Y-%m-%d}"
+        return _Row((rights.name, roles, issued.state(now), ends, " ".join(sorted(confined))))
 
 
 _TITLES = _Row(("name", "roles", "state", "until", "for"))
 
 
-def _plain(one: Issued, now: datetime) -> dict[str, Any]:
+def _plain(issued: Issued, now: datetime) -> dict[str, Any]:
     from minerva_bus.security.credentials import FAMILY
 
-    rights = one.rights
+    rights = issued.rights
     return {
         "name": rights.name.removesuffix(FAMILY),
         "family": rights.name.endswith(FAMILY),
         "roles": sorted(rights.roles),
-        "state": one.state(now),
+        "state": issued.state(now),
         "kinds": sorted(rights.kinds),
         "events": sorted(rights.events),
         "topics": sorted(rights.topics),
-        "hosts": list(one.hosts),
-        "from": one.begins.isoformat(),
-        "until": one.ends.isoformat(),
-        "serial": f"{one.serial:x}",
-        "key": one.key,
+        "hosts": list(issued.hosts),
+        "from": issued.begins.isoformat(),
+        "until": issued.ends.isoformat(),
+        "serial": f"{issued.serial:x}",
+        "key": issued.key,
     }
 
 
-def _purposes(one: Issued) -> list[tuple[str, ...]]:
-    """What a certificate is for: roles, hosts, kinds, events and topics."""
-    rights = one.rights
-    named = [tuple(sorted(some)) for some in (rights.kinds, rights.events, rights.topics)]
-    return [tuple(sorted(rights.roles)), one.hosts, *named]
+def _purposes(issued: Issued) -> list[tuple[str, ...]]:
+    """Roles, hosts, kinds, events and topics of a certificate."""
+    rights = issued.rights
+    limits = [tuple(sorted(names)) for names in (rights.kinds, rights.events, rights.topics)]
+    return [tuple(sorted(rights.roles)), issued.hosts, *limits]
 
 
-def _shown(one: Issued, now: datetime) -> str:
-    name, roles, state, ends, confined = _Row.of(one, now).cells
+def _shown(issued: Issued, now: datetime) -> str:
+    name, roles, state, ends, confined = _Row.of(issued, now).cells
     only = f", for {confined}" if confined else ""
     return f"{name}: {roles}{only}; {state}, until {ends}"
 
@@ -198,4 +204,4 @@ def _keys(folder: Path) -> Keys:
 
 
 def _split(words: list[str] | None) -> tuple[str, ...]:
-    return tuple([one for word in words or () for one in word.split(",") if one])
+    return tuple([part for word in words or () for part in word.split(",") if part])

@@ -1,0 +1,42 @@
+"""`minerva map`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli.options import (
+    Force,
+)
+
+
+def command(
+    file: Annotated[Path, typer.Argument(help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The .pgm file; default: named after FILE."),
+    ] = None,
+    cell: Annotated[float, typer.Option(help="Side of a cell, metres.")] = 0.05,
+    range_: Annotated[
+        float,
+        typer.Option("--range", help="Ignore hits beyond this range, metres; 0: as recorded."),
+    ] = 0.0,
+    from_: Annotated[
+        float, typer.Option("--from", help="Start, seconds after the beginning.")
+    ] = 0.0,
+    to: Annotated[float | None, typer.Option(help="End, seconds after the beginning.")] = None,
+    poses: Annotated[
+        str, typer.Option(help="Source of the robot's poses: published, odometry or matched.")
+    ] = "published",
+    time_offset: Annotated[
+        float,
+        typer.Option(help="Seconds to add to scan times, if the lidar's clock differs."),
+    ] = 0.0,
+    force: Force = False,
+) -> None:
+    """Draw the occupancy map of a recording: .pgm, .yaml and a picture."""
+    from minerva_bus.cli.mapping import map_recording
+
+    map_recording(file, output, cell, range_, from_, to, poses, time_offset)

@@ -1,0 +1,21 @@
+"""`minerva new`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    kind: Annotated[str, typer.Argument(help="What to create: bridge.")],
+    name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
+    folder: Annotated[
+        Path, typer.Option("--in", help="Parent folder; default: the current one.")
+    ] = Path(),
+) -> None:
+    """Scaffold a new package: a bridge with tests and a small world."""
+    from minerva_bus.cli.making import make_new
+
+    make_new(kind, name, folder)

@@ -1,0 +1,12 @@
+"""`minerva version`."""
+
+from __future__ import annotations
+
+from minerva_bus.cli.options import Json
+
+
+def command(json: Json = False) -> None:
+    """Show the versions of Minerva Bus, its protocol and its dependencies."""
+    from minerva_bus.cli.asking import show_version
+
+    show_version(json)
