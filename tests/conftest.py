@@ -17,7 +17,7 @@ settings.register_profile(
 )
 settings.load_profile("minerva")
 
-pytest_plugins = ["tests.flaky"]
+pytest_plugins = ["tests.flaky", "tests.quick"]
 
 
 def pytest_configure():

@@ -131,7 +131,7 @@ def test_what_needs_code_is_refused(folder):
     for words in (("--recompute",), ("--swap", "a=b:C"), ("--view", "svg")):
         done = minerva(folder, "replay", "r.mcap", "--no-code", *words)
         assert done.returncode == 2
-        assert "needs code" in done.stderr
+        assert "runs code" in done.stderr
     done = minerva(folder, "check", "trail.toml", "--no-code", "--vocabulary", "trail:vocabulary")
     assert done.returncode == 2
     assert not ran(folder)

@@ -39,7 +39,7 @@ def test_where_the_frames_are_over(tmp_path):
     (["--rate", "-1"], "--rate"),
     (["--set", "there.is=1"], "there is no process"),
     (["--listen", "nowhere"], "nowhere"),
-    (["--in-process", "--profile"], "not with --in-process"),
+    (["--in-process", "--profile"], "omit --in-process"),
     (["--log-format", "xml"], "must be one of text, json"),
 ])  # fmt: skip
 def test_where_the_options_are_wrong(tmp_path, words, said):

@@ -121,7 +121,7 @@ def test_a_process_that_the_file_does_not_have_cannot_be_attached(tmp_path):
         ('[metrics]\nlisten = "9464"', "metrics.listen must be HOST:PORT"),
         ('[metrics]\nlissen = "x:1"', "lissen is unknown; did you mean 'listen'?"),
         ('[log]\nformat = "xml"', "log.format must be one of text, json"),
-        ("[placement]\nAWalkr = ['a']", "AWalkr is no agent kind of this world; did you mean"),
+        ("[placement]\nAWalkr = ['a']", "AWalkr is not an agent kind of this world; did you mean"),
         ("[placement]\nAWalker = [1]", "AWalker must be a list of hosts"),
         ("[placement]\nAWalker = []", "AWalker allows nothing"),
         ("[placement]\nagents_per_host = -1", "agents_per_host must be at least 0"),

@@ -147,23 +147,23 @@ def test_who_listens_hears_what_was_recorded(recorded):
         (("deaf.mcap", "--swap", "eye=yard:Eye"), "listens to 'sight', which is not in the record"),
         (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.mcap"), "name another file"),
         (("run.mcap", "--swap", "eye=yard:Eye", "--record", "run.txt"), "is a file .mcap"),
-        (("run.mcap", "--pace", 3), "--pace goes with --swap"),
-        (("run.mcap", "--record", "b.mcap"), "--record goes with --swap"),
+        (("run.mcap", "--pace", 3), "--pace requires --swap"),
+        (("run.mcap", "--record", "b.mcap"), "--record requires --swap"),
     ],
 )
 def test_what_cannot_be_swapped_is_said_in_one_line(recorded, words, problem):
     done = here(recorded[0], "replay", *words)
     assert done.returncode == 2
     assert problem in done.stderr
-    if "goes with --swap" not in problem:
+    if "requires --swap" not in problem:
         assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("words", "problem"), [
-    (("--swap", "a=b", "--speed", 2), "--speed is for playing, not for --swap"),
-    (("--recompute", "--from", 5), "--from is for playing, not for --recompute"),
-    (("--recompute", "--view", "svg"), "--view is for playing, not for --recompute"),
-    (("--recompute", "--swap", "a=b"), "--swap and --recompute are two things"),
+    (("--swap", "a=b", "--speed", 2), "--speed cannot be combined with --swap"),
+    (("--recompute", "--from", 5), "--from cannot be combined with --recompute"),
+    (("--recompute", "--view", "svg"), "--view cannot be combined with --recompute"),
+    (("--recompute", "--swap", "a=b"), "--swap and --recompute exclude each other"),
 ])  # fmt: skip
 def test_what_would_be_passed_over_is_refused(recorded, words, problem):
     done = here(recorded[0], "replay", "run.mcap", *words)

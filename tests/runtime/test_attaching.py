@@ -151,7 +151,7 @@ def test_without_a_world_there_is_nothing_to_join(tmp_path):
     (["yard:Nothing"], "yard has no Nothing"),
     (["nowhere:Screen"], "there is no module nowhere"),
     (["screeen"], "screeen"),
-    (["yard:eStep"], "is no Generator or Device class"),
+    (["yard:eStep"], "is not a Generator or Device class"),
     (["yard:Screen", "--sid", "true"], "did you mean 'said'"),
     (["yard:Screen", "--said", "maybe"], "said must be true or false"),
     (["yard:Screen", "--name", "a/b"], "cannot name a member"),

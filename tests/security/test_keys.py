@@ -213,7 +213,7 @@ def test_an_authority_is_made_whole_or_not_at_all(tmp_path):
         (("revoke", "sensr"), "did you mean 'sensor'?"),
         (("init",), "has an authority already"),
         (("list", "--dir", "nowhere"), "minerva keys init makes one"),
-        (("router", "sensor", "world"), "is for no router"),
+        (("router", "sensor", "world"), "is not for a router"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(keys, words, said):
@@ -241,9 +241,7 @@ def test_the_commands_do_it_all(tmp_path):
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    assert "keep keys/ca.key where nobody else comes" in ask(
-        "init", "--host", "a.example,b.example"
-    )
+    assert "keep keys/ca.key secret" in ask("init", "--host", "a.example,b.example")
     assert "hostA: agent, for AFox ARabbit; valid" in ask(
         "issue", "hostA", "--role", "agent", "--kinds", "AFox,ARabbit", "--days", "30"
     )

@@ -1,0 +1,76 @@
+"""`pytest -m quick`: tests that run in one process without waiting, chosen by cost and coverage.
+
+The list is of files, or of folders with all of their files. Each part of the system that can be tested
+without a bus has representatives: the paper's equations and tables, laws of the language and of
+engines, the wire format, the borders where untrusted data enters, settings and errors.
+"""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+TESTS = Path(__file__).parent
+QUICK = (
+    "paper",
+    "laws/test_language_laws.py",
+    "laws/test_collect_laws.py",
+    "laws/test_distinct_events.py",
+    "frame/test_frame_parts.py",
+    "scenarios/test_endings.py",
+    "scenarios/test_joining.py",
+    "scenarios/test_norm_files.py",
+    "scenarios/test_orders.py",
+    "wire/test_codec.py",
+    "wire/test_finite.py",
+    "fuzz/test_corpus.py",
+    "golden/test_golden_messages.py",
+    "acl/test_acl_messages.py",
+    "unit/test_agent_classes.py",
+    "unit/test_errors.py",
+    "unit/test_events.py",
+    "unit/test_glossary.py",
+    "unit/test_layers.py",
+    "unit/test_limits.py",
+    "unit/test_naming.py",
+    "unit/test_overrides.py",
+    "unit/test_scenes.py",
+    "unit/test_settings.py",
+    "unit/test_symbols.py",
+    "unit/test_toml.py",
+    "unit/test_types.py",
+    "unit/test_vocabulary.py",
+    "unit/test_wording.py",
+)
+
+
+EXAMPLES = 20
+"""Of each law that does not set its own number; the full run takes 100."""
+
+
+def pytest_configure(config):
+    """Fewer examples for the quick run."""
+    if config.getoption("markexpr") == "quick":
+        settings.register_profile("quick", settings.get_profile("minerva"), max_examples=EXAMPLES)
+        settings.load_profile("quick")
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Import no other test modules for the quick run: that takes longer than its tests."""
+    if config.getoption("markexpr") == "quick" and collection_path.name.startswith("test_"):
+        return None if is_quick(collection_path) else True
+    return None
+
+
+def is_quick(path):
+    """Whether a test file is in the list, or in one of its folders."""
+    name = Path(path).relative_to(TESTS)
+    return str(name) in QUICK or str(name.parent) in QUICK
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests of the list, but none that is on demand."""
+    for item in items:
+        demanded = item.get_closest_marker("slow") or item.get_closest_marker("deploy")
+        if TESTS in item.path.parents and is_quick(item.path) and not demanded:
+            item.add_marker(pytest.mark.quick)
