@@ -45,14 +45,8 @@ QUICK = (
 
 
 EXAMPLES = 20
-"""Of each law that does not set its own number; the full run takes 100."""
-
-
-def pytest_configure(config):
-    """Fewer examples for the quick run."""
-    if config.getoption("markexpr") == "quick":
-        settings.register_profile("quick", settings.get_profile("minerva"), max_examples=EXAMPLES)
-        settings.load_profile("quick")
+"""The most examples of a law; the full run takes 30 to 200."""
+_SETTINGS = "_hypothesis_internal_use_settings"
 
 
 def pytest_ignore_collect(collection_path, config):
@@ -68,9 +62,13 @@ def is_quick(path):
     return str(name) in QUICK or str(name.parent) in QUICK
 
 
-def pytest_collection_modifyitems(items):
-    """Mark the tests of the list, but none that is on demand."""
+def pytest_collection_modifyitems(config, items):
+    """Mark the tests of the list, but none that is on demand; give laws fewer examples."""
     for item in items:
         demanded = item.get_closest_marker("slow") or item.get_closest_marker("deploy")
         if TESTS in item.path.parents and is_quick(item.path) and not demanded:
             item.add_marker(pytest.mark.quick)
+            law = getattr(item.obj, _SETTINGS, None)
+            if law is not None and config.getoption("markexpr") == "quick":
+                fewer = settings(law, max_examples=min(law.max_examples, EXAMPLES))
+                setattr(item.obj, _SETTINGS, fewer)

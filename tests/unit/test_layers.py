@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,12 +27,16 @@ ORDER = [
 ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}
 
 
+@cache
 def imports(path):
+    """The modules that a file imports."""
+    names = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
+            names += [name.name for name in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module
+            names.append(node.module)
+    return names
 
 
 def files(folder):
