@@ -1,7 +1,7 @@
-"""What a service's methods return, in whichever form its author writes it.
+"""Normalizes what a service's methods return.
 
-`generate` gives events, one event or None. `save` gives any plain value: on the bus and in records
-it is always a mapping, so any other value travels as the only entry of one.
+`generate` returns events, one event or None. `save` returns any plain value. On the bus and in
+records that is always a mapping, so any other value travels as the only entry of one.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Service
 
 VALUE: Final = "="
-"""The name under which a value that is no mapping travels."""
+"""Key under which a value that is not a mapping travels."""
 
 NOTHING: Final[Mapping[str, Any]] = {VALUE: None}
-"""What is kept of a member that saves nothing any more, instead of what it saved before."""
+"""Replaces what a member saved before, when it no longer saves anything."""
 
 
 def made_events(made: Any) -> Iterator[AnyEvent]:
-    """The events of what `generate` returned: None, an event, or an iterable of both.
+    """The events in what `generate` returned: None, an event, or an iterable of both.
 
     Raises TypeError.
     """
@@ -49,7 +49,7 @@ def _named(made: object) -> str:
 
 
 def saved_by(service: Service) -> Mapping[str, Any] | None:
-    """What a service saves, as it travels. Raises UserCodeError for what is no plain value."""
+    """What a service saves, as a mapping or None. Raises UserCodeError if it is not plain data."""
     with blamed(service.save):
         saved: Any = service.save()
         _check_plain(saved, "it")
@@ -62,7 +62,7 @@ def saved_by(service: Service) -> Mapping[str, Any] | None:
 
 
 def restore(service: Service, saved: Mapping[str, Any]) -> None:
-    """Give a service what its predecessor saved, if that is anything. Raises UserCodeError."""
+    """Restore a service from what its predecessor saved, if anything. Raises UserCodeError."""
     value: Any = saved[VALUE] if set(saved) == {VALUE} else saved
     if value is None:
         return
@@ -71,7 +71,7 @@ def restore(service: Service, saved: Mapping[str, Any]) -> None:
 
 
 def _check_plain(value: Any, where: str) -> None:
-    """Whether a value can travel and be recorded. Raises MisuseError."""
+    """Raise MisuseError where a value cannot travel or be recorded."""
     if value is None or isinstance(value, bool | int | float | str | bytes):
         return
     if isinstance(value, list | tuple):

@@ -11,7 +11,7 @@ from minerva_bus.frame.calling import NOTHING
 from minerva_bus.frame.inbox import AGENTS, PEOPLE
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
-from minerva_bus.frame.speaking import Speaking
+from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent, count_of
 from minerva_bus.grammar.events import Event
@@ -30,7 +30,7 @@ class Collection:
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
-        self._speaking = Speaking(algorithm.world.speaks_for, algorithm.composition)
+        self._speaking = SenderRights(algorithm.world.speaks_for, algorithm.composition)
 
     # --- requests ---
 

@@ -1,4 +1,4 @@
-"""Where agents may live: what a world file's [placement] says, over the hosts that are here."""
+"""Placement rules: on which hosts agents may live, from [placement] in a world file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from typing import TypeAlias
 
 Offers: TypeAlias = Mapping[str, frozenset[str]]
-"""The kinds of agents that each host offers to evolve, by the host's name."""
+"""The kinds of agents that each host offers to evolve, by host."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class PlacementRules:
         return frozenset(rule.near for rule in self.rules.values() if rule.near)
 
     def allowed(self, offers: Offers, machines: Mapping[str, str]) -> dict[str, frozenset[str]]:
-        """What hosts offer, without what the rules forbid; a host that is left with nothing too."""
+        """The offers of hosts that the rules allow; a host may be left with no kinds."""
         if not self.rules:
             return dict(offers)
         return {host: self._left(host, kinds, machines) for host, kinds in offers.items()}

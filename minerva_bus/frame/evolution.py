@@ -228,9 +228,9 @@ class Evolution:
         result = in_flight.result
         halted = set(self._agents_left_out() if in_flight.events.visual else ())
         if in_flight.trial is not None:
-            verdict = algorithm.norms.ruling(in_flight.trial)
+            verdict = algorithm.norms.verdict(in_flight.trial)
             result.changed, result.sent = verdict.changed, verdict.sent
-            result.rejected = verdict.overruled
+            result.rejected = verdict.rejected
             halted.update(verdict.halted)
         result.halted = tuple(sorted(halted))
         if halted:  # A resumed world must know it, because its devices act on the last view.

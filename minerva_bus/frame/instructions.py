@@ -5,7 +5,7 @@ from __future__ import annotations
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.plainly import plainly
+from minerva_bus.frame.plain import plain_form
 
 
 class Instructions:
@@ -22,7 +22,7 @@ class Instructions:
     def send(self, to: str, message: m.ToMember) -> None:
         """Send a message, without columns where the member declines them."""
         plain = self._members.declines_columns(to)
-        self._list.append(s.Send(to, plainly(message) if plain else message))
+        self._list.append(s.Send(to, plain_form(message) if plain else message))
 
     def log(self, member: str, text: str, details: str = "") -> None:
         """Log a line about a member; `details` appear in the log file only."""

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.inbox import PEOPLE, Inbox
 from minerva_bus.frame.instructions import Instructions
-from minerva_bus.frame.trial import Ruling, Trial
+from minerva_bus.frame.trial import Trial, Verdict
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import AgentNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Book, Norm, Then, sanction_of
+from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of
 
 Sources = Mapping[str, Sequence[AnyEvent]]
 Sent = Mapping[str, tuple[AnyEvent, ...]]
@@ -41,7 +41,7 @@ class Norms:
         self._on_agents = tuple(norm for norm in norms if not norm.on)
         self._norms = norms
         self._composition = composition
-        self._book = Book(saved)
+        self._counts = ViolationCounts(saved)
         self._frame = 0
         self._people = frozenset[str]()
         self._seen: dict[str, Any] = {}
@@ -54,11 +54,11 @@ class Norms:
     @property
     def broken(self) -> Mapping[str, int]:
         """Number of violations of each norm."""
-        return self._book.broken
+        return self._counts.broken
 
     def saved(self) -> dict[str, Any]:
         """The counts as plain data, from which a resumed world continues."""
-        return self._book.saved(self._norms, self._frame)
+        return self._counts.saved(self._norms, self._frame)
 
     def publish(self, out: Instructions, inbox: Inbox, saved: dict[str, Mapping[str, Any]]) -> None:
         """Log violations, let sanctions wait for the next frame, and save the counts."""
@@ -182,11 +182,11 @@ class Norms:
         trial.reconsider(changed, sent, refusing, self._exceeds)
 
     def _exceeds(self, norm: Norm, who: str) -> bool:
-        return self._book.exceeds(norm, who, self._frame)
+        return self._counts.exceeds(norm, who, self._frame)
 
-    def ruling(self, trial: Trial) -> Ruling:
+    def verdict(self, trial: Trial) -> Verdict:
         """The outcome of a frame after norms."""
-        return trial.ruling(self._vocabulary)
+        return trial.verdict(self._vocabulary)
 
     # --- both ---
 
@@ -196,10 +196,10 @@ class Norms:
 
     def _breaks(self, norm: Norm, who: str, what: str = "") -> bool:
         """Count an act of an agent or source; True if it violates the norm."""
-        if not self._book.breaks(norm, who, self._frame):
+        if not self._counts.breaks(norm, who, self._frame):
             return False
         is_agent = self._composition.home(who) is not None
-        if self._book.broken[norm.name] == 1:
+        if self._counts.broken[norm.name] == 1:
             whom = "people" if who == PEOPLE else f"#{who}" if is_agent else who
             self._lines.append(
                 f"{norm.name} is broken by {whom} in frame {self._frame}"
@@ -248,4 +248,4 @@ def _elsewhere(norm: Norm) -> set[str]:
     return {name for name in names if name.startswith("#")}
 
 
-__all__ = ["PEOPLE", "SOURCE", "Norms", "Ruling"]
+__all__ = ["PEOPLE", "SOURCE", "Norms", "Verdict"]

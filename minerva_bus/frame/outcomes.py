@@ -1,9 +1,9 @@
-"""What has become of a fragment in a frame, as norms judge it: who has become what, and undoing it.
+"""Outcomes of fragments, as norms judge them: who has become what, and how to undo it.
 
-The unit that is refused is what λ returned: an agent with all that is in its scope, with all that
-it was to leave beside itself, and with the events that it sent. Figures that one of a population
-leaves beside itself are the exception: nobody can say whose they are. In its place comes what the
-unit was, or what it becomes by fewer events.
+The unit of rejection is what λ returned: an agent with everything in its scope, with everything
+that it leaves beside itself, and with the events that it sent. The exception are primitives that an
+agent in columns leaves beside itself, because their author is unknown. A rejected unit is replaced
+by what it was, or by what it becomes through fewer events.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Elsewhere = Callable[[str], Any]
 
 
 class Outcome:
-    """One outermost agent, and what it has become; the base of what populations become."""
+    """One outermost agent, and what it has become; base class of the outcomes of populations."""
 
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
@@ -45,14 +45,14 @@ class Outcome:
         return {agent.id: agent for agent in agents(Scene((self._old,)))}
 
     @property
-    def overruled(self) -> bool:
-        """Whether something in it has been undone."""
+    def rejected(self) -> bool:
+        """Whether a unit of it has been undone."""
         return bool(self._undone)
 
     def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
-        """Who has become what a norm forbids, in the order of the string.
+        """Agents whose new state violates a norm, in the order of the string.
 
-        Only those are judged whose state is another now; of a newborn it is the parent.
+        Only changed states are judged; for a newborn the parent is the offender.
         """
         for agent in agents(self._new):
             old = self._before.get(agent.id)
@@ -65,7 +65,7 @@ class Outcome:
                 yield agent.id if old is not None else unit
 
     def _unit(self, agent: str) -> str:
-        """Whose λ an agent comes from."""
+        """The unit of an agent: the agent whose λ returned it."""
         return cast("AgentNode", self._old).id
 
     @property
@@ -83,11 +83,11 @@ class Outcome:
         return self._unit(who)
 
     def undo(self, who: str) -> None:
-        """Let somebody be as it was."""
+        """Replace an agent's unit by what it was."""
         self._undone[self._unit(who)] = None
 
     def replace(self, unit: str, other: Outcome) -> None:
-        """Let a unit that was undone be what it is in another outcome, by fewer events."""
+        """Replace a unit that was undone by what it is in another outcome, by fewer events."""
         self._undone[unit] = other
 
     def was(self, who: str) -> AgentNode | None:
@@ -95,27 +95,27 @@ class Outcome:
         return self._before.get(who)
 
     def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """What a unit has become in this outcome."""
+        """The nodes of a unit in this outcome."""
         return self._new.nodes
 
     @property
     def scene(self) -> Scene:
-        """What has become of it in the end."""
+        """The fragment in the end."""
         if not self._undone:
             return self._new
         (other,) = self._undone.values()
         return Scene((self._old,)) if other is None else other.scene
 
     def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
-        """What counts of the events that it sent, here and in other outcomes."""
+        """The events of the fragment that count, from this outcome and others."""
         if not self._undone:
             return sent
         (other,) = self._undone.values()
         return next((events for outcome, events in later if outcome is other), ())
 
 
-class ManyOutcome(Outcome):
-    """Agents in columns that have become other columns, with the same rows."""
+class ColumnsOutcome(Outcome):
+    """Outcome of agents in columns that have become columns with the same rows."""
 
     _old: Columns
 
@@ -132,14 +132,14 @@ class ManyOutcome(Outcome):
         return agent
 
     def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
-        """As for one agent."""
+        """Agents whose new state violates a norm, judged as whole columns."""
         if not norm.concerns(self._old.symbol):
             return
-        found = self._other & self._kept
+        offends = self._other & self._kept
         for condition in norm.conditions:
             state = {name: self._value(name, elsewhere) for name in condition.names}
-            found &= condition.holds_of_many(state, self._old.count)
-        yield from _ids(self._old).take(np.flatnonzero(found)).texts()
+            offends &= condition.holds_of_many(state, self._old.count)
+        yield from _ids(self._old).take(np.flatnonzero(offends)).texts()
 
     def _value(self, name: str, elsewhere: Elsewhere) -> Any:
         if name.startswith("#"):
@@ -149,7 +149,7 @@ class ManyOutcome(Outcome):
         return part.column(name) if name in part.names else None
 
     def undo(self, who: str) -> None:
-        """Let somebody be as it was."""
+        """Replace an agent's unit by what it was."""
         super().undo(who)
         self._kept[_ids(self._old).row_of(who)] = False
 
@@ -163,34 +163,34 @@ class ManyOutcome(Outcome):
         return cast("AgentNode", self._old.node(_ids(self._old).row_of(who)))
 
     def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """What one of them has become in this outcome."""
+        """The node of an agent in this outcome."""
         return (self._now.node(_ids(self._now).row_of(unit)),)
 
     @property
     def scene(self) -> Scene:
-        """What has become of them in the end."""
+        """The fragment in the end."""
         if not self._undone:
             return self._new
-        others = {one for one in self._undone.values() if one is not None}
-        if not all(isinstance(one, ManyOutcome) for one in others):
+        others = {other for other in self._undone.values() if other is not None}
+        if not all(isinstance(other, ColumnsOutcome) for other in others):
             return _put_together(self, self._new, self._undone)
         columns = self._now.columns
         for other in [None, *others]:
-            part = self._old if other is None else cast("ManyOutcome", other)._now
-            mine = [who for who, by in self._undone.items() if by is other]
-            rows = np.sort(_ids(self._old).rows_of(Ids.of(mine))) if mine else ()
+            part = self._old if other is None else cast("ColumnsOutcome", other)._now
+            undone = [who for who, by in self._undone.items() if by is other]
+            rows = np.sort(_ids(self._old).rows_of(Ids.of(undone))) if undone else ()
             if len(rows):
                 pairs = zip(columns, part.columns, strict=True)
                 columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
         return Scene((self._now.with_columns(columns),))
 
     def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
-        """What counts of the events that they sent, here and in other outcomes."""
+        """The events of the fragment that count, from this outcome and others."""
         return _left(_ids(self._old), sent, self._undone, later)
 
 
 class MixedOutcome(Outcome):
-    """Agents in columns of whom some are no mere rows any more: dead, parents, of other kinds."""
+    """Outcome of agents in columns of which some have died, have newborns or changed their kind."""
 
     _old: Columns
 
@@ -220,39 +220,39 @@ class MixedOutcome(Outcome):
         return self.undone
 
     def of_unit(self, unit: str) -> tuple[Node, ...]:
-        """What one of them has become in this outcome, with its newborns."""
+        """The nodes of an agent and of its newborns in this outcome."""
         return self._by_unit.get(unit, ())
 
     @cached_property
     def _by_unit(self) -> Mapping[str, tuple[Node, ...]]:
-        found: dict[str, tuple[Node, ...]] = {}
+        by_unit: dict[str, tuple[Node, ...]] = {}
         for node in self._new.nodes:
             units = {self._unit(agent.id) for agent in agents(Scene((node,)))}
             for unit in units:
-                found[unit] = (*found.get(unit, ()), node)
-        return found
+                by_unit[unit] = (*by_unit.get(unit, ()), node)
+        return by_unit
 
     @property
     def scene(self) -> Scene:
-        """What has become of them in the end."""
+        """The fragment in the end."""
         return _put_together(self, self._new, self._undone) if self._undone else self._new
 
     def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
-        """What counts of the events that they sent, here and in other outcomes."""
+        """The events of the fragment that count, from this outcome and others."""
         return _left(_ids(self._old), sent, self._undone, later)
 
 
 def outcome_of(old: Fragment, new: Scene) -> Outcome:
-    """What has become of a fragment."""
+    """The outcome of a fragment."""
     if not isinstance(old, Columns):
         return Outcome(old, new)
     now = new.pieces[0] if len(new.pieces) == 1 else None
     alike = isinstance(now, Columns) and now.symbol == old.symbol and now.ids == old.ids
-    return ManyOutcome(old, cast("Columns", now)) if alike else MixedOutcome(old, new)
+    return ColumnsOutcome(old, cast("Columns", now)) if alike else MixedOutcome(old, new)
 
 
 def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:
-    """What the conditions of a norm on what agents become can name."""
+    """The values that the conditions of a norm on states can name."""
     state: dict[str, Any] = dict(now.state)
     for name in {name for condition in norm.conditions for name in condition.names}:
         if name.startswith("#"):
@@ -264,8 +264,8 @@ def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsew
 
 def _changed_rows(old: Columns, new: Columns) -> NDArray[np.bool_]:
     changed = np.zeros(old.count, np.bool_)
-    for one, other in zip(old.columns, new.columns, strict=True):
-        rows = other.differs(one)
+    for before, after in zip(old.columns, new.columns, strict=True):
+        rows = after.differs(before)
         changed[slice(None) if rows is None else rows] = True
     return changed
 
@@ -275,7 +275,7 @@ def _with(new: Column, old: Column, rows: Rows) -> Column:
 
 
 def _put_together(outcome: Outcome, new: Scene, undone: Mapping[str, Outcome | None]) -> Scene:
-    """A population, node by node, with what units that were undone are in their place."""
+    """A population, node by node, with the replacements of units that were undone."""
     made: list[Node] = []
     back = dict(undone)
     for node in new.nodes:
@@ -316,7 +316,7 @@ def _left(
 
 
 def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
-    """The events of those senders that one keeps."""
+    """The events of those senders that `keeps` accepts."""
     found: list[AnyEvent] = []
     for event in sent:
         if isinstance(event, Event):

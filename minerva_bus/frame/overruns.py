@@ -1,6 +1,6 @@
-"""Frames that take longer than real time: how many, by how much, and who was last in them.
+"""Overruns: frames that take longer than real time, and the members that answered last in them.
 
-Times are seconds of one monotonic clock that is passed in, so there is no clock in here.
+Times are seconds of one monotonic clock; they are passed in, so that this module reads no clock.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ from typing import Final
 from minerva_bus.frame.description import World
 
 _TOLERANCE: Final = 1.1
-"""Parts of a period that a frame may take before it is late."""
+"""Ratio of a frame's time to its period above which the frame is late."""
 
-_FIRST_WORD: Final = 5
-"""So many frames are late before it is said; then twice as many, and so on."""
+_FIRST_REPORT: Final = 5
+"""Late frames before the first report; the number doubles with each report."""
 
 
 def real_period(rate: float, world: World) -> float:
-    """Seconds that a frame may take at so many frames a second; 0: any number."""
+    """Seconds that a frame may take at this frame rate; 0: any number."""
     if rate > 0:
         return 1.0 / rate
     return world.dt if world.real_time else 0.0
 
 
 class Overruns:
-    """The late frames of a world; a period of 0 is no real time, and nothing is late."""
+    """The late frames of a world; with a period of 0 no frame is late."""
 
     def __init__(self) -> None:
         self.count: int = 0
@@ -32,40 +32,40 @@ class Overruns:
         self._period: float = 0.0
         self._began: float = 0.0
         self._parts: dict[str, tuple[str, float]] = {}
-        self._said_at: int = _FIRST_WORD
+        self._next_report: int = _FIRST_REPORT
 
     def began(self, period: float, now: float) -> None:
-        """A frame begins that should take a period, in seconds."""
+        """Note the begin of a frame that should take `period` seconds."""
         self._period, self._began, self._parts = period, now, {}
 
-    def heard(self, part: str, member: str, now: float) -> None:
-        """A member has answered in a part of the frame."""
+    def answered(self, part: str, member: str, now: float) -> None:
+        """Note that a member has answered in a part of the frame."""
         if self._period:
             self._parts[part] = member, now
 
     def done(self, frame: int, now: float) -> str:
-        """A frame is over; what there is to say of it, ever more seldom, or the empty text."""
-        took = now - self._began
-        if not self._period or not frame or took <= _TOLERANCE * self._period:
+        """Note the end of a frame; returns a report, with back-off, or an empty string."""
+        elapsed = now - self._began
+        if not self._period or not frame or elapsed <= _TOLERANCE * self._period:
             return ""
         self.count += 1
-        self.behind += took - self._period
-        if self.count < self._said_at:
+        self.behind += elapsed - self._period
+        if self.count < self._next_report:
             return ""
-        self._said_at *= 2
+        self._next_report *= 2
         return (
-            f"frame {frame} took {took:.3f} s instead of {self._period:.3f} s{self._lasts()};"
+            f"frame {frame} took {elapsed:.3f} s instead of {self._period:.3f} s{self._lasts()};"
             f" {self.count} frames were late so far, by {self.behind:.1f} s altogether"
         )
 
     def figures(self) -> dict[str, int | float]:
-        """For the summary of a run; nothing where no frame was late."""
+        """Figures for the summary of a run; empty if no frame was late."""
         if not self.count:
             return {}
         return {"late_frames": self.count, "seconds_behind": round(self.behind, 3)}
 
     def _lasts(self) -> str:
-        """Who was the last one in each part, and how long the part took."""
+        """The last member in each part of the frame, and the duration of the part."""
         shown: list[str] = []
         since = self._began
         for part, (member, at) in self._parts.items():

@@ -1,9 +1,9 @@
-"""What a frame's outcome comes to where norms refuse some of it: who is refused goes on by less.
+"""Judges the outcome of a frame by norms; rejected agents are evolved again by fewer events.
 
-Where what an agent has become is refused, it is asked for what it becomes by fewer of the frame's
-events: without those of the last type, without those of the last two, and so on. The first that no
-norm refuses counts. So what is lost is the step that leads to what is forbidden, and what would
-follow it. What norms send is never left out: at last it is all that the agent lives through.
+Where a norm rejects what an agent has become, the agent is evolved again without the events of the
+last type, then without those of the last two types, and so on. The first outcome that no norm
+rejects counts. Thus the agent loses only the step that leads to the forbidden state, and those
+after it. Events from norms are never left out; in the end they are all that it receives.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ Exceeds = Callable[[Norm, str], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Ruling:
-    """What is left of a frame's outcome: what fragments have become, and what agents have sent.
+class Verdict:
+    """The outcome of a frame after norms: changed fragments, and the events that agents sent.
 
-    `overruled` are the fragments that are not what their hosts have made of them, `halted` the
-    agents that have been refused a step, sorted: they carry nothing out in this frame.
+    `rejected`: fragments that are not what their hosts reported. `halted`: agents with a rejected
+    step, sorted; devices execute none of their actions in this frame.
     """
 
     changed: dict[str, Scene]
     sent: dict[str, tuple[AnyEvent, ...]]
-    overruled: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
     halted: tuple[str, ...] = ()
 
 
 class Trial:
-    """The outcome of one frame before the norms; `refused` notes who is, and by which norm."""
+    """The outcome of one frame while norms judge it."""
 
     def __init__(
         self, composition: Composition, changed: Scenes, sent: SentBy, elsewhere: Elsewhere
@@ -59,7 +59,7 @@ class Trial:
         self._leniently = False
 
     def judge(self, norm: Norm, breaks: Callable[[str], bool]) -> None:
-        """Look who breaks a norm; who does is undone where it refuses that."""
+        """Apply a norm to all outcomes, and undo those that it rejects."""
         for name, outcome in self._outcomes.items():
             for who in outcome.offenders(norm, self._elsewhere):
                 if breaks(who) and norm.refuses:
@@ -68,43 +68,43 @@ class Trial:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """The fragments in which somebody is refused who may still live through fewer events."""
+        """The fragments with a rejected agent that may still be evolved by fewer events."""
         return tuple(self._open)
 
     def stages(
         self, events: Sequence[AnyEvent], vocabulary: Vocabulary, always: frozenset[str]
     ) -> Iterator[tuple[AnyEvent, ...]]:
-        """The events of a frame that those who are refused are asked for, ever fewer.
+        """Reduced events of a frame, stage by stage, by which rejected agents are evolved again.
 
-        After each, `reconsider` takes what has become of the `open` fragments. Events of the types
-        `always` are among them to the end.
+        After each stage `reconsider` takes the results of the `open` fragments. Events of the
+        types `always` are part of all stages.
         """
         kinds = {symbol for name in self._open for symbol in self._symbols(name)}
-        met = frozenset[str]().union(*(vocabulary.kinds[one].subscribes for one in kinds))
+        met = frozenset[str]().union(*(vocabulary.kinds[kind].subscribes for kind in kinds))
         types = list(dict.fromkeys(event.type for event in events if event.type in met))
         before = frozenset(types)
         for last in range(len(types) - 1, -1, -1):
-            some = frozenset(types[:last]) | always.intersection(types)
-            if not self._open or not some:
+            stage = frozenset(types[:last]) | always.intersection(types)
+            if not self._open or not stage:
                 return
-            if some != before:
-                self._leniently = some <= always
-                yield tuple([event for event in events if event.type in some])
-            before = some
+            if stage != before:
+                self._leniently = stage <= always
+                yield tuple([event for event in events if event.type in stage])
+            before = stage
 
     def _symbols(self, name: str) -> Iterator[str]:
         fragment = self._composition.fragments[name]
         if isinstance(fragment, Columns):
             yield fragment.symbol
         else:
-            yield from (one.symbol for one in agents(Scene((fragment,))))
+            yield from (agent.symbol for agent in agents(Scene((fragment,))))
 
     def reconsider(
         self, changed: Scenes, sent: SentBy, norms: Sequence[Norm], exceeds: Exceeds
     ) -> None:
-        """Let units be what they become by fewer events, where no norm refuses that too.
+        """Accept what units become by fewer events, unless a norm rejects that too.
 
-        Of what norms send alone nothing is refused that was not allowed before either.
+        By events from norms alone, a state that was forbidden before the frame is not rejected.
         """
         for name, refused in list(self._open.items()):
             old = self._composition.fragments[name]
@@ -130,28 +130,30 @@ class Trial:
         was = outcome.was(who)
         return was is not None and norm.holds(state_of(norm, was, was, self._elsewhere))
 
-    def ruling(self, vocabulary: Vocabulary) -> Ruling:
-        """What counts in the end; all who have been refused a step are at rest."""
-        overruled = {name: one for name, one in self._outcomes.items() if one.overruled}
-        halted = {who for one in overruled.values() for who in one.halted}
-        for name, outcome in overruled.items():
+    def verdict(self, vocabulary: Vocabulary) -> Verdict:
+        """The final outcome; agents with a rejected step are at rest."""
+        rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
+        halted = {who for outcome in rejected.values() for who in outcome.halted}
+        for name, outcome in rejected.items():
             self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
-        self._count_sent(overruled)
-        return Ruling(self._changed, self._sent, tuple(overruled), tuple(sorted(halted)))
+        self._count_sent(rejected)
+        return Verdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))
 
-    def _count_sent(self, overruled: Mapping[str, Outcome]) -> None:
+    def _count_sent(self, rejected: Mapping[str, Outcome]) -> None:
         names = {name: self._home(name) for name in self._sent}
         for _, _, sent in self._later:
             names |= {name: self._home(name) for name in sent}
         for name, home in names.items():
-            if home in overruled:
-                later = [(one, sent.get(name, ())) for of, one, sent in self._later if of == home]
-                left = overruled[home].left(self._sent.pop(name, ()), later)
+            if home in rejected:
+                later = [
+                    (other, sent.get(name, ())) for of, other, sent in self._later if of == home
+                ]
+                left = rejected[home].left(self._sent.pop(name, ()), later)
                 self._sent |= {name: left} if left else {}
 
     def _home(self, name: str) -> str:
-        """The fragment that has sent something: an agent's, or one in columns."""
+        """The fragment of a sender: an agent's, or one in columns."""
         return name if name in self._composition.parts else self._composition.home(name) or name
 
 
-__all__ = ["Ruling", "Sent", "Trial"]
+__all__ = ["Sent", "Trial", "Verdict"]

@@ -12,7 +12,7 @@ from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
-from minerva_bus.frame.plainly import plainly
+from minerva_bus.frame.plain import plain_form
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.patch import check, patched
@@ -159,7 +159,7 @@ def _send(
         elif last:  # No later view would let an observer notice that it missed this one.
             out.send(member.name, stream.keyframe())
         elif hello.plain:
-            out.add(s.Show(view.event_type, plainly(shown), member.name))
+            out.add(s.Show(view.event_type, plain_form(shown), member.name))
     if not last and any(not (hello.coupled or hello.plain) for _, hello in devices):
         out.add(s.Show(view.event_type, view))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.frame.description import World
-from minerva_bus.frame.speaking import ID
+from minerva_bus.frame.senders import ID
 from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.placement import read_placement

@@ -14,7 +14,7 @@ from minerva_bus.blame import report, whole
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
@@ -183,7 +183,7 @@ class _Log(Sink):
     """Writes warnings to the console, the record and the log that operators read."""
 
     def __init__(self, algorithm: FrameAlgorithm, console: Console, record: RunRecord) -> None:
-        self.diary = Diary()
+        self.diary = EventLog()
         self._algorithm = algorithm
         self._console = console
         self._record = record
@@ -195,7 +195,7 @@ class _Log(Sink):
             self._console.frame = frame
             self._console.log(notice.member, notice.text, "warning")
             self._record.said(notice.member, f"{notice.text}\n{notice.details}".rstrip())
-            self.diary.said(time.time(), notice.member, notice.text, frame, "warning")
+            self.diary.line(time.time(), notice.member, notice.text, frame, "warning")
         elif isinstance(notice, s.FrameDone):
             self.diary.frame(notice.frame, notice.events)
 

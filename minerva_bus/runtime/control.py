@@ -27,10 +27,10 @@ from minerva_bus.errors import MinervaError, ProtocolError, SceneError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.composition import PART
-from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.members import MemberEntry
-from minerva_bus.frame.pacing import Pace
-from minerva_bus.frame.people import refusal_of_order, unknown_value
+from minerva_bus.frame.orders import refusal_of_order, unknown_value
+from minerva_bus.frame.pace import Pace
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.parser import parse
@@ -60,7 +60,7 @@ class Operated:
 
     runner: Runner
     schedule: FrameSchedule
-    diary: Diary
+    diary: EventLog
     meter: Meter
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
@@ -124,7 +124,7 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
         phases=measured,
-        happenings=running.diary.happenings(since),
+        happenings=running.diary.entries(since),
         refused=running.rejected(),
         late_frames=running.schedule.overruns.count,
         behind=running.schedule.overruns.behind,

@@ -12,7 +12,7 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.overruns import Overruns, real_period
-from minerva_bus.frame.pacing import Glances, Pace
+from minerva_bus.frame.pace import Pace, ViewClock
 from minerva_bus.runtime.runner import Notice, Sink
 
 _BEGIN: Final = s.Begin()
@@ -39,7 +39,7 @@ class FrameSchedule(Sink):
         self._algorithm = algorithm
         self._clock = clock
         self._notify = notify
-        self._views = Glances()
+        self._views = ViewClock()
         self._ready = False
 
     @property
@@ -81,9 +81,9 @@ class FrameSchedule(Sink):
     def received(self, stimulus: s.Stimulus) -> None:
         """Note which member answers last, for the report of an overrun."""
         if isinstance(stimulus, m.TickReply):
-            self.overruns.heard("events", stimulus.member, self._clock())
+            self.overruns.answered("events", stimulus.member, self._clock())
         elif isinstance(stimulus, m.EvolveReply):
-            self.overruns.heard("evolution", stimulus.member, self._clock())
+            self.overruns.answered("evolution", stimulus.member, self._clock())
 
     def observe(self, notice: Notice) -> None:
         """Time the end of a frame, and the beginning of the next."""

@@ -8,7 +8,7 @@ from typing import Final
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.pace import Pace
 from minerva_bus.runtime.runner import Notice, Sink
 
 SMOOTHING: Final = 0.3

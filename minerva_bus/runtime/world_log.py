@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.diary import Diary
+from minerva_bus.frame.event_log import EventLog
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.restraint import GUESTS, Restraint
 from minerva_bus.runtime.runner import Notice, Sink
@@ -29,7 +29,7 @@ class WorldLog(Sink):
         show: Callable[[str, str, str], None],
         system: System,
     ) -> None:
-        self.diary = Diary()
+        self.diary = EventLog()
         self._algorithm = algorithm
         self._metrics = metrics
         self._show = show
@@ -38,7 +38,7 @@ class WorldLog(Sink):
 
     def line(self, member: str, text: str, level: str) -> None:
         """Keep a line that a member printed."""
-        self.diary.said(self._system.time(), member, text, self._algorithm.frame, level)
+        self.diary.line(self._system.time(), member, text, self._algorithm.frame, level)
 
     def warn(self, member: str, text: str, details: str = "") -> None:
         """Log and show a warning about a member; `details` are for the log only."""

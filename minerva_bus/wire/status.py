@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_number, as_scalar, as_text
-from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
+from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldStatus
 
 
 def _from_minus_one(plain: Any, what: str) -> int:
@@ -41,7 +41,7 @@ def read_status(plain: Any) -> WorldStatus:
     """A status from plain data. Raises ProtocolError."""
     given = as_map(plain, "a status")
     members = [_read(MemberStatus, item) for item in as_list(given.get("members", []), "members")]
-    happenings = [_read(Happening, item) for item in as_list(given.get("happenings", []), "events")]
+    happenings = [_read(LogEntry, item) for item in as_list(given.get("happenings", []), "events")]
     return _read(WorldStatus, given, members=tuple(members), happenings=tuple(happenings))
 
 

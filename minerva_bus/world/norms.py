@@ -149,7 +149,7 @@ def sanction_of(norm: str, declared: EventType, data: Mapping[str, Any]) -> Even
     return cast("Event", declared(**given))
 
 
-class Book:
+class ViolationCounts:
     """How often each norm has been broken, and who did lately what it limits."""
 
     def __init__(self, saved: Mapping[str, Any]) -> None:

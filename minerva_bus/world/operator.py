@@ -48,7 +48,7 @@ class MemberStatus:
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class LogEntry:
     """An event of a frame, or a word about a member; `number` counts them all up from 1."""
 
     number: int
@@ -101,7 +101,7 @@ class WorldStatus:
     phases: Mapping[str, float] = field(default_factory=dict[str, float])
     bytes_in: float = 0.0
     bytes_out: float = 0.0
-    happenings: tuple[Happening, ...] = ()
+    happenings: tuple[LogEntry, ...] = ()
     refused: Mapping[str, int] = field(default_factory=dict[str, int])
     late_frames: int = 0
     behind: float = 0.0

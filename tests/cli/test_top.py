@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.world.operator import Happening, LogLine, MemberStatus, WorldStatus
+from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldStatus
 
 pytest.importorskip("textual", reason="pip install 'minerva-bus[top]'")
 
@@ -30,7 +30,7 @@ MEMBERS = (
 STATUS = WorldStatus(
     "yard", 42, 0.1, "between frames", rate=20.0, hz=19.5, agents=7, members=MEMBERS,
     events={"eStep": 20.0, "eNoise": 3.0}, phases={"tick": 100.0, "evolve": 300.0, "frame": 1000.0},
-    happenings=(Happening(1, 41, "eStep", "eStep<by=1>"),),
+    happenings=(LogEntry(1, 41, "eStep", "eStep<by=1>"),),
 )  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def test_events_are_in_the_log_when_they_are_wanted():
     async def play(dashboard, pilot, operator):
         await until(pilot, lambda: len(rows(dashboard)) == 2)
         await pilot.press("e")
-        operator.now = replace(STATUS, happenings=(Happening(2, 43, "eNoise", "eNoise<loud=9>"),))
+        operator.now = replace(STATUS, happenings=(LogEntry(2, 43, "eNoise", "eNoise<loud=9>"),))
         log = dashboard.query_one(RichLog)
         await until(pilot, lambda: "eNoise<loud=9>" in "".join(line.text for line in log.lines))
 

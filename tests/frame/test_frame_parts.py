@@ -23,7 +23,7 @@ from minerva_bus.frame.members import (
     MemberState,
 )
 from minerva_bus.frame.messages import Hello
-from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.pace import Pace
 from minerva_bus.frame.rendezvous import place
 from minerva_bus.frame.views import ViewStream
 from minerva_bus.grammar.fields import Fields

@@ -9,9 +9,9 @@ def run(overruns, took, period=0.1, frames=1, first=1):
     said = []
     for frame in range(first, first + frames):
         overruns.began(period, 100.0)
-        overruns.heard("events", "gLaser", 100.01)
-        overruns.heard("events", "robot", 100.0 + took / 2)
-        overruns.heard("evolution", "robots", 100.0 + took)
+        overruns.answered("events", "gLaser", 100.01)
+        overruns.answered("events", "robot", 100.0 + took / 2)
+        overruns.answered("evolution", "robots", 100.0 + took)
         said.append(overruns.done(frame, 100.0 + took))
     return [(first + n, text) for n, text in enumerate(said) if text]
 

@@ -8,7 +8,7 @@ from pond import Add, Screen, counters, eAdd, expect, service
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.pacing import Glances
+from minerva_bus.frame.pace import ViewClock
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from tests.runtime.running import World, eventually, write_world
@@ -83,7 +83,7 @@ def test_nor_does_one_of_a_number_of_frames():
 
 
 def test_when_the_first_view_by_the_clock_is_due():
-    glances, rates = Glances(), {"eShow": 19.0, "eSlow": 1.0}
+    glances, rates = ViewClock(), {"eShow": 19.0, "eSlow": 1.0}
     assert glances.next({}) == float("inf")
     assert glances.due(100.0, rates) == ("eShow", "eSlow")
     assert glances.next(rates) == pytest.approx(100.05)

@@ -7,7 +7,7 @@ import pytest
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.generating import GeneratorSide
 from minerva_bus.frame.live import LiveSource
-from minerva_bus.frame.pacing import Pace
+from minerva_bus.frame.pace import Pace
 from minerva_bus.log.journal import Journal
 from minerva_bus.testing.simulation.history import drawn
 from minerva_bus.testing.simulation.trying import LINES, report, shortest, tried, tried_seed

@@ -8,7 +8,7 @@ from web_world import Nobody, listened, yard
 
 pytest.importorskip("viser")
 
-from minerva_bus.world.operator import Happening
+from minerva_bus.world.operator import LogEntry
 from minerva_services.views.web import wording
 from minerva_services.views.web.desk import Desk
 from minerva_services.views.web.diary import ALL, NOTABLE, Diary
@@ -175,7 +175,7 @@ def test_a_world_that_does_not_answer_is_a_line_on_the_page(room):
 
 
 def test_texts_of_the_world_are_no_markup(room):
-    room.operator.happenings = (Happening(1, 3, "eGo", 'eGo<place="<img src=x>">'),)
+    room.operator.happenings = (LogEntry(1, 3, "eGo", 'eGo<place="<img src=x>">'),)
     room.open()
     eventually(lambda: "&lt;img src=x&gt;" in room.panel._events.content)
     room.panel.complain("<b>no</b>")
@@ -193,7 +193,7 @@ def test_events_of_every_frame_do_not_drown_the_rest():
     operator, diary = Nobody(), Diary()
     operator.events = {"eLaser": 900.0, "eGo": 0.1}
     operator.happenings = tuple(
-        Happening(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
+        LogEntry(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
     )
     diary.hear(operator.status(0))
     assert [one.number for one in diary.chosen(NOTABLE, 9)] == [5]

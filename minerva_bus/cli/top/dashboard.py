@@ -15,7 +15,7 @@ from textual.widgets import DataTable, Footer, RichLog, Sparkline, Static
 
 from minerva_bus.cli.top import texts
 from minerva_bus.errors import MinervaError
-from minerva_bus.world.operator import Happening, LogLine, Operator, WorldStatus
+from minerva_bus.world.operator import LogEntry, LogLine, Operator, WorldStatus
 
 EVERY = 0.25
 HISTORY = 120
@@ -156,7 +156,7 @@ class Dashboard(App[None]):
         shown = Text.assemble((f"{status.hz:,.1f}", "bold"), f"   {wanted}")
         self._static("rate").update(shown)
 
-    def _show_log(self, happenings: tuple[Happening, ...], lines: tuple[LogLine, ...]) -> None:
+    def _show_log(self, happenings: tuple[LogEntry, ...], lines: tuple[LogLine, ...]) -> None:
         log = self.query_one(RichLog)
         for line in lines:
             clock = time.strftime("%H:%M:%S", time.localtime(line.time))

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 from itertools import chain
 
-from minerva_bus.world.operator import Happening, WorldStatus
+from minerva_bus.world.operator import LogEntry, WorldStatus
 
 NOTABLE: str = "what is not in every frame"
 ALL: str = "all"
@@ -20,7 +20,7 @@ class Diary:
 
     def __init__(self) -> None:
         self.last = 0
-        self._kept: dict[str, deque[Happening]] = {}
+        self._kept: dict[str, deque[LogEntry]] = {}
         self._often: set[str] = set()
 
     def hear(self, status: WorldStatus) -> None:
@@ -36,10 +36,10 @@ class Diary:
         """What one may look at."""
         return (NOTABLE, ALL, *sorted(self._kept))
 
-    def chosen(self, choice: str, most: int) -> list[Happening]:
+    def chosen(self, choice: str, most: int) -> list[LogEntry]:
         """The last happenings of a choice, the oldest first."""
         if choice == NOTABLE:
-            found: Iterable[deque[Happening]] = (
+            found: Iterable[deque[LogEntry]] = (
                 kept for about, kept in self._kept.items() if about not in self._often
             )
         else:

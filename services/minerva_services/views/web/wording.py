@@ -11,7 +11,7 @@ import numpy as np
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.world.operator import Happening, WorldStatus
+from minerva_bus.world.operator import LogEntry, WorldStatus
 
 _LONGEST = 44
 _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywhere"
@@ -57,7 +57,7 @@ def problem(text: str) -> str:
     return _block(f'<span style="color:{_BAD}">{escape(_cut(line, 300))}</span>')
 
 
-def events(found: Iterable[Happening]) -> str:
+def events(found: Iterable[LogEntry]) -> str:
     """Events, the newest first."""
     lines = [
         f"{_dim(str(one.frame))} {escape(_cut(_rounded(one.text), 120))}"

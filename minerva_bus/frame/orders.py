@@ -1,4 +1,4 @@
-"""What people may send: the types that are theirs, and not those by which a world perceives."""
+"""Orders: which events people may send, and which not, because a sensor or a clock sends them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from minerva_bus.frame.phases import Phase
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.known import values_of
 
-_LISTED = 12
+_MAX_LISTED = 12
 
 
 def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
-    """Why people may not send an event of a type, or the empty text.
+    """Reason why people may not send an event of a type, or an empty string.
 
     They may send what a generator takes orders for, what the world file lists, and what no
-    generator makes. All else is a sensor's, a clock's or physics': from a terminal it would be a
-    lie about the world.
+    generator makes. All other events come from a sensor, a clock or physics; from a terminal they
+    would be false statements about the world.
     """
     members = world.members
     if event_type in world.world.people or members.takers(event_type):
@@ -41,28 +41,29 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
 
 
 def unknown_value(world: FrameAlgorithm, event: Event) -> str:
-    """Why an order names what the world does not have, or the empty text.
+    """Reason why an order names something that the world lacks, or an empty string.
 
-    It looks in the string for the texts that the event's type takes from there. A string without
-    any such text says nothing about them: what a robot meets on a real floor is not in it.
+    It compares the order with the values in the string from which the event's type takes its
+    values. A string without any such value is no reason: what a robot meets on a real floor is not
+    in it.
     """
-    for one in world.world.vocabulary.events[event.type].fields.all:
-        source = one.type.source
+    for field in world.world.vocabulary.events[event.type].fields.all:
+        source = field.type.source
         if source is None:
             continue
         known = sorted({str(value) for value in values_of(world.composition.scene, source)})
-        value: object = event.data[one.name]
+        value: object = event.data[field.name]
         texts = cast("tuple[str, ...]", value if isinstance(value, tuple) else (value,))
         for text in texts:
             if known and text not in known:
                 return (
-                    f"{event.type}: {one.name} is {text!r}, but no {source.symbol} of the world has"
-                    f" this {source.parameter}; expected {_listed(known)}{nearest(text, known)}"
+                    f"{event.type}: {field.name} is {text!r}, but no {source.symbol} of the world"
+                    f" has this {source.parameter}; expected {_listed(known)}{nearest(text, known)}"
                 )
     return ""
 
 
 def _listed(names: Iterable[str]) -> str:
     shown = list(names)
-    more = len(shown) - _LISTED
-    return ", ".join(shown[:_LISTED]) + (f" or one of {more} more" if more > 0 else "")
+    more = len(shown) - _MAX_LISTED
+    return ", ".join(shown[:_MAX_LISTED]) + (f" or one of {more} more" if more > 0 else "")

@@ -1,4 +1,4 @@
-"""Messages for members that decline columns and patches: the same, node by node."""
+"""Messages for members that decline columns and patches: the same content, node by node."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from minerva_bus.grammar.columns import unfolded
 
 
 @singledispatch
-def plainly(message: m.ToMember) -> m.ToMember:
-    """A message without columns; one with patches has to be whole before."""
+def plain_form(message: m.ToMember) -> m.ToMember:
+    """A message without columns; patches must be applied before."""
     return message
 
 
-@plainly.register
+@plain_form.register
 def _(message: m.Fragments) -> m.ToMember:
     return replace(message, given=_scenes(message.given))
 
 
-@plainly.register
+@plain_form.register
 def _(message: m.EvolveRequest) -> m.ToMember:
     return replace(message, events=_events(message.events), visual=_events(message.visual))
 
 
-@plainly.register
+@plain_form.register
 def _(message: m.ViewShown) -> m.ToMember:
     skeleton = None if message.skeleton is None else unfolded(message.skeleton)
     return replace(message, parts=_scenes(message.parts), skeleton=skeleton)
 
 
-@plainly.register
+@plain_form.register
 def _(message: m.Orders) -> m.ToMember:
     return replace(message, events=_events(message.events))
 

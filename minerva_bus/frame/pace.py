@@ -1,4 +1,4 @@
-"""When the next frame may begin: real time as a thin wrap round a pure step."""
+"""Pacing: when the next frame may begin, outside the pure frame algorithm."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-REST: Final = 0.1
-"""Seconds between two frames in which nothing happens, of a world that goes as fast as it can."""
+REST_SECONDS: Final = 0.1
+"""Interval between frames without changes, of a world that runs as fast as possible."""
 
 
 @dataclass(slots=True)
 class Pace:
-    """Frames per second; 0 means as fast as it goes. Times are seconds of one monotonic clock.
+    """Frames per second; 0: as fast as possible. Times are seconds of one monotonic clock.
 
-    `left` is how many frames may still begin; None: any number.
+    `left`: number of frames that may still begin; None: any number.
     """
 
     rate: float = 0.0
@@ -29,7 +29,7 @@ class Pace:
     def due(self, now: float) -> float | None:
         """When the next frame is due, given that the one before has ended; None while paused.
 
-        A frame that came late does not make the following ones hurry: the rhythm starts anew.
+        After a late frame the rhythm starts again; the following frames do not catch up.
         """
         if self.paused:
             self._next = None
@@ -44,19 +44,19 @@ class Pace:
         return self._next
 
     def rest(self, last: float, view: float) -> float:
-        """Until when the world may rest if nothing happens, its `last` frame having ended then.
+        """Until when the world may rest if nothing changes; `last` is the end of its last frame.
 
-        `view` is when one by the clock is due. A world with a rhythm of its own never rests.
+        `view` is when a view by the clock is due. A world with a frame rate never rests.
         """
-        return min(last + REST, view) if self.rate <= 0 and self.left is None else last
+        return min(last + REST_SECONDS, view) if self.rate <= 0 and self.left is None else last
 
     def began(self) -> None:
-        """A frame has begun."""
+        """Note that a frame has begun."""
         if self.left:
             self.left -= 1
 
     def pause(self) -> None:
-        """Let no frame begin any more."""
+        """Let no frame begin."""
         self.left = 0
 
     def resume(self) -> None:
@@ -64,33 +64,34 @@ class Pace:
         self.left = None
 
     def step(self, frames: int) -> None:
-        """Let so many more frames begin."""
+        """Let this number of further frames begin."""
         self.left = frames + (self.left or 0)
 
     def change(self, rate: float) -> None:
-        """Begin so many frames a second from now on."""
+        """Set the number of frames per second."""
         self.rate, self._next = rate, None
 
 
 @dataclass(slots=True)
-class Glances:
-    """Which devices that want views by the clock are due one."""
+class ViewClock:
+    """Which devices with a view rate are due for a view."""
 
     _last: dict[str, float] = field(default_factory=dict[str, float])
 
     def due(self, now: float, rates: Mapping[str, float]) -> tuple[str, ...]:
         """The visual event types of which a view is due in a frame that begins now."""
-        due = tuple([one for one in sorted(rates) if self._is_due(one, now, rates[one])])
+        due = tuple([name for name in sorted(rates) if self._is_due(name, now, rates[name])])
         for event_type in due:
             self._last[event_type] = now
         return due
 
     def next(self, rates: Mapping[str, float]) -> float:
-        """When the first of these views is due."""
-        return min((self._next(one, rate) for one, rate in rates.items()), default=float("inf"))
+        """When the next of these views is due."""
+        return min((self._next(name, rate) for name, rate in rates.items()), default=float("inf"))
 
     def _is_due(self, event_type: str, now: float, rate: float) -> bool:
         return now >= self._next(event_type, rate)
 
     def _next(self, event_type: str, rate: float) -> float:
+        # Slightly early, because a frame that begins just before would delay the view by a frame.
         return self._last.get(event_type, float("-inf")) + 0.95 / rate

@@ -1,4 +1,4 @@
-"""For whom a generator may speak: which agents may stand as the senders of its events."""
+"""Which agents may be the senders of a generator's events."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.ids import Ids
 
 ID: Final = "#"
-"""What an entry of `speaks_for` begins with that is the id of an agent, not a kind."""
+"""Prefix of an entry of `speaks_for` that is the id of an agent, not a kind."""
 
 
 @dataclass(frozen=True, slots=True)
-class Speaking:
-    """Binds the senders of generators' events.
+class SenderRights:
+    """The senders that generators may use.
 
-    `speaks_for` has, by member, the kinds of agents and the `#id`s of agents in whose name it may
-    send events; a member that it lacks speaks for itself alone, without a sender.
+    `speaks_for`: by member, the kinds of agents and the `#id`s of agents in whose name it may send
+    events. Any other member speaks for itself alone, without a sender.
     """
 
     speaks_for: Mapping[str, tuple[str, ...]]
     composition: Composition
 
     def objection(self, member: str, events: Sequence[AnyEvent]) -> str:
-        """Why a member may not send some events, or the empty text.
+        """Reason why a member may not send these events, or an empty string.
 
-        An agent that is not in the string, as one that has just died, is no reason where a member
-        speaks for others: `kept` leaves its events out.
+        An agent that is not in the string, as one that has just died, is no reason for a member
+        that speaks for others: `kept` drops its events.
         """
         allowed = self.speaks_for.get(member, ())
         for event in events:
@@ -52,7 +52,7 @@ class Speaking:
         return ""
 
     def kept(self, member: str, events: Sequence[AnyEvent]) -> list[AnyEvent]:
-        """The events whose sender, if any, is in this frame an agent that a member speaks for."""
+        """The events without sender, or whose sender is an agent that the member speaks for."""
         allowed, kept = self.speaks_for.get(member, ()), list[AnyEvent]()
         for event in events:
             senders = _senders(event)
@@ -65,8 +65,8 @@ class Speaking:
 
     def _may(self, senders: Ids, allowed: Sequence[str]) -> NDArray[np.bool_]:
         kinds = self.composition.kinds(senders)
-        may = np.isin(kinds, [one for one in allowed if not one.startswith(ID)])
-        ids = [one.removeprefix(ID) for one in allowed if one.startswith(ID)]
+        may = np.isin(kinds, [name for name in allowed if not name.startswith(ID)])
+        ids = [name.removeprefix(ID) for name in allowed if name.startswith(ID)]
         if ids:
             may |= (Ids.of(ids).rows_of(senders) >= 0) & (kinds != "")
         return may
