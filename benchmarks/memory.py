@@ -61,7 +61,7 @@ def children(pid: int) -> list[int]:
 
 
 def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict[str, Series]:
-    """Look at the processes of a world until it ends."""
+    """CheckConnection at the processes of a world until it ends."""
     found: dict[str, Series] = {}
     while launcher.poll() is None:
         time.sleep(every)

@@ -29,7 +29,7 @@ from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.member import BACK_WITHIN, BusMember
-from minerva_bus.runtime.session import REACHED_WITHIN, end_at_once
+from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Device
@@ -83,7 +83,7 @@ def _attached(participant: Member, way: Way) -> int:
     endpoint, world = place(connect, world, own)
     there = check_endpoint(endpoint)
     if not there.local:  # As long as that takes, Ctrl-C is no leaving yet.
-        check_reachable(there, REACHED_WITHIN)
+        check_reachable(there, CONNECT_SECONDS)
 
     service = participant.service
     ends = not isinstance(service, Device)

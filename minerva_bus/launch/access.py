@@ -11,8 +11,8 @@ from typing import Final
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.launch.runtime_folder import runtime_folder
 from minerva_bus.launch.table import Table
+from minerva_bus.runtime.admission import LOCAL_KIND, Security
 from minerva_bus.runtime.endpoints import check_endpoint, check_listening
-from minerva_bus.runtime.guard import LOCAL_KIND, Security
 from minerva_bus.security.credentials import Rights, family_start, rights_of
 from minerva_bus.settings.kinds import whole
 from minerva_bus.settings.tables import BusSettings

@@ -146,7 +146,7 @@ class _Told:
             said=self._said,
             status=self._status,
             listening=lambda endpoint: tell(
-                "listening", endpoint=endpoint, listens_at=self.coordinator.guard.listens_at
+                "listening", endpoint=endpoint, listens_at=self.coordinator.admission.listens_at
             ),
             stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
             came=lambda member: tell("came", member=member),

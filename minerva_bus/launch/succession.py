@@ -13,8 +13,8 @@ from minerva_bus.launch.starters import FAILED, Child
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.runtime.coordinator import Coordinator
 
-MOST_SUCCESSIONS = 100
-MOST_FAILURES = 3
+MAX_SUCCESSIONS = 100
+MAX_FAILURES = 3
 """Coordinators that may fail by an exception before one gets beyond their frame."""
 
 
@@ -87,8 +87,8 @@ class Succession:
         if code == FAILED:
             self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
             self._failed_at = max(self._failed_at, self.frame)
-        unexpected = code < 0 or (code == FAILED and self._failures < MOST_FAILURES)
-        return unexpected and bool(self._around.endpoint) and self.count < MOST_SUCCESSIONS
+        unexpected = code < 0 or (code == FAILED and self._failures < MAX_FAILURES)
+        return unexpected and bool(self._around.endpoint) and self.count < MAX_SUCCESSIONS
 
     def go_on(self, queued: frozenset[str]) -> None:
         """Let another one follow."""

@@ -19,7 +19,7 @@ from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.recording import check_record
 from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.starters import FAILED
-from minerva_bus.launch.succession import MOST_SUCCESSIONS, Succession
+from minerva_bus.launch.succession import MAX_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import FirstFrame, Laps, Summary
 from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import blocked_at
@@ -34,7 +34,7 @@ GRACE = 1.0
 CLOSING = 10.0
 """Seconds that members have after a world's regular end to close their files."""
 LAST_PAGE = 5.0
-LONGEST_LINE = 2000
+MAX_LINE_LENGTH = 2000
 LASTING = "has failed by the same error in the same frame again"
 
 
@@ -280,7 +280,7 @@ class Supervisor:
             number = self._coordinator.count + 1
             ended = f"failed ({self._last_line})" if code == FAILED else how_ended(code)
             how = f"{ended}; another one goes on from its journal"
-            self._console.log(COORDINATOR, f"{how} ({number} of {MOST_SUCCESSIONS})", "warning")
+            self._console.log(COORDINATOR, f"{how} ({number} of {MAX_SUCCESSIONS})", "warning")
             self._coordinator.go_on(self._members.starting.queued)
             return
         if self._ended is not None:
@@ -371,7 +371,7 @@ class Supervisor:
 
     def _keep(self, name: str, text: str, level: str) -> None:
         for line in text.split("\n"):
-            self._coordinator.command(f"log {level} {name} {line[:LONGEST_LINE]}")
+            self._coordinator.command(f"log {level} {name} {line[:MAX_LINE_LENGTH]}")
 
     def _summary(self) -> Summary:
         ended = self._ended

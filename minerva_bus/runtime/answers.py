@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 import zenoh
 
 from minerva_bus.errors import MinervaError
+from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.control import Command, Operated, answer
-from minerva_bus.runtime.guard import Guard
 from minerva_bus.runtime.inbox import Question, question
 from minerva_bus.runtime.questions import Questions
 from minerva_bus.runtime.system import System
@@ -30,7 +30,7 @@ class Answers:
         self,
         world: Operated,
         keys: Keys,
-        guard: Guard,
+        admission: Admission,
         limits: Limits,
         operated: Callable[[], None],
         system: System,
@@ -39,7 +39,7 @@ class Answers:
         self.waiting = Questions(limits.questions, self._answer, keys.world, system)
         self._world = world
         self._keys = keys
-        self._guard = guard
+        self._admission = admission
         self._most_bytes = limits.small_bytes
         self._operated = operated
         self._commands = commands
@@ -64,7 +64,7 @@ class Answers:
         try:
             check("a question", len(question.data), self._most_bytes, "bytes")
             asked = as_map(unpack(question.data), "a question")
-            objection = self._guard.objection_to_question(who, orders, asked.get("ask"))
+            objection = self._admission.objection_to_question(who, orders, asked.get("ask"))
             reply = (
                 {"error": objection} if objection else answer(asked, self._world, self._commands)
             )

@@ -26,14 +26,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeVar
 
-from minerva_bus.runtime.gate import STRANGERS
+from minerva_bus.runtime.admission_rules import STRANGERS
 
 _Kept = TypeVar("_Kept")
 
 LEVELS: Final = "zenoh::net::routing::interceptor=trace,zenoh::net::primitives::demux=debug"
 """The latter gives each line the link that a message has come by."""
 
-NAP: Final = 0.02
+POLL_SECONDS: Final = 0.02
 TOO_LARGE: Final = "published too much at once on"
 DEEDS: Final = {
     b"Put": "published on",
@@ -48,8 +48,8 @@ DEEDS: Final = {
 }
 """What somebody does, by Zenoh's name for it, as what is said before the key."""
 
-LONGEST_KEY: Final = 200
-MOST_LINKS: Final = 1000
+MAX_KEY_LENGTH: Final = 200
+MAX_LINKS: Final = 1000
 _ENTRY: Final = b"\x1b[2m"
 _OURS: Final = (b"\x1b[2mzenoh::net::routing::interceptor", b"\x1b[2mzenoh::net::primitives::demux")
 _SAYS: Final = b"\x1b[0m\x1b[2m:\x1b[0m "
@@ -95,7 +95,7 @@ class Ruling:
     done: str
 
 
-@lru_cache(MOST_LINKS)
+@lru_cache(MAX_LINKS)
 def read_ruling(text: bytes) -> Ruling | None:
     """A line of the access control, from where its own text begins to where the key does."""
     found = _RULING.fullmatch(text)
@@ -164,7 +164,7 @@ class Audit:
         if ruling is None:
             self._ruled.pop(place, None)
             return
-        _keep(self._ruled, place, (ruling, key[:LONGEST_KEY]))
+        _keep(self._ruled, place, (ruling, key[:MAX_KEY_LENGTH]))
         if ruling.name is not None:
             _keep(self._names, ruling.link, ruling.name)
 
@@ -186,6 +186,6 @@ def _place(before: bytes) -> bytes:
 
 def _keep(kept: dict[bytes, _Kept], key: bytes, value: _Kept) -> None:
     """Set it, and forget the eldest where there are very many."""
-    if key not in kept and len(kept) >= MOST_LINKS:
+    if key not in kept and len(kept) >= MAX_LINKS:
         del kept[next(iter(kept))]
     kept[key] = value

@@ -45,9 +45,9 @@ from minerva_bus.wire.values import Reader
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
-MOST_STEPS = 1_000_000_000
-MOST_RATE = 1_000_000.0
-MOST_LINES = 1000
+MAX_STEPS = 1_000_000_000
+MAX_RATE = 1_000_000.0
+MAX_LINES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +209,8 @@ def _resume(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     frames = as_int(asked.get("frames", 1), "frames", 1)
-    if frames > MOST_STEPS:
-        raise ProtocolError(f"frames must be a whole number up to {MOST_STEPS}, not {frames}")
+    if frames > MAX_STEPS:
+        raise ProtocolError(f"frames must be a whole number up to {MAX_STEPS}, not {frames}")
     algorithm = running.algorithm
     begun = 1 if algorithm.in_frame else 0
     last = algorithm.frame + begun + (running.pace.left or 0) + frames
@@ -221,8 +221,8 @@ def _step(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _rate(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     rate = as_number(asked.get("rate"), "rate")
-    if not 0 <= rate <= MOST_RATE:
-        raise ProtocolError(f"rate must be frames per second from 0 to {MOST_RATE:g}, not {rate:g}")
+    if not 0 <= rate <= MAX_RATE:
+        raise ProtocolError(f"rate must be frames per second from 0 to {MAX_RATE:g}, not {rate:g}")
     running.pace.change(rate)
     running.schedule.repace()
     return {"rate": rate}
@@ -261,7 +261,7 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member", ""), "the member")
     lines = running.diary.lines(as_int(asked.get("since", 0), "since"), member)
-    return {"lines": plain_lines(lines[-MOST_LINES:])}
+    return {"lines": plain_lines(lines[-MAX_LINES:])}
 
 
 def _vocabulary(running: Operated, _: Mapping[str, Any]) -> dict[str, Any]:

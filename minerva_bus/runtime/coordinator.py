@@ -16,11 +16,11 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
+from minerva_bus.runtime.admission import Admission, ListenConfig, Security
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import COMMANDS, Command, Operated
 from minerva_bus.runtime.greetings import Greetings
-from minerva_bus.runtime.guard import Guard, Place, Security
 from minerva_bus.runtime.inbox import HubInbox, Question, Tick
 from minerva_bus.runtime.large import Opened
 from minerva_bus.runtime.links import Linked
@@ -28,13 +28,13 @@ from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.monitor import STATUS_EVERY, Monitor
 from minerva_bus.runtime.presence import Successor, presence, successor
 from minerva_bus.runtime.receiver import Receiver
+from minerva_bus.runtime.rejected_connections import RejectedConnection
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.session import LOOPBACK
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.transport import ZenohTransport
-from minerva_bus.runtime.turned_away import TurnedAway
 from minerva_bus.runtime.waiting import Deadlines, Waits
 from minerva_bus.runtime.watchers import Asked, Printed, Started, Watchers
 from minerva_bus.runtime.world_log import WorldLog
@@ -103,14 +103,14 @@ class Coordinator:
 
         def sent(to: str, message: m.ToMember) -> None:
             if isinstance(message, m.Refused):
-                self.guard.gate.count(to)
+                self.admission.rules.count(to)
             elif isinstance(message, m.Greet):
                 greetings.sent(to, clock())
 
         self.inbox = HubInbox(STATUS_EVERY, system)
         self.metrics = Metrics(algorithm, clock, keep)
         self.log = WorldLog(algorithm, self.metrics, watchers.said, system)
-        self.guard = Guard(keys, limits, security, self.log.warn, system)
+        self.admission = Admission(keys, limits, security, self.log.warn, system)
         self.schedule = FrameSchedule(algorithm, rate, clock, self._warn)
         self.transport = ZenohTransport(keys, epoch, self.metrics, clock, sent)
         self.status = StatusMeter(algorithm, self.schedule.pace, clock())
@@ -120,7 +120,7 @@ class Coordinator:
             self.runner,
             self.status,
             Waits(deadlines or Deadlines(), queued),
-            self.guard,
+            self.admission,
             greetings,
             self.log,
             watchers,
@@ -130,7 +130,7 @@ class Coordinator:
         self._receiver = Receiver(
             self.runner,
             self.transport,
-            self.guard,
+            self.admission,
             greetings,
             self.metrics,
             self.log,
@@ -145,13 +145,13 @@ class Coordinator:
             self.log.diary,
             self.metrics,
             self.status,
-            self.guard.gate.counts,
+            self.admission.rules.counts,
             watchers.restart,
         )
         self._answers = Answers(
-            operated, keys, self.guard, limits, watchers.operated, system, commands
+            operated, keys, self.admission, limits, watchers.operated, system, commands
         )
-        self._place = Place(listen, shared, routers)
+        self._where = ListenConfig(listen, shared, routers)
         self._watch = watchers
         self._system = system
         self._frame_ended = False
@@ -172,7 +172,7 @@ class Coordinator:
 
     def life(self) -> Generator[None, None, s.Ended]:
         """The same, one turn of the loop at a time: a simulation decides when the next one runs."""
-        with self.guard.session(self._place, self.inbox.put) as (session, endpoint):
+        with self.admission.session(self._where, self.inbox.put) as (session, endpoint):
             declared = self._declare(session)
             self._watch.listening(endpoint)
             self.status.at = self._system.monotonic()
@@ -286,8 +286,8 @@ class Coordinator:
             self._answers.take(item)
         elif isinstance(item, Successor):
             self._meet(item.epoch)
-        elif isinstance(item, Linked | TurnedAway | Denials):
-            self.guard.notice(item)
+        elif isinstance(item, Linked | RejectedConnection | Denials):
+            self.admission.notice(item)
         elif isinstance(item, s.Appeared):
             self._receiver.appear(item)
         elif isinstance(item, Opened):

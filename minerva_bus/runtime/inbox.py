@@ -1,8 +1,8 @@
-"""What a process hears, in one place and in the order in which it arrives.
+"""Everything a process receives, in one queue and in the order of arrival.
 
-Zenoh's threads hand over, the main thread takes. A hand-over through a Python callback costs a
-turn of the interpreter's lock for each message. So the messages of a frame, which are what counts,
-are read from a channel that fills without the lock; all else is put beside it, and knocks.
+Threads of Zenoh deliver, the main thread receives. Delivery through a Python callback acquires the
+interpreter lock for each message. The messages of a frame are therefore read from a channel that
+Zenoh fills without the lock; everything else goes to a side queue and sends a wake-up.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -22,19 +22,19 @@ from zenoh.handlers import Callback, FifoChannel
 from minerva_bus.runtime.system import REAL, System, Timer
 
 CAPACITY = 4096
-KNOCKS = CAPACITY // 2
-KNOCK = b"\x00"
-KNOCKED_WITHIN = 1.0
+MAX_WAKE_UPS = CAPACITY // 2
+WAKE_UP = b"\x00"
+WAKE_UP_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """It is time to look at the clock."""
+    """Periodic timer: time-outs and status are due."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What came on a key, or whether the token of this key is `there`."""
+    """A message on a key, or whether the liveliness token of this key is `there`."""
 
     key: str
     data: bytes
@@ -42,14 +42,14 @@ class Heard:
 
 
 def heard(sample: zenoh.Sample) -> Heard:
-    """What a sample says."""
+    """A sample as a `Heard`."""
     there = sample.kind == zenoh.SampleKind.PUT
     return Heard(str(sample.key_expr), sample.payload.to_bytes(), there)
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Somebody asks on a key; `reply` answers, on a key, and once."""
+    """A question on a key; `reply` answers it once, on a key."""
 
     key: str
     data: bytes
@@ -57,7 +57,7 @@ class Question:
 
 
 def question(query: zenoh.Query) -> Question:
-    """What a query asks."""
+    """A query as a `Question`."""
 
     def reply(key: str, data: bytes) -> None:
         with query:
@@ -68,7 +68,7 @@ def question(query: zenoh.Query) -> Question:
 
 
 class Watch:
-    """One queue for what a watcher hears: nobody waits for it, so it may take its time."""
+    """A queue for watchers, whose latency does not matter to any frame."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Any] = SimpleQueue()
@@ -76,12 +76,12 @@ class Watch:
     def handler(self) -> Callback[Any]:
         """A handler for a Zenoh declaration that leads here.
 
-        Direct, because a bare C put neither blocks nor computes; only the main thread does.
+        Direct, because a plain C `put` neither blocks nor computes.
         """
         return Callback(self._queue.put, indirect=False)
 
     def get(self, until: float) -> Any:
-        """The next item, or None when the monotonic time `until` has come."""
+        """The next item, or None at the monotonic time `until`."""
         wait = until - time.monotonic()
         try:
             return self._queue.get(timeout=wait) if wait > 0 else self._queue.get_nowait()
@@ -94,72 +94,71 @@ def _as_it_is(item: Any) -> Any:
 
 
 def _nobody(sign: bytes) -> None:
-    """Nobody is there to be knocked for."""
+    """Ignore a wake-up while no session is open."""
 
 
 class Inbox:
-    """What a member hears: one key's messages by a channel, all else beside it.
+    """Inbox of a member: messages of one key from a channel, everything else from a side queue.
 
-    Whatever comes from the side knocks, by a message to itself on the channel's key, so that the
-    one blocking receive sees everything, and each in its turn.
+    An item of the side queue wakes the main thread with a message to itself on the channel's key,
+    so that one blocking receive sees everything in order.
     """
 
     indirect = False
 
     def __init__(self) -> None:
         self._side: SimpleQueue[Any] = SimpleQueue()
-        self._knock: Callable[[bytes], None] = _nobody
-        self._knocking = RLock()  # A signal's handler may put, too.
+        self._wake: Callable[[bytes], None] = _nobody
+        self._waking = RLock()  # Reentrant: a signal handler may put, too.
 
-    def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
-        """Begin to hear a key; the declarations, to be undeclared at the end.
+    def open(self, session: zenoh.Session, key: str, wake_key: str = "") -> list[Any]:
+        """Subscribe to a key; returns the declarations to undeclare at the end.
 
-        `knock` is a key to knock on, where the key itself has wildcards.
+        `wake_key` carries the wake-ups where the key itself has wildcards.
         """
         channel = session.declare_subscriber(key, FifoChannel(CAPACITY))
-        knocking = session.declare_publisher(
-            knock or key,
+        waker = session.declare_publisher(
+            wake_key or key,
             congestion_control=zenoh.CongestionControl.BLOCK,
             allowed_destination=zenoh.Locality.SESSION_LOCAL,
         )
 
         def tell(sign: bytes) -> None:
             try:
-                knocking.put(sign)
+                waker.put(sign)
             except zenoh.ZError:
-                return  # The session is closing: nobody waits any more.
+                return  # The session is closing: nobody waits for this wake-up.
 
-        self._channel, self._knock = channel, tell
-        for _ in range(min(self._side.qsize(), KNOCKS)):
-            tell(KNOCK)  # For what has come before.
+        self._channel, self._wake = channel, tell
+        for _ in range(min(self._side.qsize(), MAX_WAKE_UPS)):
+            tell(WAKE_UP)  # For items that arrived before.
         return [channel]
 
     def close(self) -> None:
-        """Nobody knocks any more, and nobody is about to.
+        """Make sure that no wake-up is pending or will be requested.
 
-        A thread that comes back from Zenoh when the interpreter has begun to end would abort the
-        process.
+        A thread that returns from Zenoh while the interpreter shuts down would abort the process.
         """
-        alone = self._knocking.acquire(timeout=KNOCKED_WITHIN)
-        self._knock = _nobody
+        alone = self._waking.acquire(timeout=WAKE_UP_SECONDS)
+        self._wake = _nobody
         if alone:
-            self._knocking.release()
+            self._waking.release()
 
     def put(self, item: Any) -> None:
-        """Add an item from the side; from any thread.
+        """Add an item to the side queue; from any thread.
 
-        One that lies behind very many others does not knock yet, or the channel would be full and
-        Zenoh's thread would wait.
+        Behind MAX_WAKE_UPS items no further wake-up is sent yet: the channel would be full, and
+        the calling thread of Zenoh would block.
         """
         self._side.put(item)
-        if self._side.qsize() <= KNOCKS:
-            with self._knocking:
-                self._knock(KNOCK)
+        if self._side.qsize() <= MAX_WAKE_UPS:
+            with self._waking:
+                self._wake(WAKE_UP)
 
     def handler(self, read: Callable[[Any], Any] = _as_it_is) -> Callback[Any]:
-        """A handler for a Zenoh declaration that leads here from the side, in order of arrival.
+        """A handler for a Zenoh declaration that puts into the side queue, in order of arrival.
 
-        `read` makes something else of what comes.
+        `read` converts each item.
         """
 
         def put(item: Any) -> None:
@@ -170,10 +169,10 @@ class Inbox:
     def wait(self) -> Any:
         """The next item: a message of the channel's as bytes, or one from the side.
 
-        None where somebody knocked in vain.
+        None for a wake-up without an item.
         """
         data = self._channel.recv().payload.to_bytes()
-        return data if data != KNOCK else self._aside()
+        return data if data != WAKE_UP else self._aside()
 
     def ready(self) -> Any:
         """The next item if there is one."""
@@ -181,22 +180,22 @@ class Inbox:
         if sample is None:
             return None
         data = sample.payload.to_bytes()
-        return data if data != KNOCK else self._aside()
+        return data if data != WAKE_UP else self._aside()
 
     def _aside(self) -> Any:
         try:
             item = self._side.get_nowait()
         except Empty:
             return None
-        if self._side.qsize() >= KNOCKS:
-            self._knock(KNOCK)  # For one that has not knocked itself.
+        if self._side.qsize() >= MAX_WAKE_UPS:
+            self._wake(WAKE_UP)  # For an item that has not sent its own.
         return item
 
 
 class HubInbox(Inbox):
-    """What the coordinator hears: its members' messages by the channel, each with who sent it.
+    """Inbox of the coordinator: messages of all members from the channel, with their senders.
 
-    A clock knocks too, with an empty message.
+    A timer sends wake-ups with an empty message.
     """
 
     indirect = True
@@ -207,16 +206,16 @@ class HubInbox(Inbox):
         self._system = system
         self._clock: Timer | None = None
 
-    def open(self, session: zenoh.Session, key: str, knock: str = "") -> list[Any]:
-        """Begin to hear the members' keys; the declarations, to be undeclared at the end."""
-        declared = super().open(session, key, knock)
-        self._knocked = knock
-        self._sender = len(knock.rpartition("/")[0]) + 1
-        self._clock = self._system.every(self._every, lambda: self._knock(b""))
+    def open(self, session: zenoh.Session, key: str, wake_key: str = "") -> list[Any]:
+        """Subscribe to the members' keys; returns the declarations to undeclare at the end."""
+        declared = super().open(session, key, wake_key)
+        self._wake_key = wake_key
+        self._sender = len(wake_key.rpartition("/")[0]) + 1
+        self._clock = self._system.every(self._every, lambda: self._wake(b""))
         return declared
 
     def close(self) -> None:
-        """Stop the clock; nobody knocks any more."""
+        """Stop the timer and all wake-ups."""
         if self._clock is not None:
             self._clock.cancel()
         super().close()
@@ -234,6 +233,6 @@ class HubInbox(Inbox):
 
     def _read(self, sample: zenoh.Sample) -> Any:
         key, data = str(sample.key_expr), sample.payload.to_bytes()
-        if key != self._knocked:
+        if key != self._wake_key:
             return key[self._sender :], data
-        return self._aside() if data == KNOCK else Tick()
+        return self._aside() if data == WAKE_UP else Tick()

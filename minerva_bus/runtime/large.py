@@ -15,7 +15,7 @@ from minerva_bus.wire.codec import Decoder
 LARGE: Final = 32 * 1024
 """Bytes from which on a message is decoded in a thread of its own."""
 
-MOST_BEHIND: Final = 4
+MAX_BEHIND: Final = 4
 """Large messages of one member that may wait: a frame asks for one at a time."""
 
 

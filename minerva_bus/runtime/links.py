@@ -40,7 +40,7 @@ class Links:
         )
 
     def close(self) -> None:
-        """Look no more."""
+        """CheckConnection no more."""
         self._listener.undeclare()
 
     def _on_event(self, event: Any) -> None:

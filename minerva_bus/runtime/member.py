@@ -19,11 +19,11 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.asking import ask, question_key
 from minerva_bus.runtime.inbox import Heard, Inbox, heard
-from minerva_bus.runtime.lookout import Look, Looked, Lookout
 from minerva_bus.runtime.name import Name
 from minerva_bus.runtime.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
 from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.own_threads import OwnThreads
+from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.restraint import Restraint
 from minerva_bus.runtime.session import not_let_in
 from minerva_bus.runtime.system import REAL, System, Timer, run_through
@@ -107,7 +107,7 @@ class BusMember:
         self._epoch = -1
         self._restraint = Restraint()
         self._stamp = b""
-        self._lookout = Lookout(
+        self._monitor = ReconnectMonitor(
             f"{participant.name}: the world {world!r}",
             back_within,
             lambda: system.obstacle(endpoint, own),
@@ -130,8 +130,8 @@ class BusMember:
             Pulse: self._pulse,
             Count: self._tell_figures,
             Leave: self._leave,
-            Look: self._look,
-            Looked: self._lookout.looked,
+            CheckConnection: self._look,
+            Diagnosed: self._monitor.diagnosed,
             Claim: self._claim,
             Ungreeted: self._miss_greeting,
         }
@@ -160,7 +160,7 @@ class BusMember:
                 return (yield from self._take_part())
             finally:
                 self._threads.stop()
-                self._lookout.close()
+                self._monitor.close()
                 self.inbox.close()
                 self._close_service()
                 self._name.give_back()
@@ -180,7 +180,7 @@ class BusMember:
         return answer
 
     def _arrive(self, session: zenoh.Session) -> Iterator[None]:
-        """Look for the world, and wait for its own name, with a pause at each turn."""
+        """CheckConnection for the world, and wait for its own name, with a pause at each turn."""
         yield from self._find_world(session)
         self._session = session
         self.participant.operator = AskingOperator(self._ask)
@@ -380,28 +380,28 @@ class BusMember:
         Whatever the coordinator says before it greets anew is not for this member: another may
         have taken its place. So it takes its name back when it is free, and not before.
         """
-        if self._lookout.away:
+        if self._monitor.away:
             return
-        self._lookout.lost()
+        self._monitor.lost()
         self._name.give_back()
         if self._stamp:
             self._epoch, self._stamp = self._epoch - 1, b""
 
-    def _look(self, _: Look) -> bool:
-        return self._lookout.look()
+    def _look(self, _: CheckConnection) -> bool:
+        return self._monitor.check()
 
     def _find_again(self) -> None:
-        if self._lookout.away:
+        if self._monitor.away:
             self._claimed_at = self._system.monotonic()
             self._claim(Claim())
 
     def _claim(self, _: Claim) -> None:
         """Take part again under its name. Raises BusError where another one has it now."""
-        if not self._lookout.away:
+        if not self._monitor.away:
             return
         if not self._name.taken(self._session):
             self._name.take(self._session)
-            self._lookout.found()
+            self._monitor.found()
             if self._unheard:
                 self._tell(f"{self.participant.name}: {self._unheard} events of it were not heard")
                 self._unheard = 0

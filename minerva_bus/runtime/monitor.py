@@ -9,11 +9,11 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
 from minerva_bus.frame.members import MemberState
+from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.greetings import Greetings
-from minerva_bus.runtime.guard import Guard
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.status import StatusMeter
-from minerva_bus.runtime.waiting import FEW, Waits
+from minerva_bus.runtime.waiting import MAX_NAMED, Waits
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.security.credentials import covers
@@ -44,7 +44,7 @@ class Monitor:
         runner: Runner,
         meter: StatusMeter,
         waits: Waits,
-        guard: Guard,
+        admission: Admission,
         greetings: Greetings,
         log: WorldLog,
         watch: Watchers,
@@ -54,7 +54,7 @@ class Monitor:
         self._runner = runner
         self._meter = meter
         self._waits = waits
-        self._guard = guard
+        self._admission = admission
         self._greetings = greetings
         self._log = log
         self._watch = watch
@@ -81,7 +81,7 @@ class Monitor:
         """Report the status and apply time-outs; `now` is the monotonic time in seconds."""
         if now < self._meter.at + STATUS_EVERY / 2:
             return  # After a long frame several ticks of the clock have queued up.
-        for name in self._guard.look(now):
+        for name in self._admission.look(now):
             self._part_from(name)
         self._greet_again(now)
         self._log.report_omitted(now)
@@ -102,7 +102,7 @@ class Monitor:
         """Remove all members that joined with a certificate that was revoked."""
         for member in self._algorithm.members:
             if covers(common_name, member.name) and member.state is not MemberState.LEFT:
-                reason = self._guard.gate.shut_out(member.name)
+                reason = self._admission.rules.shut_out(member.name)
                 self._runner.handle(s.Violation(member.name, reason))
 
     def _greet_again(self, now: float) -> None:
@@ -145,8 +145,8 @@ class Monitor:
 
     def _warn_of(self, names: Sequence[str], text: str, its: str, the: str) -> None:
         """Log a text about each of a few members, or once about all of them."""
-        if len(names) > FEW:
-            self._log.warn(COORDINATOR, text.format(f"{the} of {named_some(names, FEW)}"))
+        if len(names) > MAX_NAMED:
+            self._log.warn(COORDINATOR, text.format(f"{the} of {named_some(names, MAX_NAMED)}"))
             return
         for name in names:
             self._log.warn(name, text.format(its))

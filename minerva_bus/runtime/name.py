@@ -22,7 +22,7 @@ class Name:
     def until_free(
         self, session: zenoh.Session, clock: Callable[[], float], within: float
     ) -> Iterator[None]:
-        """Look again and again until it is free, with a pause at each turn.
+        """CheckConnection again and again until it is free, with a pause at each turn.
 
         Raises BusError where another one bears it for so many seconds more: it is no dead one's,
         which is free after some milliseconds.

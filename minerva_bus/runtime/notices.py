@@ -10,10 +10,10 @@ from typing import Any
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
 
-WAITING = 256
+MAX_WAITING = 256
 """Things that a free-running generator may have said and its main thread not yet dealt with."""
 
-PATIENCE = 0.2
+POLL_SECONDS = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Outlet:
     def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
         self._put = put
         self._stop = stop
-        self._room = threading.Semaphore(WAITING)
+        self._room = threading.Semaphore(MAX_WAITING)
 
     def __call__(self, event: AnyEvent) -> None:
         """Emit an event."""
@@ -66,7 +66,7 @@ class Outlet:
 
     def _say(self, what: Any) -> None:
         """Hand something over; who is faster than the bus waits, or memory would have no end."""
-        while not self._room.acquire(timeout=PATIENCE):
+        while not self._room.acquire(timeout=POLL_SECONDS):
             if self._stop.is_set():
                 return
         self._put(what)

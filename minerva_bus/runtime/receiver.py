@@ -9,10 +9,10 @@ from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.schema import Wire
-from minerva_bus.runtime.gate import STRANGERS
+from minerva_bus.runtime.admission import Admission
+from minerva_bus.runtime.admission_rules import STRANGERS
 from minerva_bus.runtime.greetings import Greetings
-from minerva_bus.runtime.guard import Guard
-from minerva_bus.runtime.large import LARGE, MOST_BEHIND, LargeMessages, Letter, Opened
+from minerva_bus.runtime.large import LARGE, MAX_BEHIND, LargeMessages, Letter, Opened
 from minerva_bus.runtime.metrics import MICRO, Metrics
 from minerva_bus.runtime.runner import Runner
 from minerva_bus.runtime.system import System
@@ -34,7 +34,7 @@ class Receiver:
         self,
         runner: Runner,
         transport: ZenohTransport,
-        guard: Guard,
+        admission: Admission,
         greetings: Greetings,
         metrics: Metrics,
         log: WorldLog,
@@ -48,7 +48,7 @@ class Receiver:
         self._runner = runner
         self._members = runner.algorithm.members
         self._transport = transport
-        self._guard = guard
+        self._admission = admission
         self._greetings = greetings
         self._metrics = metrics
         self._log = log
@@ -68,9 +68,9 @@ class Receiver:
         if data == self._transport.empty_reply and algorithm.awaits_tick(member):
             self._runner.handle(m.TickReply(member, self._transport.ticked))
             return
-        if self._guard.keeps_out(member):
+        if self._admission.keeps_out(member):
             return
-        room = self._guard.gate.has_room(self._known(member), len(data))
+        room = self._admission.rules.has_room(self._known(member), len(data))
         wire = declaration(data, len(self._transport.stamp))
         if room and data and not self._members.knows(member):
             self._runner.handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
@@ -84,7 +84,7 @@ class Receiver:
         else:
             began = self._clock()
             self._decode(member, data)
-            self._guard.gate.spent(self._known(member), self._clock() - began)
+            self._admission.rules.spent(self._known(member), self._clock() - began)
 
     def take_opened(self, opened: Opened) -> None:
         """Process a large message, unless its member has joined again since it was sent."""
@@ -99,21 +99,21 @@ class Receiver:
         else:
             self._pass_on(letter.member, letter.body, opened.message)
         if not isinstance(opened.message, m.TickReply | m.EvolveReply):
-            self._guard.gate.spent(letter.member, opened.seconds)
+            self._admission.rules.spent(letter.member, opened.seconds)
 
     def appear(self, appeared: s.Appeared) -> None:
         """Let a member appear, unless it is shut out or there are too many."""
         member, most = appeared.member, self._most_members
-        if self._guard.keeps_out(member):
+        if self._admission.keeps_out(member):
             return
         if self._members.knows(member) or self._members.count < most:
             self._runner.handle(appeared)
         else:
-            self._guard.too_many(f"{most} members are there already; more are not greeted")
+            self._admission.too_many(f"{most} members are there already; more are not greeted")
 
     def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
         """Whether a message that no frame waits for is within its member's limits per second."""
-        gate, name = self._guard.gate, self._known(member)
+        gate, name = self._admission.rules, self._known(member)
         if wire is m.Hello.WIRE and not gate.has_hello(name):
             return False
         return gate.has_values(name, data[len(self._transport.stamp) :])
@@ -138,7 +138,7 @@ class Receiver:
         self._pass_on(member, body, message)
 
     def _decode_aside(self, member: str, body: bytes) -> None:
-        if self._large.behind(member) < MOST_BEHIND:
+        if self._large.behind(member) < MAX_BEHIND:
             self._large.add(Letter(member, self._members.get(member).joins, body))
         else:
             self._drop(member)
@@ -153,7 +153,7 @@ class Receiver:
         if isinstance(message, m.Hello):
             self._greetings.answered(member)
             self._arrived(member)
-            reason = self._guard.gate.objection(message)
+            reason = self._admission.rules.objection(message)
         self._runner.handle(s.Violation(member, reason) if reason else message)
 
     def _known(self, member: str) -> str:
@@ -163,7 +163,7 @@ class Receiver:
     def _drop(self, member: str) -> None:
         """Drop a message that exceeds the limits; log the first one."""
         name = self._known(member)
-        text = self._guard.gate.too_much(name)
+        text = self._admission.rules.too_much(name)
         if text:
             self._log.warn(name, text)
 

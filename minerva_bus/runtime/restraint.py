@@ -18,7 +18,7 @@ AT_ONCE: Final = 20
 GUESTS: Final = "members from elsewhere"
 """The subject that all are together who are no processes of the world file."""
 
-MOST_SUBJECTS: Final = 1000
+MAX_SUBJECTS: Final = 1000
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ class Restraint:
         """Whether a line may be said; one that may not is counted."""
         known = self._subjects.get(subject)
         if known is None:
-            if len(self._subjects) >= MOST_SUBJECTS:
+            if len(self._subjects) >= MAX_SUBJECTS:
                 self._forget(now)
             known = self._subjects.setdefault(subject, _Subject(AT_ONCE, now))
         known.room = min(AT_ONCE, known.room + now - known.at)

@@ -35,7 +35,7 @@ LEASE_PER_LINK = 0.03
 A hub with a thousand links and little to compute with is late with its signs, and so are they.
 """
 _links = 1
-REACHED_WITHIN = 5.0
+CONNECT_SECONDS = 5.0
 
 # A link's events come to the threads that have opened it (app) or accepted it (acc), which wake
 # those that read (rx): two hand-overs for a message. Where they are the same it is one, and a
@@ -128,16 +128,16 @@ def open_hub(
         options["access_control"] = secured.access
         options["low_pass_filter"] = list(secured.filters)
     if routers:
-        options |= _connecting(list(routers), REACHED_WITHIN)
+        options |= _connecting(list(routers), CONNECT_SECONDS)
     try:
         for router in routers:
-            check_reachable(check_endpoint(router), REACHED_WITHIN)
+            check_reachable(check_endpoint(router), CONNECT_SECONDS)
         session = zenoh.open(_config("router", name, options, shared, own))
     except BusError as error:
         raise BusError(f"no router can be joined: {error}") from None
     except zenoh.ZError as error:
         for router in routers:
-            why = why_unreachable(check_endpoint(router), own, REACHED_WITHIN)
+            why = why_unreachable(check_endpoint(router), own, CONNECT_SECONDS)
             raise BusError(f"no router can be joined: {why}") from None
         raise BusError(f"cannot listen at {listen}: {_short(error)}") from None
     let_dead_links_go(session, lease())
@@ -161,7 +161,7 @@ def listening_at(session: zenoh.Session, listen: str) -> str:
 def open_client(
     name: str,
     connect: str,
-    patience: float = REACHED_WITHIN,
+    patience: float = CONNECT_SECONDS,
     *,
     shared: bool = False,
     own: Credentials | None = None,

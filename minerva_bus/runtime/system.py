@@ -21,7 +21,7 @@ from minerva_bus.runtime.endpoints import check_endpoint
 from minerva_bus.runtime.session import Secured, closed_in_time, open_client, open_hub
 from minerva_bus.security.credentials import Credentials
 
-REACHED_WITHIN: Final = 2.0
+DIAGNOSIS_SECONDS: Final = 2.0
 
 
 Ended = TypeVar("Ended")
@@ -141,8 +141,8 @@ class RealSystem:
             yield session
 
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """What is in the way to an endpoint, looked for as long as REACHED_WITHIN."""
-        return obstacle(check_endpoint(endpoint), own, REACHED_WITHIN)
+        """What is in the way to an endpoint, looked for as long as DIAGNOSIS_SECONDS."""
+        return obstacle(check_endpoint(endpoint), own, DIAGNOSIS_SECONDS)
 
 
 class _Repeated:

@@ -35,7 +35,7 @@ where that is more: a machine that is busy with other things is slow for all."""
 STARTS_SAID_EVERY: Final = 2.0
 """Seconds between two lines about members that the world waits for before it begins."""
 
-FEW: Final = 3
+MAX_NAMED: Final = 3
 """Members that are waited for and named one by one."""
 
 
@@ -168,12 +168,12 @@ class Waits:
         `guests` are no processes of the world file, so that nobody starts them anew.
         """
         waited = {name: self.since(name, now) for name in unsaid}
-        if len(unsaid) <= (FEW if self._in_frame else 1):
+        if len(unsaid) <= (MAX_NAMED if self._in_frame else 1):
             for name in unsaid:
                 outlook = self.outlook(name, waited[name], name in guests)
                 yield name, f"it for {waited[name]:.1f} s{outlook}"
             return
-        names = named_some(unsaid, FEW)
+        names = named_some(unsaid, MAX_NAMED)
         longest = max(unsaid, key=lambda name: waited[name])
         outlook = self.outlook(longest, waited[longest], longest in guests)
         yield "", f"{names} for {waited[longest]:.1f} s{outlook}"

@@ -35,7 +35,7 @@ def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():
 
 def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
     monkeypatch.setattr(inboxes, "CAPACITY", 16)
-    monkeypatch.setattr(inboxes, "KNOCKS", 8)
+    monkeypatch.setattr(inboxes, "MAX_WAKE_UPS", 8)
     hub, _ = open_hub("hub")
     with hub:
         inbox = Inbox()

@@ -5,7 +5,7 @@ import struct
 
 from running import MEMBERS, Run, World, eventually, here, summary, write_world
 
-from minerva_bus.runtime.lookout import Look, Looked, Lookout
+from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
 from minerva_bus.runtime.session import open_client, open_hub
 from minerva_bus.runtime.sockets import sockets_to
 from minerva_bus.testing.proxy import Proxy
@@ -15,7 +15,7 @@ ELSEWHERE = MEMBERS.replace('"yard:Steps"', '"yard:Steps"\nelsewhere = true')
 
 def lookout(patience, obstacle="the cable is out"):
     told, put = [], []
-    one = Lookout("a: the world 'w'", patience, lambda: obstacle, told.append, put.append)
+    one = ReconnectMonitor("a: the world 'w'", patience, lambda: obstacle, told.append, put.append)
     return one, told, put
 
 
@@ -25,31 +25,33 @@ def test_nothing_is_said_of_a_world_that_is_back_at_once():
     assert one.away
     one.found()
     assert not one.away
-    assert one.look()
+    assert one.check()
     assert told == []
 
 
 def test_it_says_since_when_what_is_in_the_way_and_how_long_it_looks():
     one, told, put = lookout(600.0)
     one.lost()
-    assert one.look()
+    assert one.check()
     assert told[0].startswith("a: the world 'w' cannot be seen since ")
     assert told[0].endswith("; it may come back within 10 min")
-    assert one.look()
-    seen = eventually(lambda: [item for item in put if isinstance(item, Looked)], "it has looked")
-    one.looked(seen[0])
+    assert one.check()
+    seen = eventually(
+        lambda: [item for item in put if isinstance(item, Diagnosed)], "it has looked"
+    )
+    one.diagnosed(seen[0])
     assert "has been out of sight for 0 s: the cable is out; it may come back" in told[1]
     one.found()
     assert told[2] == "a: the world 'w' is back after 0 s"
-    one.looked(seen[0])
+    one.diagnosed(seen[0])
     assert len(told) == 3
 
 
 def test_it_gives_up_in_time():
     one, told, put = lookout(0.0)
     one.lost()
-    eventually(lambda: any(isinstance(item, Look) for item in put), "it is time to look")
-    assert not one.look()
+    eventually(lambda: any(isinstance(item, CheckConnection) for item in put), "it is time to look")
+    assert not one.check()
     assert told == ["a: the world 'w' is gone: it was out of sight for 0 s"]
 
 

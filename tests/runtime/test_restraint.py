@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.runtime.restraint import AT_ONCE, GUESTS, MOST_SUBJECTS, Restraint
+from minerva_bus.runtime.restraint import AT_ONCE, GUESTS, MAX_SUBJECTS, Restraint
 
 
 def lines(restraint, times, subject="m"):
@@ -39,6 +39,6 @@ def test_no_line_is_lost_silently_and_few_are_said(times):
 
 def test_subjects_are_forgotten():
     restraint = Restraint()
-    for n in range(10 * MOST_SUBJECTS):
+    for n in range(10 * MAX_SUBJECTS):
         assert restraint.lets(f"m{n}", 100.0 * n)
-    assert len(restraint._subjects) <= MOST_SUBJECTS
+    assert len(restraint._subjects) <= MAX_SUBJECTS

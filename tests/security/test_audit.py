@@ -27,8 +27,8 @@ from secured import (
 
 from minerva_bus.errors import BusError
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.runtime.admission_rules import STRANGERS
 from minerva_bus.runtime.audit import DEEDS, TOO_LARGE, Audit, Denied, read_ruling
-from minerva_bus.runtime.gate import STRANGERS
 from minerva_bus.runtime.session import open_client
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.keys import Keys as WorldKeys

@@ -4,8 +4,8 @@ import pytest
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.gate import MOST_NAMES, STRANGERS, Gate
-from minerva_bus.runtime.guard import LOOK_EVERY, NO_NAME, Guard, Security
+from minerva_bus.runtime.admission import LOOK_EVERY, NO_NAME, Admission, Security
+from minerva_bus.runtime.admission_rules import MAX_NAMES, STRANGERS, AdmissionRules
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
 from minerva_bus.wire.keys import Keys
@@ -22,7 +22,7 @@ class Clock:
 
 def test_a_second_s_worth_may_come_at_once_and_then_as_it_fills_up():
     clock = Clock()
-    gate = Gate(Limits(messages=10, bytes=1000), clock=clock)
+    gate = AdmissionRules(Limits(messages=10, bytes=1000), clock=clock)
     assert [gate.has_room("a", 1) for _ in range(12)] == [True] * 10 + [False] * 2
     assert gate.has_room("b", 1)
     clock.now = 0.5
@@ -33,14 +33,14 @@ def test_a_second_s_worth_may_come_at_once_and_then_as_it_fills_up():
 
 def test_bytes_count_as_well():
     clock = Clock()
-    gate = Gate(Limits(messages=10, bytes=1000), clock=clock)
+    gate = AdmissionRules(Limits(messages=10, bytes=1000), clock=clock)
     assert [gate.has_room("a", size) for size in (600, 600, 300)] == [True, False, False]
     clock.now = 1.0
     assert gate.has_room("a", 900)
 
 
 def test_it_is_said_once_and_counted_each_time():
-    gate = Gate(Limits(messages=1), clock=Clock())
+    gate = AdmissionRules(Limits(messages=1), clock=Clock())
     assert gate.has_room("a", 1)
     said = [gate.too_much("a") for _ in range(3) if not gate.has_room("a", 1)]
     assert "more than 1 messages" in said[0]
@@ -49,10 +49,10 @@ def test_it_is_said_once_and_counted_each_time():
 
 
 def test_names_without_number_are_counted_as_one():
-    gate = Gate()
-    for number in range(MOST_NAMES + 50):
+    gate = AdmissionRules()
+    for number in range(MAX_NAMES + 50):
         gate.count(f"ghost-{number}")
-    assert len(gate.refused) == MOST_NAMES + 1
+    assert len(gate.refused) == MAX_NAMES + 1
     assert gate.refused[STRANGERS] == 50
 
 
@@ -74,7 +74,7 @@ def test_what_a_frame_waits_for_is_known_by_how_it_begins(message, awaited):
 
 
 def test_without_certificates_all_may_do_all():
-    gate = Gate()
+    gate = AdmissionRules()
     assert gate.objection(m.Hello("a", 1, generates=("eRain",), draws=("eShow",))) == ""
     assert gate.objection_to_question("", True, "stop") == ""
     assert gate.shut_out("a") == ""
@@ -83,10 +83,10 @@ def test_without_certificates_all_may_do_all():
 @pytest.mark.parametrize("name", ["a$*", "*", "", "a b", "\x1b[2J", "ä", "-a", "a" * 65])
 def test_who_has_no_name_is_a_stranger(name):
     said = []
-    guard = Guard(Keys("w"), Limits(), None, lambda *told: said.append(told))
+    guard = Admission(Keys("w"), Limits(), None, lambda *told: said.append(told))
     assert guard.keeps_out(name)
     assert guard.keeps_out(name)
-    assert guard.gate.refused == {STRANGERS: 2}
+    assert guard.rules.refused == {STRANGERS: 2}
     assert said == [(STRANGERS, f"somebody is not heard: {NO_NAME}")]
     assert not guard.keeps_out("a.b-1")
 
@@ -109,7 +109,7 @@ class Folder:
 def guarded(folder):
     said = []
     security = Security(None, "", folder.rights, lambda: folder.stamp)
-    return Guard(Keys("w"), Limits(), security, lambda *told: said.append(told)), said
+    return Admission(Keys("w"), Limits(), security, lambda *told: said.append(told)), said
 
 
 FOX = Rights("fox", frozenset({"agent"}))
@@ -123,10 +123,10 @@ def test_whose_certificate_is_gone_counts_as_revoked_and_not_as_unknown():
     folder.change(OWL)
     assert guard.look(1.5 * LOOK_EVERY) == []  # It does not look all the time.
     assert guard.look(2 * LOOK_EVERY) == ["fox"]
-    assert guard.gate.shut_out("fox") == "its certificate was revoked"
-    assert guard.gate.objection(m.Hello("fox", 1)) == "its certificate was revoked"
+    assert guard.rules.shut_out("fox") == "its certificate was revoked"
+    assert guard.rules.objection(m.Hello("fox", 1)) == "its certificate was revoked"
     assert guard.look(3 * LOOK_EVERY) == []
-    assert guard.gate.shut_out("owl") == ""
+    assert guard.rules.shut_out("owl") == ""
 
 
 def test_keys_that_cannot_be_read_for_a_moment_let_nobody_in_who_was_out():
@@ -137,15 +137,15 @@ def test_keys_that_cannot_be_read_for_a_moment_let_nobody_in_who_was_out():
     assert guard.look(LOOK_EVERY) == []
     assert guard.look(2 * LOOK_EVERY) == []
     assert said == [("coordinator", "the keys stay as they were, for now: half written")]
-    assert guard.gate.shut_out("owl")
-    assert not guard.gate.shut_out("fox")
+    assert guard.rules.shut_out("owl")
+    assert not guard.rules.shut_out("fox")
     folder.readable = True
     assert guard.look(3 * LOOK_EVERY) == ["fox"]
 
 
 def test_values_count_as_well_and_a_message_of_too_many_is_let_through_to_be_refused():
     clock = Clock()
-    gate = Gate(Limits(values=10), clock=clock)
+    gate = AdmissionRules(Limits(values=10), clock=clock)
     five, eleven = pack([0] * 4), pack([0] * 10)
     assert gate.has_values("a", eleven)
     assert not gate.has_values("a", eleven)
@@ -156,14 +156,14 @@ def test_values_count_as_well_and_a_message_of_too_many_is_let_through_to_be_ref
 
 
 def test_hellos_count_for_one_and_for_all():
-    gate = Gate(Limits(hellos=2, all_hellos=5), clock=Clock())
+    gate = AdmissionRules(Limits(hellos=2, all_hellos=5), clock=Clock())
     assert [gate.has_hello("a") for _ in range(3)] == [True, True, False]
     assert [gate.has_hello(one) for one in "bbcd"] == [True, True, True, False]
 
 
 def test_who_has_taken_too_much_time_is_not_heard_until_it_has_passed():
     clock = Clock()
-    gate = Gate(Limits(seconds=0.5), clock=clock)
+    gate = AdmissionRules(Limits(seconds=0.5), clock=clock)
     gate.spent("a", 0.75)
     assert not gate.has_room("a", 1)
     assert gate.has_room("b", 1)

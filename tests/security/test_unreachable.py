@@ -12,8 +12,8 @@ from running import here
 from secured import stolen
 
 from minerva_bus.errors import BusError
+from minerva_bus.runtime.rejected_connections import NOTHING, reason_in
 from minerva_bus.runtime.session import Secured, listening_at, open_client, open_hub
-from minerva_bus.runtime.turned_away import NOTHING, reason_in
 from minerva_bus.security.access import access_control
 from minerva_bus.security.certificates import Wanted, now
 from minerva_bus.security.keys import Keys

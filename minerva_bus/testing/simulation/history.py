@@ -12,8 +12,8 @@ from minerva_bus.wire.keys import COORDINATOR
 MEMBERS: Final = ("birds", "clerk", "gulls", "lookout", "marsh", "screen", "tide", "water")
 FRAMES: Final = 3, 9
 RATES: Final = (0.0, 0.0, 50.0, 400.0)
-MOST_FAULTS: Final = 6
-MOST_KILLS: Final = 3
+MAX_FAULTS: Final = 6
+MAX_KILLS: Final = 3
 """Deaths of one process: fewer than a world file allows."""
 
 
@@ -82,9 +82,9 @@ def drawn(seed: int) -> History:
     rate = chance.choice(RATES)
     span = 1 / rate if rate else 2e-3
     faults: list[Fault] = []
-    for _ in range(chance.randint(0, MOST_FAULTS)):
+    for _ in range(chance.randint(0, MAX_FAULTS)):
         fault = _fault(chance, frames, span)
-        if _deaths(faults, fault.target) < MOST_KILLS:
+        if _deaths(faults, fault.target) < MAX_KILLS:
             faults.append(fault)
     acts = _acts(chance, span) if chance.random() < 0.6 else ()
     slow = chance.choice((0.0, 0.02, 0.2))

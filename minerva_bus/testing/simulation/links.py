@@ -18,7 +18,7 @@ LATENCY: Final = 20e-6, 150e-6
 SLOW: Final = 1e-3, 40e-3
 """Seconds on the way: as a rule, and where a scheduler or a network has something else to do."""
 
-LEAST: Final = 1e-9
+MIN_SECONDS: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,9 @@ class Link:
     def _send(self, way: _Way, call: Callable[[], None]) -> None:
         slow = self._chance.random() < self._weather.slow
         latency = self._chance.uniform(*(SLOW if slow else LATENCY))
-        at = max(self._timeline.now + latency, way.stalled_until + LEAST, way.last + LEAST)
+        at = max(
+            self._timeline.now + latency, way.stalled_until + MIN_SECONDS, way.last + MIN_SECONDS
+        )
         way.last = at
         self._timeline.at(at, lambda: self._arrive(way, call))
 

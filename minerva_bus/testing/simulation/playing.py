@@ -25,7 +25,7 @@ from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import GUESTS, NAME, world_file
 
-LONGEST: Final = 400.0
+MAX_SECONDS: Final = 400.0
 """Simulated seconds within which a world has ended, whatever goes wrong."""
 
 AFTERWARDS: Final = 15.0
@@ -72,7 +72,7 @@ class Play:
         """Play it to its end."""
         self._faults.begin(-1)
         self.launcher.begin()
-        self.timeline.run(LONGEST, lambda: self.launcher.over)
+        self.timeline.run(MAX_SECONDS, lambda: self.launcher.over)
         over, waits, left = self.launcher.over, "", ()
         if over:
             self._person.leave()

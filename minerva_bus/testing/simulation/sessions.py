@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
-from minerva_bus.runtime.inbox import KNOCK
+from minerva_bus.runtime.inbox import WAKE_UP
 from minerva_bus.runtime.presence import GONE, HERE
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Channel:
     def __init__(self, process: Process, pattern: str) -> None:
         self._process = process
         self._queue: deque[Sample] = deque()
-        self._in_vain = Sample(pattern.replace("*", "coordinator"), Bytes(KNOCK), HERE)
+        self._in_vain = Sample(pattern.replace("*", "coordinator"), Bytes(WAKE_UP), HERE)
 
     def put(self, sample: Sample) -> None:
         """Something has come."""

@@ -8,13 +8,11 @@ from typing import Final, TypeVar
 
 from minerva_bus.testing.simulation.history import History
 
-MOST_TRIES: Final = 400
+MAX_TRIES: Final = 400
 Item = TypeVar("Item")
 
 
-def shortened(
-    history: History, fails: Callable[[History], bool], most: int = MOST_TRIES
-) -> History:
+def shortened(history: History, fails: Callable[[History], bool], most: int = MAX_TRIES) -> History:
     """The shortest history on the way that still `fails`, after so many tries at most.
 
     It leaves out halves of the faults and acts, then quarters, down to single ones; then frames.

@@ -168,7 +168,7 @@ class Water(Generator, Device, events=(), draws=("eShow",), coupled=True):
         self.ripples = saved["ripples"]
 
 
-class Lookout(Generator, events=("eSeen",)):
+class ReconnectMonitor(Generator, events=("eSeen",)):
     """Makes events of what the water publishes."""
 
     topics = ("sight",)
@@ -232,7 +232,7 @@ def processes(shown: dict[int, str], numbers: Iterator[int]) -> tuple[Process, .
         Process("birds", agents=(Heron, Eel)),
         Process("clerk", Clerk),
         Process("gulls", partial(Gulls, numbers)),
-        Process("lookout", Lookout),
+        Process("lookout", ReconnectMonitor),
         Process("marsh", agents=(Reeds, Heron, Eel)),
         Process("screen", partial(Screen, shown)),
         Process("tide", Tide),

@@ -1,7 +1,7 @@
-"""A world that is out of a member's sight: since when, why, and for how long it is looked for.
+"""Monitors a lost connection of a member to its world: since when, why, and until when to wait.
 
-Zenoh makes the link anew by itself, to whatever address the endpoint's name has by then. What is
-left to do is to say what happens, and to know when to give up.
+Zenoh reconnects by itself, to whatever address the host name resolves to by then. What is left is
+to inform the user and to give up after a time-out.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ from typing import Any, Final
 
 from minerva_bus.runtime.system import REAL, System, Timer
 
-UNSAID: Final = 1.0
-"""Seconds for which nothing is said: a coordinator that was killed has a successor by then."""
+QUIET_SECONDS: Final = 1.0
+"""Seconds before the loss is reported: a killed coordinator has a successor by then."""
 
-SELDOM: Final = 60.0
-"""Seconds after which something is said again, at the latest."""
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """It is time to see whether the world is back."""
+MAX_INTERVAL_SECONDS: Final = 60.0
+"""Longest interval between two reports of the same loss."""
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
-    """What is in the way to the world."""
+class CheckConnection:
+    """Timer: check whether the world is back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """The result of a diagnosis: what prevents the connection."""
 
     obstacle: str
 
 
-class Lookout:
-    """Looks out for one world.
+class ReconnectMonitor:
+    """Monitors the connection to one world.
 
-    `subject` is of whom it speaks; `patience` are the seconds after which it gives up; `obstacle`
-    says what is in the way, and may take its time: it is called in a thread of its own. `put`
-    hands `Look` and `Looked` to whoever calls `look` and `looked`.
+    `subject` begins each report. `patience` is the time-out in seconds. `obstacle` diagnoses the
+    endpoint; it may block and runs in a thread. `put` passes `CheckConnection` and `Diagnosed` to
+    the main thread, which calls `check` and `diagnosed`.
     """
 
     def __init__(
@@ -61,28 +61,28 @@ class Lookout:
 
     @property
     def away(self) -> bool:
-        """Whether the world is out of sight."""
+        """Whether the connection is lost."""
         return self._since is not None
 
     def lost(self) -> None:
-        """The world is out of sight from now on."""
+        """The connection is lost from now on."""
         self._since, self._said = self._system.monotonic(), False
-        self._look_in(min(UNSAID, self._patience))
+        self._look_in(min(QUIET_SECONDS, self._patience))
 
     def found(self) -> None:
-        """The world is back."""
+        """The connection is restored."""
         if self._said:
             self._tell(f"{self._subject} is back after {_spoken(self._passed())}")
         self.close()
 
     def close(self) -> None:
-        """Look no more."""
+        """CheckConnection no more."""
         self._since = None
         if self._timer is not None:
             self._timer.cancel()
 
-    def look(self) -> bool:
-        """Say how it stands; False when it is time to give up."""
+    def check(self) -> bool:
+        """Report the loss, with exponential back-off; False after the time-out."""
         if self._since is None:
             return True
         passed = self._passed()
@@ -95,17 +95,17 @@ class Lookout:
             self._tell(f"{self._subject} cannot be seen since {since}; {self._outlook()}")
         else:
             self._system.aside(self._see)
-        self._look_in(min(passed, SELDOM, self._patience - passed))
+        self._look_in(min(passed, MAX_INTERVAL_SECONDS, self._patience - passed))
         return True
 
-    def looked(self, seen: Looked) -> None:
-        """Say what is in the way."""
+    def diagnosed(self, seen: Diagnosed) -> None:
+        """Report what prevents the connection."""
         if self._since is not None:
             passed = f"has been out of sight for {_spoken(self._passed())}"
             self._tell(f"{self._subject} {passed}: {seen.obstacle}; {self._outlook()}")
 
     def _see(self) -> None:
-        self._put(Looked(self._obstacle()))
+        self._put(Diagnosed(self._obstacle()))
 
     def _outlook(self) -> str:
         left = max(0.0, self._patience - self._passed())
@@ -115,9 +115,9 @@ class Lookout:
         return 0.0 if self._since is None else self._system.monotonic() - self._since
 
     def _look_in(self, seconds: float) -> None:
-        self._timer = self._system.later(seconds, lambda: self._put(Look()))
+        self._timer = self._system.later(seconds, lambda: self._put(CheckConnection()))
 
 
 def _spoken(seconds: float) -> str:
-    """Some time, as people say it."""
+    """A duration for people."""
     return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

@@ -1,4 +1,4 @@
-"""Keeps those out of a world who do not belong: the coordinator's session, links and gate."""
+"""Who may join a world: the coordinator's session, its links and the rules of admission."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -14,11 +14,11 @@ import zenoh
 
 from minerva_bus.errors import KeysError
 from minerva_bus.runtime import audit
-from minerva_bus.runtime.gate import STRANGERS, Gate
+from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
 from minerva_bus.runtime.links import Linked, Links, cut, watched
+from minerva_bus.runtime.rejected_connections import LEVELS, RejectedConnection, rejections_in
 from minerva_bus.runtime.session import Secured, listening_at
 from minerva_bus.runtime.system import REAL, System
-from minerva_bus.runtime.turned_away import LEVELS, TurnedAway, turned_away
 from minerva_bus.runtime.zenoh_log import begin_logging, log_read
 from minerva_bus.security.access import access_control
 from minerva_bus.security.credentials import HUB, Credentials, Rights, rights_of
@@ -32,10 +32,10 @@ NO_NAME: Final = "a member's name has up to 64 letters, digits and _ . ~ -"
 
 @dataclass(frozen=True, slots=True)
 class Security:
-    """What a secured world needs: who it is, whom it knows, and where its own processes come in.
+    """Security of a world: its credentials, the known certificates and the local endpoint.
 
-    `stamp` tells whether `rights` have to be asked for again; both may raise KeysError. `audit`:
-    what Zenoh itself drops is counted, too.
+    `stamp` changes when `rights` have to be read again; both may raise KeysError. With `audit`,
+    messages that Zenoh itself drops are counted, too.
     """
 
     own: Credentials
@@ -46,18 +46,19 @@ class Security:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where a coordinator listens, which routers it joins, and how large messages travel."""
+class ListenConfig:
+    """Where a coordinator listens, which routers it joins, whether it uses shared memory."""
 
     listen: str
     shared: bool = False
     routers: Sequence[str] = ()
 
 
-class Guard:
-    """Guards one world; `say` tells people about somebody. Without security all may come in.
+class Admission:
+    """Admission to one world. Without security everybody may join.
 
-    `listens_at` is where others come in, once there is a session.
+    `say` logs a warning about a member. `listens_at` is the endpoint for other machines, once there
+    is a session.
     """
 
     def __init__(
@@ -81,22 +82,22 @@ class Guard:
         self._rights: Mapping[str, Rights] = {} if security is None else security.rights()
         self._known = frozenset(self._rights)
         self._stamp = None if security is None else security.stamp()
-        self.gate = Gate(
+        self.rules = AdmissionRules(
             limits, None if security is None else lambda: self._rights, system.monotonic
         )
 
     @contextmanager
     def session(
-        self, place: Place, tell: Callable[[Any], None]
+        self, where: ListenConfig, tell: Callable[[Any], None]
     ) -> Generator[tuple[zenoh.Session, str]]:
         """The coordinator's session, and the endpoint for this machine. Raises BusError.
 
         `tell` hands over, from any thread, what `notice` has to be given in the main one.
         """
-        security, shared, routers = self._security, place.shared, place.routers
+        security, shared, routers = self._security, where.shared, where.routers
         if security is None:
             session, endpoint = self._open_hub(
-                COORDINATOR, place.listen, shared=shared, routers=routers
+                COORDINATOR, where.listen, shared=shared, routers=routers
             )
             with session:
                 self.listens_at = endpoint
@@ -105,17 +106,17 @@ class Guard:
         secured = Secured(security.own, security.local, self._access(), self._filters())
         with self._log_heard(security, tell):
             session, endpoint = self._open_hub(
-                COORDINATOR, place.listen, shared=shared, secured=secured, routers=routers
+                COORDINATOR, where.listen, shared=shared, secured=secured, routers=routers
             )
             with session, watched(session, tell) as self._links:
-                self.listens_at = listening_at(session, place.listen)
+                self.listens_at = listening_at(session, where.listen)
                 self._tell_who_may_come()
                 yield session, endpoint
 
     @contextmanager
     def _log_heard(self, security: Security, tell: Callable[[Any], None]) -> Generator[None]:
         """For as long, Zenoh's log tells who is turned away, and, for an audit, what is dropped."""
-        hear = turned_away(tell)
+        hear = rejections_in(tell)
         if not security.audit:
             begin_logging(LEVELS)
             with log_read(hear):
@@ -123,7 +124,7 @@ class Guard:
             return
         begin_logging(LEVELS, audit.LEVELS)
         audited = audit.Audit(tell, self._keys.kind)
-        with log_read(lambda lines: hear(audited.hear(lines)), audit.NAP):
+        with log_read(lambda lines: hear(audited.hear(lines)), audit.POLL_SECONDS):
             yield
 
     def _access(self) -> Mapping[str, Any]:
@@ -150,20 +151,20 @@ class Guard:
 
     # --- what happens ---
 
-    def notice(self, item: Linked | TurnedAway | audit.Denials) -> None:
+    def notice(self, item: Linked | RejectedConnection | audit.Denials) -> None:
         """Deal with one who has come, or was not let in, and with what was dropped."""
         if isinstance(item, audit.Denials):
             for denied, times in item.times:
-                self.gate.count(denied.sender, times)
+                self.rules.count(denied.sender, times)
                 self._say_denied(denied)
             return
-        if isinstance(item, TurnedAway):
-            self.gate.count(STRANGERS)
+        if isinstance(item, RejectedConnection):
+            self.rules.count(STRANGERS)
             self._say_once(STRANGERS, f"somebody was not let in, who {item.reason}")
             return
         name = item.name
         if name not in self._known:
-            self.gate.count(name)
+            self.rules.count(name)
             self._say_once(
                 name,
                 f"has come from {item.address} with a certificate that was issued after the world"
@@ -186,23 +187,23 @@ class Guard:
         if not is_name(member):
             self._misnamed(member)
             return True
-        if self.gate.shut_out(member):
-            self.gate.count(member)
+        if self.rules.shut_out(member):
+            self.rules.count(member)
             return True
         return False
 
     def too_many(self, text: str) -> None:
         """Somebody is one too many, which is counted, and said once."""
-        self.gate.count(STRANGERS)
+        self.rules.count(STRANGERS)
         self._say_once(STRANGERS, text)
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
         """Why a question is not answered, which is counted and said, or the empty text."""
         if who and not is_name(who):
             return self._misnamed(who)
-        objection = self.gate.objection_to_question(who, orders, question)
+        objection = self.rules.objection_to_question(who, orders, question)
         if objection:
-            self.gate.count(who)
+            self.rules.count(who)
             self._say_once(who, f"asked in vain: {objection}")
         return objection
 
@@ -210,7 +211,7 @@ class Guard:
         """Somebody uses a name that nobody can have; of those with certificates, only a family."""
         family = rights_of(who, self._rights)
         known = STRANGERS if family is None else family.name
-        self.gate.count(known)
+        self.rules.count(known)
         self._say_once(known, f"somebody is not heard: {NO_NAME}")
         return NO_NAME
 
@@ -244,7 +245,7 @@ class Guard:
             self._say_once(COORDINATOR, f"the keys stay as they were, for now: {error}")
 
     def _cut(self, linked: Linked) -> None:
-        self.gate.count(linked.name)
+        self.rules.count(linked.name)
         if linked not in self._linked(linked.name):
             return  # It has gone by itself meanwhile.
         done = "is cut" if cut(linked) else "cannot be cut, but what it says is not heard"

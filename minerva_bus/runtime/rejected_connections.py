@@ -1,4 +1,4 @@
-"""Who is turned away before a link comes about: nothing tells of them but Zenoh's log."""
+"""Connections that Zenoh rejects during the handshake: only its log reports them."""
 
 from __future__ import annotations
 
@@ -25,34 +25,34 @@ _REASONS: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class TurnedAway:
-    """Somebody has not been let in, and why."""
+class RejectedConnection:
+    """A connection was rejected, and why."""
 
     reason: str
 
 
-def turned_away(tell: Callable[[TurnedAway], None]) -> Callable[[bytes], bytes]:
-    """What hears lines of the log: it tells of all who are turned away, and returns the rest."""
+def rejections_in(notify: Callable[[RejectedConnection], None]) -> Callable[[bytes], bytes]:
+    """A log reader: it reports rejected connections to `notify` and returns all other lines."""
 
     def hear(lines: bytes) -> bytes:
-        return b"".join([line for line in lines.splitlines(keepends=True) if not told(line)])
+        return b"".join([line for line in lines.splitlines(keepends=True) if not rejected(line)])
 
-    def told(line: bytes) -> bool:
+    def rejected(line: bytes) -> bool:
         reason = reason_in(line)
         if reason and reason != NOTHING:
-            tell(TurnedAway(reason))
+            notify(RejectedConnection(reason))
         return bool(reason)
 
     return hear
 
 
 def reason_in(line: bytes) -> str:
-    """Why somebody was turned away, as a line of the log has it; else the empty text."""
+    """The reason of a rejection in a line of the log, or an empty string."""
     plain = _COLOURS.sub(b"", line)
     for mark in _OF_LINKS:
         _, found, rest = plain.partition(mark)
         if found:
             said = rest.decode(errors="replace").partition(": ")[2]
-            known = [told for sign, told in _REASONS if sign in said]
+            known = [reason for sign, reason in _REASONS if sign in said]
             return known[0] if known else said.partition(". Hint")[0].strip()
     return ""

@@ -1,8 +1,7 @@
-"""What the coordinator lets in: how much of whom, and who may be what.
+"""Rules of admission: roles that a certificate allows, and limits per second and member.
 
-Zenoh's access control binds a key to a certificate, so who sent something is known by its key;
-what its certificate allows, and how much is too much, is looked at here. All that is refused is
-counted by name.
+Zenoh's access control binds each key to a certificate, so the key identifies the sender. Roles and
+limits are checked here. All rejections are counted by name.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.weighing import values_in
 
 READING: Final = frozenset({"status", "totals", "scene", "fragment", "vocabulary", "logs"})
-"""Questions that change nothing."""
+"""Questions that do not change the world."""
 
 FOR_ALL: Final = frozenset({"status"})
 STRANGERS: Final = "strangers"
-MOST_NAMES: Final = 1000
-"""Names that are counted one by one; there may be any number of them where nobody is known."""
+MAX_NAMES: Final = 1000
+"""Names with a counter of their own; without certificates anybody can invent names."""
 
 _MOMENT: Final = 0.001
 _MESSAGES, _BYTES, _VALUES = "messages", "bytes", "values"
@@ -31,7 +30,7 @@ _SECONDS, _HELLOS, _ALL = "seconds", "hellos", "hellos of all"
 
 
 class _Allowance:
-    """How much somebody may still say now; it fills up with time, to a second's worth."""
+    """Token buckets of one sender; each holds up to one second's worth."""
 
     def __init__(self, full: Mapping[str, float], now: float) -> None:
         self._full = full
@@ -40,33 +39,33 @@ class _Allowance:
         self.told = False
 
     def fill(self, now: float) -> None:
-        """Let time have passed."""
+        """Refill the buckets for the time that has passed."""
         passed = now - self._at
         if passed < _MOMENT:
-            return  # In a flood it would cost more than all else.
+            return  # In a flood, refilling would cost more than everything else.
         self._at = now
         for what, full in self._full.items():
             self._left[what] = min(self._left[what] + passed * full, full)
 
     def left(self, what: str) -> float:
-        """How much of something is left."""
+        """What is left in a bucket."""
         return self._left[what]
 
     def take(self, what: str, amount: float) -> bool:
-        """Take some of it; False where so much is not left, and then nothing is."""
+        """Take an amount; False, and an empty bucket, where less is left."""
         left = self._left[what] - amount
         self._left[what] = max(left, 0.0)
         return left >= 0
 
     def owe(self, what: str, amount: float) -> None:
-        """Take some of it, also what is not there yet."""
+        """Take an amount even if that leaves a debt."""
         self._left[what] -= amount
 
 
-class Gate:
-    """Guards one world.
+class AdmissionRules:
+    """Rules of one world.
 
-    `rights` gives what certificates allow, by common names; without it all may do all.
+    `rights` returns what certificates allow, by common name; without it everything is allowed.
     """
 
     def __init__(
@@ -90,8 +89,8 @@ class Gate:
         }
 
     def count(self, who: str, times: int = 1) -> None:
-        """Something of somebody has been refused."""
-        known = who in self.refused or len(self.refused) < MOST_NAMES
+        """Count rejections of a sender."""
+        known = who in self.refused or len(self.refused) < MAX_NAMES
         self.refused[who if known else STRANGERS] += times
 
     def counts(self) -> dict[str, int]:
@@ -101,16 +100,16 @@ class Gate:
     # --- how much ---
 
     def has_room(self, who: str, size: int) -> bool:
-        """Whether a message of so many bytes is within what a member may say in a second."""
+        """Whether a message of this many bytes is within the limits per second."""
         mine = self._filled(who)
         if not mine.take(_MESSAGES, 1):
             return False
         return mine.take(_BYTES, size) and mine.left(_SECONDS) > 0
 
     def has_values(self, who: str, data: bytes) -> bool:
-        """Whether the values of a message are within what a member may say in a second.
+        """Whether the number of values of a message is within the limits per second.
 
-        A message that has more than any may have is let through, to be refused for that.
+        A message above the limit per message passes, so that the decoder rejects it with a reason.
         """
         mine, most = self._filled(who), self._limits.values
         left = int(mine.left(_VALUES))
@@ -118,15 +117,15 @@ class Gate:
         return mine.take(_VALUES, count) or count > most
 
     def has_hello(self, who: str) -> bool:
-        """Whether one more hello is within what a member, and all of them, may say in a second."""
+        """Whether another hello is within the limits per second, per sender and in total."""
         return self._filled(who).take(_HELLOS, 1) and self._filled(_ALL).take(_ALL, 1)
 
     def spent(self, who: str, seconds: float) -> None:
-        """To hear what a member has said took so long."""
+        """Charge the seconds that processing a message took."""
         self._filled(who).owe(_SECONDS, seconds)
 
     def _filled(self, who: str) -> _Allowance:
-        """What somebody may say now."""
+        """The refilled buckets of a sender."""
         mine = self._allowances.get(who)
         if mine is None:
             mine = self._allowances[who] = _Allowance(self._full, self._clock())
@@ -134,7 +133,7 @@ class Gate:
         return mine
 
     def too_much(self, who: str) -> str:
-        """What to say of one who says too much, the first time; the empty text after that."""
+        """The warning for the first message above the limits; an empty string after that."""
         self.count(who)
         mine = self._allowances[who]
         if mine.told:
@@ -150,12 +149,12 @@ class Gate:
     # --- who ---
 
     def shut_out(self, who: str) -> str:
-        """Why nothing at all of somebody is heard, or the empty text."""
+        """Reason for ignoring all messages of a member, or an empty string."""
         mine = self._of(who)
         return "its certificate was revoked" if mine is not None and mine.revoked else ""
 
     def objection(self, hello: Hello) -> str:
-        """Why a member may not be what it says it is, or the empty text."""
+        """Reason why a certificate does not allow the roles in a hello, or an empty string."""
         mine = self._of(hello.member)
         if mine is None:
             return ""
@@ -175,10 +174,10 @@ class Gate:
         )
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
-        """Why a question is not answered, or the empty text.
+        """Reason for rejecting a question, or an empty string.
 
-        `who` has come by a certificate of that name; nobody: from this machine. `orders`: on the
-        key on which orders may be given.
+        `who` is the name of the certificate, empty for a process of this machine. `orders`: the
+        question arrived on the key that also accepts commands.
         """
         if not orders and question not in READING:
             return f"{who} may give no orders: its certificate is for no {OPERATOR}"
