@@ -54,7 +54,7 @@ def type_all(typist, host, lines):
 
 
 def test_the_first_chapter_joins_two_machines(typist):
-    here, there = blocks("In five lines")
+    here, there = blocks("Quick start")
     assert len(here) == 4
     assert len(there) == 1
     type_all(typist, HERE, here)
@@ -81,7 +81,7 @@ def test_the_first_chapter_joins_two_machines(typist):
 
 def test_a_member_of_a_family_joins_by_its_own_name(typist):
     issue, attach = blocks("Families")[0]
-    here, _ = blocks("In five lines")
+    here, _ = blocks("Quick start")
     type_all(typist, HERE, [*here[:-1], issue, here[-1]])
     carry(typist, "ca.pem", "hosts.pem", "hosts.key")
     typist.until(HERE, "minerva list", "foxes")
