@@ -30,7 +30,7 @@ MOVED: Final = {
     "minerva_services.serial_line": "minerva_services.sensors.serial_line",
     "minerva_services.carmen": "minerva_services.sensors.carmen",
     "minerva_services.vision": "minerva_services.sensors.vision",
-    "minerva_services.playing": "minerva_services.sensors.playing",
+    "minerva_services.playing": "minerva_services.sensors.playback",
     "minerva_services.making": "minerva_services.event_factory",
     "minerva_services.neighbours": "minerva_services.physics.neighbours",
     "minerva_services.collisions": "minerva_services.physics.collisions",

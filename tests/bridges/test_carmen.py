@@ -1,4 +1,4 @@
-"""Logs of CARMEN: what their lines say, what is passed over, and a real one."""
+"""Logs of CARMEN: what their lines say, what skipped, and a real one."""
 
 import gzip
 import math
@@ -16,8 +16,8 @@ from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.sensors.carmen import Carmen, CarmenLog
 from minerva_services.sensors.carmen.lines import LineError, angles_of, read_line
-from minerva_services.sensors.carmen.log import Topics
-from minerva_services.sensors.playing import Mounting
+from minerva_services.sensors.carmen.log import LogTopics
+from minerva_services.sensors.playback import MountOverride
 
 
 def readings(path, **options):
@@ -74,7 +74,7 @@ def test_a_parameter_says_how_far_ahead_the_laser_sits(tmp_path):
 
 def test_a_mount_that_is_given_overrides_it(tmp_path):
     lines = ["PARAM robot_frontlaser_offset 0.5 host 0", flaser([1.0], (1.0, 2.0, 0.0))]
-    said, _ = log_of(tmp_path, *lines, mounting=Mounting(0.0, 0.25, 180.0))
+    said, _ = log_of(tmp_path, *lines, mounting=MountOverride(0.0, 0.25, 180.0))
     scan, pose = only(said, "scan"), only(said, "pose")
     assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.0, 0.25, 180.0)
     assert (pose.x, pose.y, pose.angle) == pytest.approx((1.0, 2.25, -180.0))
@@ -120,24 +120,24 @@ def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("FLASER", "breaks off after 1 words"),
-        ("FLASER 180 1.0 2.0", "breaks off after 4 words"),
-        ("FLASER many", "no number of beams"),
-        ("FLASER -1", "no number of beams"),
-        ("FLASER 99999999 1", "no number of beams"),
+        ("FLASER", "line ends after 1 words"),
+        ("FLASER 180 1.0 2.0", "line ends after 4 words"),
+        ("FLASER many", "not a number of beams"),
+        ("FLASER -1", "not a number of beams"),
+        ("FLASER 99999999 1", "not a number of beams"),
         ("FLASER 0 0 0 0 0 0 0 1 h 1", "no beams"),
-        ("FLASER 1 x 0 0 0 0 0 0 1 h 1", "no number"),
-        ("FLASER 1 1.0 nan 0 0 0 0 0 1 h 1", "no finite number"),
-        ("ODOM 0 0 zero 0 0 0 1 h 1", "'zero' is no number"),
-        ("ODOM 0 0 0 0 0 0 1 h", "breaks off"),
-        ("\x00\x7f\x01 1 2", "no message of CARMEN"),
+        ("FLASER 1 x 0 0 0 0 0 0 1 h 1", "invalid range"),
+        ("FLASER 1 1.0 nan 0 0 0 0 0 1 h 1", "not finite"),
+        ("ODOM 0 0 zero 0 0 0 1 h 1", "'zero' is not a number"),
+        ("ODOM 0 0 0 0 0 0 1 h", "line ends"),
+        ("\x00\x7f\x01 1 2", "not a CARMEN message"),
     ],
 )
 def test_garbage_is_passed_over_and_its_first_line_told(tmp_path, line, why):
     said, passed = log_of(tmp_path, "# a log", odom(), line, odom(), line)
     assert len(said) == 2
     (first, _) = passed.of("lines passed over")
-    assert "some.log: line 3 is passed over" in first
+    assert "some.log: line 3 skipped" in first
     assert why in first
 
 
@@ -179,7 +179,7 @@ def test_a_file_without_readings_is_one_message(tmp_path, content):
 
 def test_topics_and_the_robot_are_up_to_the_world(tmp_path):
     lines = [flaser([1.0]), odom()]
-    said, _ = log_of(tmp_path, *lines, topics=Topics("front", "", "there"), robot="r7")
+    said, _ = log_of(tmp_path, *lines, topics=LogTopics("front", "", "there"), robot="r7")
     assert [one.topic for one in said] == ["there", "front"]
     assert {one.reading.robot for one in said} == {"r7"}
     service = Carmen(str(tmp_path / "some.log"), scan="front", odometry="")

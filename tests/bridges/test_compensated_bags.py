@@ -19,7 +19,7 @@ from minerva_bus.world.readings import Odometry, Scan
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.sensors import _Listening
-from minerva_services.bridges.ros2.track import Track
+from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.rosbag import Rosbag
 from minerva_services.bridging.testing import Running
 
@@ -80,9 +80,7 @@ def test_a_bag_is_played_with_sharp_walls(tmp_path, step, late):
 def test_a_bag_without_odometry_says_that_its_scans_are_not_corrected(tmp_path, capsys):
     scans, running = played(bag(tmp_path, odometry=False))
     assert running.counted("scans not corrected") == len(scans) > 3
-    assert (
-        "not corrected for the robot's motion, for there is no odometry" in capsys.readouterr().out
-    )
+    assert "not corrected for the robot's motion: no odometry covers" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("poses", ["published", "odometry", "matched"])
@@ -115,7 +113,7 @@ def test_a_ros_2_robot_is_heard_with_sharp_walls(late):
     bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)
     source, scans = _Listening(Session(), bridge), []
     told = source.read(type("Never", (), {"is_set": lambda self: False})())
-    heard = {"/odom": source.hears(types.ODOMETRY), "/scan": source.hears(types.LASER_SCAN)}
+    heard = {"/odom": source.receiver(types.ODOMETRY), "/scan": source.hears(types.LASER_SCAN)}
     ros, _ = messages()
     for _, topic, message in said_of(ros, drive(PLACE), late):
         heard[topic](_encoded(store, topic, message))
@@ -132,7 +130,7 @@ def _encoded(store, topic, message):
 
 
 def test_the_track_of_a_robot_corrects_its_scans():
-    track = Track(fastest=2.0, turning=360.0)
+    track = OdometryTrack(fastest=2.0, turning=360.0)
     recorded = drive(PLACE)
     for one in recorded:
         if isinstance(one.reading, Odometry):

@@ -17,7 +17,7 @@ from minerva_bus.world.compensation import Compensator, path_of
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded
-from minerva_services.bridges.ros2.senses import scanned_from
+from minerva_services.bridges.ros2.buffers import scanned_from
 
 FORWARD, TURNING, BOTH = (1.0, 0.0), (0.0, 90.0), (0.5, -60.0)
 

@@ -10,7 +10,7 @@ from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, Wo
 from minerva_services.bridging import SourceError
 from minerva_services.bridging.testing import Running
 from minerva_services.input.gamepad import Gamepad
-from minerva_services.input.gamepad.pad import Held
+from minerva_services.input.gamepad.pad import PadState
 
 pygame = pytest.importorskip("pygame", reason="the extra `gamepad` is not installed")
 
@@ -26,12 +26,12 @@ class OwnPad:
     name = "the test's own"
 
     def __init__(self):
-        self.now = Held((0.0, 0.0), frozenset())
+        self.now = PadState((0.0, 0.0), frozenset())
         self.looked = 0
         self.closed = False
         self._look = threading.Condition()
 
-    def held(self):
+    def state(self):
         with self._look:
             self.looked += 1
             self._look.notify_all()
@@ -48,7 +48,7 @@ class OwnPad:
 
     def hold(self, push=0.0, *buttons):
         """Hold it so until that was surely seen."""
-        self.now = Held((0.0, -push), frozenset(buttons))
+        self.now = PadState((0.0, -push), frozenset(buttons))
         self.wait_for_looks(2)
 
     def pull_out(self):
@@ -120,7 +120,7 @@ def test_without_a_gamepad_it_says_so_and_waits_for_one(slot, capsys):
         pad.hold(1.0)
         assert runs.emitted == [eSpeed(1.0)]
     said = capsys.readouterr().out
-    assert "there is no gamepad 0: none is plugged in; tried again until it is there\n" in said
+    assert "there is no gamepad 0: none is plugged in; retrying\n" in said
 
 
 def test_a_gamepad_that_is_lost_while_it_is_pushed_lets_go(slot):
@@ -156,8 +156,8 @@ def test_without_the_axis_there_are_only_buttons(slot):
         ({"buttons": {"0": "Speed"}}, "buttons.0 is 'Speed'; expected an event type"),
         ({"buttons": {"0": "eSpeed ="}}, "buttons.0 is 'eSpeed ='; expected an event type"),
         ({"buttons": "a"}, "buttons must be a table"),
-        ({"markers": 3}, "markers must be a list of texts"),
-        ({"markers": ["a", 3]}, "markers must be a list of texts"),
+        ({"markers": 3}, "markers must be a list of strings"),
+        ({"markers": ["a", 3]}, "markers must be a list of strings"),
         ({"high": 0.0}, "expected dead from 0"),
         ({"step": 0.0}, "step above 0"),
         ({"high": float("inf")}, "finite"),

@@ -10,7 +10,7 @@ import pytest
 
 from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
 from minerva_services.input.keyboard import Keyboard
-from minerva_services.input.keyboard.keys import Keys
+from minerva_services.input.keyboard.keys import KeyDecoder
 
 sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MINERVA, World, environment
@@ -67,7 +67,7 @@ def typed(desk, text, **options):
     made = keyboard(desk, **options)
     with Running(made) as runs:
         desk.type(text)
-        count = len(list(Keys().named(text.encode())))
+        count = len(list(KeyDecoder().named(text.encode())))
         runs.wait_for(
             lambda: runs.counted("events") + runs.counted("other keys") == count, "keys are heard"
         )
@@ -135,7 +135,9 @@ def test_a_terminal_that_goes_away_is_the_end(desk, capsys):
 
 def test_without_a_terminal_it_says_where_there_is_one(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(MinervaError, match=r"is no terminal .*attach the keyboard from one"):
+    with pytest.raises(
+        MinervaError, match=r"is not a terminal .*attach the keyboard from a terminal"
+    ):
         Keyboard(terminal=str(tmp_path / "file")).joined(WORLD)
 
 
@@ -143,7 +145,7 @@ def test_without_a_terminal_it_says_where_there_is_one(tmp_path):
     ("options", "problem"),
     [
         ({"keymap": {"w": "eSped speed=1"}}, "keyboard: .* no event type eSped; did you mean"),
-        ({"markers": list("abcdefghijk")}, "markers are 11; there are but ten digits"),
+        ({"markers": list("abcdefghijk")}, "11 markers; there are only ten digits"),
         ({"low": 1.0}, "low must be below high"),
     ],
 )
@@ -154,7 +156,7 @@ def test_wrong_options(desk, options, problem):
 
 
 def test_names_of_keys():
-    keys = Keys()
+    keys = KeyDecoder()
     assert list(keys.named("aÄ 1\r\t\x7f".encode())) == [
         *("a", "Ä", "space", "1", "enter", "tab", "backspace")
     ]

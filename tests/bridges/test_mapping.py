@@ -24,7 +24,7 @@ from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded, RecordingError
 from minerva_services.sensors.carmen import CarmenLog
 from minerva_services.sensors.laser import Laser
-from minerva_services.sensors.playing import Mounting
+from minerva_services.sensors.playback import MountOverride
 
 QUARTER = math.pi / 2
 
@@ -97,7 +97,7 @@ def test_the_grid_is_as_the_robot_draws_it_itself(tmp_path):
         for _ in range(12)
     ]
     path = write(tmp_path / "a.log", *lines)
-    for mounting in (None, Mounting(0.2, -0.1, 30.0)):
+    for mounting in (None, MountOverride(0.2, -0.1, 30.0)):
         made = drawn(path, cell=0.1, mounting=mounting)
         assert np.array_equal(made.grid, by_the_robot(made, path, mounting))
         assert np.count_nonzero(made.grid) > 1000
@@ -268,7 +268,7 @@ def test_the_command_makes_three_files_and_says_so(tmp_path, some, capsys):
     some.write_text("FLASER garbage\n" + some.read_text())
     command(some, tmp_path / "map.pgm")
     said = capsys.readouterr().err
-    assert "line 1 is passed over: 'garbage' is no number of beams (lines passed over: 1)" in said
+    assert "line 1 skipped: 'garbage' is not a number of beams (lines passed over: 1)" in said
     assert "map.yaml: " in said
     assert "from 8 scans" in said
     assert sorted(one.name for one in tmp_path.glob("map.*")) == ["map.pgm", "map.png", "map.yaml"]

@@ -155,7 +155,7 @@ def test_a_broker_that_dies_and_comes_back(broker, capfd):
         with broker.client("home/#") as client:
             ready(service, client, heard)
     said = capfd.readouterr().out
-    assert "tried again until it is there\n" in said
+    assert "retrying\n" in said
     assert f"mqtt: the broker 127.0.0.1:{broker.port} is back\n" in said
 
 
@@ -225,7 +225,7 @@ def test_it_says_whether_it_is_there(broker):
         assert [one[1] for one in client.heard] == [b"online", b"offline"]
         lost = bridge(broker, status="minerva/status").open()
         eventually(lambda: len(client.heard) == 3, "it is there")
-        lost._connection._hang_up()
+        lost._connection._close_socket()
         eventually(lambda: len(client.heard) == 4, "its last will")
         assert client.heard[-1][1] == b"offline"
 
@@ -258,7 +258,7 @@ def test_user_and_password(tmp_path, monkeypatch, capfd):
             eventually(is_open(service), "open")
         (tmp_path / "word").write_text("wrong\n")
         service = bridge(broker, user="ann", password_file=str(tmp_path / "word"))
-        with pytest.raises(SourceError, match="it refuses us: Not authorized"):
+        with pytest.raises(SourceError, match="connection refused: Not authorized"):
             service.open()
         (tmp_path / "word").write_text("s3cret\n")
         service.open().close()
@@ -317,9 +317,9 @@ def test_tls(certificates):
             bridge(broker).open()
     finally:
         broker.kill()
-    with pytest.raises(MinervaError, match="ca: there is no file"):
+    with pytest.raises(MinervaError, match=r"ca: file nowhere\.pem does not exist"):
         bridge(address, ca="nowhere.pem")
-    with pytest.raises(MinervaError, match="no PEM files"):
+    with pytest.raises(MinervaError, match="not matching PEM files"):
         bridge(address, ca=files["b.key"])
 
 
@@ -353,5 +353,5 @@ def test_somebody_who_says_nothing(monkeypatch):
     monkeypatch.setattr("minerva_services.bridges.mqtt.connection.GREETED_WITHIN", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        with pytest.raises(SourceError, match="does not answer as a broker does"):
+        with pytest.raises(SourceError, match="no MQTT handshake"):
             bridge(f"mqtt://127.0.0.1:{port}").open()

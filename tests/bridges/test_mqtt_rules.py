@@ -18,12 +18,12 @@ from minerva_bus import (
 )
 from minerva_services.bridges.mqtt import Mqtt
 from minerva_services.bridges.mqtt.broker import Broker, Login
-from minerva_services.bridges.mqtt.making import Making
-from minerva_services.bridges.mqtt.outbox import Message, Outbox
+from minerva_services.bridges.mqtt.event_rule import EventRule
+from minerva_services.bridges.mqtt.outbox import MqttMessage, MqttOutbox
 from minerva_services.bridges.mqtt.pattern import Pattern
-from minerva_services.bridges.mqtt.payload import Garbage
+from minerva_services.bridges.mqtt.payload import InvalidPayload
 from minerva_services.bridges.mqtt.rule import rules_of
-from minerva_services.bridges.mqtt.traffic import Allowance
+from minerva_services.bridges.mqtt.traffic import RateLimiter
 
 eAir = EventType("eAir", celsius=float, room=Default(str, "?"))
 eDoor = EventType("eDoor", open=bool)
@@ -39,7 +39,7 @@ VOCABULARY = Vocabulary.of(eAir, eDoor, eLevel, eText, eRing, eCount, ePath, eMa
 
 def making(pattern, rule):
     (read,) = rules_of({pattern: rule}, 0)
-    return Making(read, VOCABULARY, VOCABULARY.events[read.event])
+    return EventRule(read, VOCABULARY, VOCABULARY.events[read.event])
 
 
 def made(pattern, rule, topic, payload):
@@ -87,14 +87,14 @@ def test_what_becomes_of_a_message(pattern, rule, topic, payload, event):
     [
         ("eAir", "warm", "celsius must be a real, not \"warm\""),
         ("eAir", "true", "celsius must be a real"),
-        ("eAir", "null", "nothing for celsius"),
+        ("eAir", "null", "no value for celsius"),
         ("eAir", "NaN", "celsius must be"),
         ("eAir", "1e999", "celsius must be"),
-        ("eAir", '{"kelvin": 3}', "nothing for celsius"),
-        ("eAir", b"\xff", "no text in UTF-8"),
+        ("eAir", '{"kelvin": 3}', "no value for celsius"),
+        ("eAir", b"\xff", "not UTF-8 text"),
         ("eAir", "[" * 50_000, "celsius must be"),
         ("eAir", "1" * 5000, "celsius must be"),
-        ("eAir", "1" * 70_000, "more than 65536"),
+        ("eAir", "1" * 70_000, "the limit is 65536"),
         ("eCount", "1.5", "count must be a int"),
         ("eCount", str(2**64), "count must be a int"),
         ("eDoor", "ajar", "open must be a bool"),
@@ -103,7 +103,7 @@ def test_what_becomes_of_a_message(pattern, rule, topic, payload, event):
     ],
 )  # fmt: skip
 def test_garbage(rule, payload, why):
-    with pytest.raises(Garbage, match=why):
+    with pytest.raises(InvalidPayload, match=why):
         made("t", rule, "t", payload)
 
 
@@ -122,7 +122,7 @@ def test_any_payload_is_an_event_or_garbage(payload):
     ):
         try:
             event = made("t", rule, "t", payload)
-        except Garbage:
+        except InvalidPayload:
             continue
         assert VOCABULARY.check_event(event) is event
 
@@ -141,19 +141,19 @@ def test_any_payload_is_an_event_or_garbage(payload):
         ({"topics": {"": "eAir"}}, "65535 bytes"),
         ({"topics": {"a": 3}}, "must be an event type, or a table"),
         ({"topics": {"a": {"evnt": "eAir"}}}, "no 'evnt'; did you mean 'event'"),
-        ({"topics": {"a": {}}}, "event must be a text"),
+        ({"topics": {"a": {}}}, "event must be a string"),
         ({"topics": {"a": {"event": "eAir", "if": "celsius >"}}}, "condition cannot be read"),
         ({"topics": {"a": {"event": "eAir", "condition": "x >"}}}, "condition cannot be read"),
         ({"topics": {"a": {"event": "eAir", "receivers": ["{b}"]}}}, "no level 'b'; its levels: none"),
         ({"topics": {"a": {"event": "eAir", "receivers": 3}}}, "a list of ids"),
         ({"topics": {"a": {"event": "eAir", "data": {"celsius": {"scale": "2"}}}}}, "must be numbers"),
-        ({"topics": {"a": {"event": "eAir", "data": {"celsius": 3}}}}, "a text or a table"),
+        ({"topics": {"a": {"event": "eAir", "data": {"celsius": 3}}}}, "a string or a table"),
         ({"topics": {"a": {"event": "eAir", "qos": 3}}}, "qos is 3; expected 0, 1 or 2"),
         ({"topics": {"a": {"event": "eAir", "retained": 1}}}, "true or false"),
-        ({"topics": {"a": "eAir"}, "keeps": True}, "needs a client id"),
-        ({"topics": {"a": "eAir"}, "password_env": "X"}, "give the option user"),
+        ({"topics": {"a": "eAir"}, "keeps": True}, "requires the option client"),
+        ({"topics": {"a": "eAir"}, "password_env": "X"}, "requires the option user"),
         ({"topics": {"a": "eAir"}, "user": "u", "password_env": "X", "password_file": "y"}, "not both"),
-        ({"topics": {"a": "eAir"}, "key": "x"}, "give the option cert"),
+        ({"topics": {"a": "eAir"}, "key": "x"}, "requires the option cert"),
         ({"topics": {"a": "eAir"}, "status": "a/#"}, "expected a topic"),
         ({"topics": {"a": "eAir"}, "most": -1}, "most is -1"),
         ({"publish": {"PLamp": "a/+"}}, "without [+] and #"),
@@ -173,12 +173,12 @@ def test_what_is_refused_at_once(options, problem):
         ({"topics": {"a": "eAer"}}, "no event type eAer; did you mean 'eAir'"),
         ({"topics": {"a": {"event": "eAir", "data": {"kelvin": "k"}}}}, "eAir has no kelvin"),
         ({"topics": {"a": {"event": "eAir", "data": {"celsius": {"unit": "m"}}}}}, "not in m"),
-        ({"topics": {"a": {"event": "eText", "data": {"words": {"scale": 2}}}}}, "scale and offset are not for it"),
-        ({"topics": {"a": {"event": "eAir", "data": {"room": "{r}"}}}}, "names no level {r}"),
-        ({"topics": {"a": "eMap"}}, "which no message says"),
+        ({"topics": {"a": {"event": "eText", "data": {"words": {"scale": 2}}}}}, "has no scale and offset"),
+        ({"topics": {"a": {"event": "eAir", "data": {"room": "{r}"}}}}, "has no level {r}"),
+        ({"topics": {"a": "eMap"}}, "which messages cannot carry"),
         ({"publish": {"PLump": "a"}}, "no primitive PLump; did you mean 'PLamp'"),
-        ({"publish": {"PLamp": "a/{off}"}}, "nothing has a parameter off"),
-        ({"topics": {"a": "eAir"}, "user": "u", "password_env": "NO_SUCH"}, "no NO_SUCH; set it"),
+        ({"publish": {"PLamp": "a/{off}"}}, "unknown parameter off"),
+        ({"topics": {"a": "eAir"}, "user": "u", "password_env": "NO_SUCH"}, "variable NO_SUCH is not set"),
         ({"topics": {"a": "eAir"}, "user": "u", "password_file": "/none"}, "/none: No such file"),
     ],
 )  # fmt: skip
@@ -239,13 +239,13 @@ def test_a_pattern_gives_back_the_levels_that_it_names(levels, data):
 
 def test_so_many_a_second_and_no_more():
     now = [0.0]
-    allowed = Allowance(2, lambda: now[0])
+    allowed = RateLimiter(2, lambda: now[0])
     assert [allowed.take() for _ in range(3)] == [True, True, False]
     now[0] = 0.5
     assert [allowed.take() for _ in range(2)] == [True, False]
     now[0] = 100.0
     assert [allowed.take() for _ in range(3)] == [True, True, False]
-    assert all(Allowance(0).take() for _ in range(100))
+    assert all(RateLimiter(0).take() for _ in range(100))
 
 
 class Wire:
@@ -264,9 +264,9 @@ class Wire:
 
 def test_of_what_waits_the_newest_counts():
     counts, wire = [], Wire()
-    outbox = Outbox(counts.append)
-    outbox.put({"a": Message(b"1"), "b": Message(b"1")})
-    outbox.put({"a": Message(b"2"), "b": Message(b"1")})
+    outbox = MqttOutbox(counts.append)
+    outbox.put({"a": MqttMessage(b"1"), "b": MqttMessage(b"1")})
+    outbox.put({"a": MqttMessage(b"2"), "b": MqttMessage(b"1")})
     outbox.send(wire)
     assert wire.sent == []
     wire.takes = 1
@@ -277,6 +277,6 @@ def test_of_what_waits_the_newest_counts():
     outbox.send(wire)
     assert wire.sent == [("b", b"1"), ("a", b"2")]
     assert counts == ["replaced", "published", "published"]
-    outbox.begin_anew()
+    outbox.reconnected()
     outbox.send(wire)
     assert wire.sent[2:] == [("a", b"2"), ("b", b"1")]

@@ -13,8 +13,8 @@ from minerva_bus import MinervaError
 from minerva_bus.world.readings import Position
 from minerva_services.bridging.testing import Running
 from minerva_services.sensors.nmea import Nmea
-from minerva_services.sensors.nmea.sentences import Fix, Useless, read_fix
-from minerva_services.sensors.serial_line import Lines
+from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
+from minerva_services.sensors.serial_line import LineSplitter
 
 
 def said(body):
@@ -136,7 +136,7 @@ def test_pulled_out_and_plugged_in_again(cable, capsys):
 
 def test_a_line_without_end_takes_no_memory():
     counted = []
-    lines = Lines(counted.append, longest=10)
+    lines = LineSplitter(counted.append, longest=10)
     assert list(lines.feed(b"x" * 11)) == []
     assert counted == ["garbage"]
     assert list(lines.feed(b"ab\r\n\ncd\n")) == ["ab", "cd"]
@@ -151,5 +151,5 @@ def test_any_talker_is_understood():
     assert read_fix(said("GAGGA,000000,5230.0,N,01324.0,E,4,,,,M,,M,,")) == Fix(
         "GGA", 52.5, 13.4, None, None, 0.0
     )
-    with pytest.raises(Useless, match="checksum errors"):
+    with pytest.raises(SkippedSentence, match="checksum errors"):
         read_fix("$GPGGA,1*00")

@@ -12,7 +12,14 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Battery, Mount
 from minerva_bus.world.recordings import Recorded, RecordingError
 from minerva_services.bridging import SourceError
-from minerva_services.sensors.playing import LONGEST_GAP, Mounting, Pace, Player, Playing, due_times
+from minerva_services.sensors.playback import (
+    LONGEST_GAP,
+    MountOverride,
+    PlaybackPace,
+    Player,
+    Playing,
+    due_times,
+)
 
 STAMPS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=40)
 
@@ -39,7 +46,7 @@ class Deck(Playing, lockstep=False):
     publishes = ("battery",)
 
     def __init__(self, file: str, tape, pace=None):
-        super().__init__(file, pace or Pace(0.0))
+        super().__init__(file, pace or PlaybackPace(0.0))
         self.tape = tape
 
     def recording(self):
@@ -100,15 +107,15 @@ def test_a_clock_that_goes_well_is_followed(steps):
 
 
 def test_as_fast_as_it_goes_all_are_played_in_their_order():
-    assert played(Tape(3.0, 1.0, 1e9, 2.0), Pace(0.0)) == [3.0, 1.0, 1e9, 2.0]
+    assert played(Tape(3.0, 1.0, 1e9, 2.0), PlaybackPace(0.0)) == [3.0, 1.0, 1e9, 2.0]
 
 
 def test_from_an_offset_on():
-    assert played(Tape(5.0, 6.0, 7.0, 4.0), Pace(0.0, offset=1.5)) == [7.0, 4.0]
+    assert played(Tape(5.0, 6.0, 7.0, 4.0), PlaybackPace(0.0, offset=1.5)) == [7.0, 4.0]
 
 
 def test_again_from_its_beginning():
-    assert played(Tape(1.0, 2.0), Pace(0.0, loop=True), most=5) == [1.0, 2.0, 1.0, 2.0, 1.0]
+    assert played(Tape(1.0, 2.0), PlaybackPace(0.0, loop=True), most=5) == [1.0, 2.0, 1.0, 2.0, 1.0]
 
 
 class Hurried:
@@ -131,19 +138,19 @@ class Hurried:
 )
 def test_rounds_are_as_far_apart_as_readings(stamps, speed, gap):
     stop = Hurried(3)
-    heard = list(Player(Tape(*stamps), Pace(speed, loop=True)).read(stop))
+    heard = list(Player(Tape(*stamps), PlaybackPace(speed, loop=True)).read(stop))
     assert any(asked == pytest.approx(gap, abs=0.02) for asked in stop.asked)
     assert len(heard) <= 3 * len(stamps)
 
 
 def test_an_offset_beyond_the_end_is_told_and_not_tried_for_ever():
     with pytest.raises(SourceError, match="nothing to play after 9 s"):
-        played(Tape(1.0, 2.0), Pace(0.0, loop=True, offset=9.0))
+        played(Tape(1.0, 2.0), PlaybackPace(0.0, loop=True, offset=9.0))
 
 
 def test_who_waits_for_what_is_due_can_be_stopped():
     stop, times = threading.Event(), []
-    for _, reading in Player(Tape(0.0, 4.0), Pace(0.001)).read(stop):
+    for _, reading in Player(Tape(0.0, 4.0), PlaybackPace(0.001)).read(stop):
         times.append(reading.time)
         threading.Timer(0.02, stop.set).start()
     assert times == [0.0]
@@ -152,19 +159,19 @@ def test_who_waits_for_what_is_due_can_be_stopped():
 @pytest.mark.parametrize("options", [{"speed": -1.0}, {"speed": math.nan}, {"offset": -0.1}])
 def test_wrong_paces(options):
     with pytest.raises(MisuseError, match=r"expected a number from 0"):
-        Pace(**options)
+        PlaybackPace(**options)
 
 
 def test_a_mount_overrides_what_was_recorded_part_by_part():
     recorded = Mount(1.0, 2.0, 90.0)
-    assert Mounting().over(recorded) == recorded
-    assert Mounting(y=0, angle=45.0).over(recorded) == Mount(1.0, 0.0, 45.0)
+    assert MountOverride().over(recorded) == recorded
+    assert MountOverride(y=0, angle=45.0).over(recorded) == Mount(1.0, 0.0, 45.0)
 
 
 @pytest.mark.parametrize("wrong", ["left", math.inf, True])
 def test_a_wrong_mount(wrong):
     with pytest.raises(MisuseError, match="mount_x is"):
-        Mounting(x=wrong)
+        MountOverride(x=wrong)
 
 
 def test_a_bridge_plays_counts_and_ends(tmp_path, capsys):
@@ -187,13 +194,13 @@ def test_a_recording_that_cannot_be_read_is_one_line_and_seen(tmp_path, capsys):
 def test_what_is_passed_over_is_told_once_and_counted(tmp_path, capsys):
     deck = Deck(str(tmp_path), Tape(1.0))
     for number in range(3):
-        deck.pass_over("lines passed over", f"line {number} is passed over")
+        deck.pass_over("lines passed over", f"line {number} skipped")
     assert deck.report()["lines passed over"] == 3
     assert capsys.readouterr().out.splitlines() == [
-        "line 0 is passed over; more of these are counted as 'lines passed over'"
+        "line 0 skipped; further ones are counted as 'lines passed over'"
     ]
 
 
 def test_a_file_that_is_not_there_is_told_at_once():
-    with pytest.raises(MisuseError, match=r"there is no file 'nothing.log'"):
+    with pytest.raises(MisuseError, match=r"file 'nothing.log' does not exist"):
         Deck("nothing.log", Tape())

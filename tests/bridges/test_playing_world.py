@@ -142,13 +142,13 @@ def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
         words[2] = torn
         with worlds.Run(tmp_path, *words) as bag:
             assert bag.ends() == 1
-        assert "is no bag that can be read" in "\n".join(bag.output)
+        assert "not a readable bag" in "\n".join(bag.output)
 
 
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["carmen", "nothing.log"], "there is no file 'nothing.log'"),
+        (["carmen", "nothing.log"], "file 'nothing.log' does not exist"),
         (["carmen", "some.log", "--speed", "fast"], "speed must be a number"),
         (["carmen", "some.log", "--speed", "-1"], "speed is -1"),
         (["carmen", "some.log", "--mount-x", "left"], "mount_x is 'left'"),

@@ -20,8 +20,8 @@ from minerva_services.bridges.ros2 import Ros2Robot
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.driver import STILL
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network
-from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.steering import Velocity, driven
 from minerva_services.bridges.ros_messages.readings import heading_of
 from tests.bridges.ros2_rig import network
@@ -33,7 +33,7 @@ class Base:
     """A robot's base: it drives as it is told and says where it is and what lies 1 m ahead."""
 
     def __init__(self, net, stamped=False):
-        self.session = Session(net, "base")
+        self.session = Ros2Session(net, "base")
         self.pose, self.velocity, self.stamped = Pose(), STILL, stamped
         self.told = []
         twist = types.TWIST_STAMPED if stamped else types.TWIST
@@ -116,7 +116,7 @@ class Body:
 
 def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
     with network() as (endpoint, _):
-        net = Network(endpoint, "dds", namespace="bot1")
+        net = Ros2Network(endpoint, "dds", namespace="bot1")
         options = {"layout": "dds", "namespace": "bot1", "stamped": True, "detections": ""}
         with Base(net, stamped=True) as base, Body(endpoint, **options) as body:
             moves = [Move(0.0, 0.1)] * 3 + [Move(18.0, 0.0)]
@@ -139,7 +139,7 @@ def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
 def test_where_odometry_lies_on_the_map_is_told():
     with network() as (endpoint, _):
         heard = []
-        with Base(Network(endpoint)) as base, Body(endpoint, map_frame="map") as body:
+        with Base(Ros2Network(endpoint)) as base, Body(endpoint, map_frame="map") as body:
             base.session.subscribe("/tf", types.TRANSFORMS, heard.append)
             body.frames(Move(), Move(0.0, 0.05), Move(), Move())
     (told,) = messages().decode(types.TRANSFORMS, heard[-1]).transforms
@@ -153,7 +153,7 @@ def test_where_odometry_lies_on_the_map_is_told():
 def test_motors_without_odometry_are_believed():
     with (
         network() as (endpoint, _),
-        Base(Network(endpoint)) as base,
+        Base(Ros2Network(endpoint)) as base,
         Body(endpoint, odometry="") as body,
     ):
         body.frames(*[Move(0.0, 0.1)] * 5, *[Move()] * 8)
@@ -187,7 +187,7 @@ def test_a_view_that_was_carried_out_is_not_carried_out_again():
 
 
 def test_a_robot_that_is_halted_stops_and_is_not_believed_to_have_driven():
-    with network() as (endpoint, _), Base(Network(endpoint)) as base, Body(endpoint) as body:
+    with network() as (endpoint, _), Base(Ros2Network(endpoint)) as base, Body(endpoint) as body:
         body.frames(*[Move(0.0, 0.1)] * 3)
         goal = body.device.save()["goal"]
         body.frames(*[Move(0.0, 0.1)] * 20, halted=("r1",))
@@ -200,7 +200,11 @@ def test_a_robot_that_is_halted_stops_and_is_not_believed_to_have_driven():
 
 @pytest.mark.parametrize(
     ("options", "problem"),
-    [({"near": 0.0}, "near is 0"), ({"rate": -1.0}, "rate"), ({"cmd_vel": "a//b"}, "cannot name")],
+    [
+        ({"near": 0.0}, "near is 0"),
+        ({"rate": -1.0}, "rate"),
+        ({"cmd_vel": "a//b"}, "is not a valid name"),
+    ],
 )
 def test_wrong_options(options, problem):
     with pytest.raises(MisuseError, match=problem):
@@ -210,4 +214,4 @@ def test_wrong_options(options, problem):
 def test_without_rosbags_a_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[ros\]'"):
-        types.Messages()
+        types.MessageTypes()

@@ -11,11 +11,11 @@ from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network
-from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from minerva_services.bridges.ros_messages import GarbageError
-from minerva_services.bridges.ros_messages.readings import known_of
+from minerva_services.bridges.ros_messages.readings import grid_of
 from minerva_services.bridging.testing import Running
 from tests.bridges.ros2_rig import network
 
@@ -37,7 +37,7 @@ def grid(data=TOLD, width=3, height=2, cell=0.05, turned=0.0):
 
 def test_a_map_comes_to_one_who_is_late():
     with network() as (endpoint, _):
-        session = Session(Network(endpoint), "slam")
+        session = Ros2Session(Ros2Network(endpoint), "slam")
         slam = session.publisher("map", types.GRID, lasting=True)
         slam.put(grid(turned=90.0))
         bridge = Ros2(endpoint, map="map", robot="r7")
@@ -56,7 +56,7 @@ def test_a_map_comes_to_one_who_is_late():
 def test_what_goes_out_as_a_map_comes_in_as_the_same():
     cells = np.array([[0, 1, 9], [1, 9, 0]], np.int16)
     told = grid(occupancy(cells), width=2, height=3)
-    assert np.array_equal(known_of(told).cells, cells)
+    assert np.array_equal(grid_of(told).cells, cells)
 
 
 @pytest.mark.parametrize(
@@ -65,12 +65,12 @@ def test_what_goes_out_as_a_map_comes_in_as_the_same():
         ({"width": 4}, "an OccupancyGrid of 6 cells for 4 × 2"),
         ({"data": [], "width": 0}, "of 0 cells for 0 × 2"),
         ({"cell": 0.0}, "whose cells are 0.0 m wide"),
-        ({"turned": float("nan")}, "pose is no finite number"),
+        ({"turned": float("nan")}, "pose not finite"),
     ],
 )
 def test_what_is_no_map(options, why):
     with pytest.raises(GarbageError, match=why):
-        known_of(grid(**options))
+        grid_of(grid(**options))
 
 
 def test_a_world_without_such_an_event_is_told():

@@ -14,8 +14,8 @@ from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2, Ros2View
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network
-from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from tests.bridges.ros2_rig import free_endpoint, network, router
 from tests.runtime.running import eventually
@@ -85,7 +85,7 @@ class Heard:
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_scan_comes_with_its_mount(layout):
     with network() as (endpoint, _):
-        session = Session(Network(endpoint, layout), "robot")
+        session = Ros2Session(Ros2Network(endpoint, layout), "robot")
         lasting = session.publisher("/tf_static", types.TRANSFORMS, lasting=True)
         lasting.put(transforms(90.0))
         laser = session.publisher("scan", types.LASER_SCAN)
@@ -100,9 +100,9 @@ def test_a_scan_comes_with_its_mount(layout):
 
 def test_garbage_and_what_has_no_place_are_counted():
     with network() as (endpoint, hub):
-        session = Session(Network(endpoint), "robot")
+        session = Ros2Session(Ros2Network(endpoint), "robot")
         laser = session.publisher("scan", types.LASER_SCAN)
-        key = Network(endpoint).key("scan", types.LASER_SCAN, "RIHS01_0")
+        key = Ros2Network(endpoint).key("scan", types.LASER_SCAN, "RIHS01_0")
         with Heard(Ros2(endpoint)) as heard:
 
             def counted():
@@ -123,7 +123,7 @@ def test_a_network_that_is_not_there_yet_and_one_that_comes_back(capsys):
         for _ in range(2):
             heard.readings.clear()
             hub, _ = router(endpoint)
-            session = Session(Network(endpoint), "robot")
+            session = Ros2Session(Ros2Network(endpoint), "robot")
             laser = session.publisher("scan", types.LASER_SCAN)
             heard.until(lambda pub=laser: pub.put(scan()), "scan")
             session.close()
@@ -139,7 +139,7 @@ def test_more_than_can_wait_is_dropped_and_counted():
     from minerva_services.bridges.ros2.sensors import _Listening
 
     source = _Listening(None, bridge)
-    hear = source.hears(types.LASER_SCAN)
+    hear = source.receiver(types.LASER_SCAN)
     for _ in range(150):
         hear(b"")
     assert bridge.report()["dropped here"] == 50
@@ -177,7 +177,7 @@ def test_rviz_sees_the_map_and_orders_by_goals(layout, capsys):
         eventually(lambda: view.report()["source"] == "open", "it is open")
         eventually(lambda: view._publishers, "it publishes")
         view.show(View(0, "ePicture", picture()))
-        rviz = Session(Network(endpoint, layout), "rviz")
+        rviz = Ros2Session(Ros2Network(endpoint, layout), "rviz")
         grids, ways = [], []
         rviz.subscribe("map", types.GRID, grids.append, lasting=True)
         rviz.subscribe("plan", types.PATH, ways.append)
@@ -213,7 +213,7 @@ def test_a_cmd_vel_is_stamped_with_its_gid_and_number():
     from minerva_services.bridges.ros2.network import Attachment
 
     with network() as (endpoint, hub):
-        session = Session(Network(endpoint), "motors")
+        session = Ros2Session(Ros2Network(endpoint), "motors")
         heard = []
         subscriber = hub.declare_subscriber("0/cmd_vel/**", heard.append)
         motors = session.publisher("cmd_vel", types.TWIST)

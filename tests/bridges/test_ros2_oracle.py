@@ -18,8 +18,8 @@ pytest.importorskip("rosbags")
 
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network
-from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.session import Ros2Session
 from tests.bridges.ros2_rig import network
 from tests.runtime.running import eventually
 
@@ -76,7 +76,7 @@ def script(what, body):
 def test_the_judge_hears_our_velocities(oracle):
     with network() as (endpoint, hub):
         judge = oracle(script("ROS2Subscriber", HEARS), endpoint)
-        session = Session(Network(endpoint), "motors")
+        session = Ros2Session(Ros2Network(endpoint), "motors")
         motors = session.publisher("cmd_vel", types.TWIST)
 
         def there():
@@ -97,7 +97,7 @@ def test_the_judge_hears_our_velocities(oracle):
 def test_we_hear_the_judges_velocities(oracle):
     with network() as (endpoint, _):
         oracle(script("ROS2Publisher", SAYS), endpoint)
-        session = Session(Network(endpoint), "robot")
+        session = Ros2Session(Ros2Network(endpoint), "robot")
         heard = []
         session.subscribe("cmd_vel", types.TWIST, heard.append)
         eventually(lambda: heard, "a velocity comes")
@@ -122,7 +122,7 @@ print(json.dumps([made, topic_keyexpr(5, "/a/b", name, made), endpoint_livelines
 """
     judge = oracle(script("ROS2Publisher", body), "tcp/127.0.0.1:1")
     made, key, token = json.loads(judge.stdout.readline())
-    vector, ours = "geometry_msgs/msg/Vector3", Network("tcp/h:1", domain=5)
+    vector, ours = "geometry_msgs/msg/Vector3", Ros2Network("tcp/h:1", domain=5)
     assert messages().hash(vector) == made
     assert ours.key("a/b", vector, made) == key
     # A root namespace is "/", of which rmw_zenoh makes %.

@@ -11,26 +11,26 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
-from minerva_services.bridges.ros2.driver import STILL, Care, Driver, State
-from minerva_services.bridges.ros2.geometry import Command, MotorGeometry
+from minerva_services.bridges.ros2.buffers import scanned_from, seen_from
+from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
+from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry
 from minerva_services.bridges.ros2.mounts import mount_of
-from minerva_services.bridges.ros2.network import Attachment, Network
-from minerva_services.bridges.ros2.rhythm import Rhythm
-from minerva_services.bridges.ros2.senses import scanned_from, seen_from
-from minerva_services.bridges.ros2.steering import Limits, driven
-from minerva_services.bridges.ros2.track import Track
-from minerva_services.bridges.ros_messages import Frames, Mounting
+from minerva_services.bridges.ros2.network import Attachment, Ros2Network
+from minerva_services.bridges.ros2.pacing import FramePacer
+from minerva_services.bridges.ros2.steering import MotorLimits, driven
+from minerva_services.bridges.ros2.track import OdometryTrack
+from minerva_services.bridges.ros_messages import Frames, SensorMount
 
 SCAN = "sensor_msgs/msg/LaserScan"
 HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
-LIMITS = Limits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
+LIMITS = MotorLimits(speed=0.5, turn=90.0, acceleration=1.0, turn_acceleration=360.0)
 
 
 # --- the rhythm of commands ---
 
 
 def test_the_time_that_the_world_needs_is_time_of_the_next_command():
-    rhythm, now = Rhythm(), 100.0
+    rhythm, now = FramePacer(), 100.0
     assert rhythm.begin(0.1, now) == pytest.approx(0.1)
     for _ in range(10):
         now = rhythm.due + 0.04
@@ -39,14 +39,14 @@ def test_the_time_that_the_world_needs_is_time_of_the_next_command():
 
 
 def test_a_world_that_is_too_slow_has_no_wait_at_all():
-    rhythm = Rhythm()
+    rhythm = FramePacer()
     rhythm.begin(0.1, 100.0)
     assert rhythm.begin(0.1, 100.25) == 0.0
     assert rhythm.begin(0.1, 100.30) == pytest.approx(0.05)
 
 
 def test_after_a_rest_the_rhythm_begins_anew():
-    rhythm = Rhythm()
+    rhythm = FramePacer()
     rhythm.begin(0.1, 100.0)
     assert rhythm.begin(0.1, 160.0) == pytest.approx(0.1)
 
@@ -55,29 +55,29 @@ def test_after_a_rest_the_rhythm_begins_anew():
 
 
 def test_the_key_of_a_topic_in_rmw_zenoh():
-    network = Network("tcp/h:7447", domain=5)
+    network = Ros2Network("tcp/h:7447", domain=5)
     assert network.key("scan", SCAN, HASH) == f"5/scan/sensor_msgs::msg::dds_::LaserScan_/{HASH}"
     assert network.pattern("/scan", SCAN) == "5/scan/sensor_msgs::msg::dds_::LaserScan_/*"
 
 
 def test_the_key_of_a_topic_in_dds_is_its_name():
-    assert Network("tcp/h:7447", "dds").key("/scan", SCAN, HASH) == "scan"
-    assert Network("tcp/h:7447", "dds", namespace="/bot1").pattern("scan", SCAN) == "bot1/scan"
+    assert Ros2Network("tcp/h:7447", "dds").key("/scan", SCAN, HASH) == "scan"
+    assert Ros2Network("tcp/h:7447", "dds", namespace="/bot1").pattern("scan", SCAN) == "bot1/scan"
 
 
 def test_humble_has_no_hashes():
-    key = Network("tcp/h:7447", humble=True).key("scan", SCAN, HASH)
+    key = Ros2Network("tcp/h:7447", humble=True).key("scan", SCAN, HASH)
     assert key == "0/scan/sensor_msgs::msg::dds_::LaserScan_/TypeHashNotSupported"
 
 
 def test_a_topic_with_a_slash_is_in_no_namespace():
-    network = Network("tcp/h:7447", namespace="bot1")
+    network = Ros2Network("tcp/h:7447", namespace="bot1")
     assert network.name("cmd_vel") == "bot1/cmd_vel"
     assert network.name("/tf_static") == "tf_static"
 
 
 def test_the_tokens_of_a_node_and_its_publisher():
-    network = Network("tcp/h:7447")
+    network = Ros2Network("tcp/h:7447")
     assert network.node_token("abc", "motors") == "@ros2_lv/0/abc/0/0/NN/%/%/motors"
     token = network.topic_token("abc", "motors", 3, "MP", "a/b", SCAN, HASH, lasting=False)
     name = "%a%b/sensor_msgs::msg::dds_::LaserScan_"
@@ -105,12 +105,12 @@ def test_other_bytes_are_no_attachment(data):
         ({"layout": "dsd"}, "did you mean 'dds'"),
         ({"router": "robot:7447"}, "tcp/HOST:7447"),
         ({"domain": 300}, "0 to 232"),
-        ({"namespace": "bot#1"}, "cannot name"),
+        ({"namespace": "bot#1"}, "is not a valid name"),
     ],
 )
 def test_what_a_network_cannot_be(options, problem):
     with pytest.raises(MisuseError, match=problem):
-        Network(**{"router": "tcp/h:7447", **options})
+        Ros2Network(**{"router": "tcp/h:7447", **options})
 
 
 # --- where sensors sit ---
@@ -135,7 +135,7 @@ def transform(parent, child, x=0.0, y=0.0, z=0.0, roll=0.0, yaw=0.0):
 
 def frames(*transforms):
     made = Frames()
-    made.hear(Told(transforms=list(transforms)))
+    made.update(Told(transforms=list(transforms)))
     return made
 
 
@@ -211,14 +211,14 @@ def test_turns_and_moves_within_a_place_are_commands():
     robot = TRotate(10.0)(TMove(0.5)(PRobot("r1", 0.2)))
     other = TPlace(3.0, 0.0, 0.0)(PRobot("r2", 0.2))
     assert commands(TPlace(1.0, 2.0, 30.0)(robot) + other) == {
-        "r1": Command(10.0, 0.5),
-        "r2": Command(),
+        "r1": MotorCommand(10.0, 0.5),
+        "r2": MotorCommand(),
     }
 
 
 def test_commands_begin_anew_within_a_place():
     scene = TMove(9.0)(TPlace(0.0, 0.0, 0.0)(TMove(0.5)(PRobot("r1", 0.2))))
-    assert commands(scene) == {"r1": Command(0.0, 0.5)}
+    assert commands(scene) == {"r1": MotorCommand(0.0, 0.5)}
 
 
 def test_a_turn_within_a_move_is_refused():
@@ -230,7 +230,7 @@ def test_a_turn_within_a_move_is_refused():
 
 
 def test_poses_between_two():
-    track = Track(fastest=1.0, turning=90.0)
+    track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(10.0, Pose(0.0, 0.0, 170.0))
     track.add(12.0, Pose(1.0, 0.0, -170.0))
     found = track.at(11.0)
@@ -241,7 +241,7 @@ def test_poses_between_two():
 
 
 def test_a_clock_that_is_set_back_begins_anew():
-    track = Track(fastest=1.0, turning=90.0)
+    track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(1000.0, Pose(0.0, 0.0, 0.0))
     assert not track.add(3.0, Pose(0.1, 0.0, 0.0))
     assert track.restarts == 1
@@ -258,11 +258,11 @@ class Wheels:
 
     def __init__(self, care=None, limits=LIMITS):
         self.now, self.pose, self.velocity = 0.0, Pose(), STILL
-        self.driver = Driver(limits, care or Care())
+        self.driver = Driver(limits, care or DriveTolerances())
         self.deaf = False
         self.wall = math.inf
         self.fastest = 0.0
-        self.driver.heard(self.now, self.pose, self.now)
+        self.driver.update(self.now, self.pose, self.now)
 
     def step(self):
         told = self.driver.velocity(self.now)
@@ -273,7 +273,7 @@ class Wheels:
         self.pose = moved if moved.x < self.wall else Pose(self.pose.x, self.pose.y, moved.angle)
         self.now += self.STEP
         if not self.deaf:
-            self.driver.heard(self.now, self.pose, self.now)
+            self.driver.update(self.now, self.pose, self.now)
         return told
 
     def carry_out(self, command, seconds=0.1, most=2000):
@@ -291,21 +291,25 @@ class Wheels:
 
 def test_commands_bring_the_robot_where_they_lead():
     wheels = Wheels()
-    done = [Command(0.0, 0.05)] * 20 + [Command(18.0, 0.0)] * 5 + [Command(0.0, 0.05)] * 20
+    done = (
+        [MotorCommand(0.0, 0.05)] * 20
+        + [MotorCommand(18.0, 0.0)] * 5
+        + [MotorCommand(0.0, 0.05)] * 20
+    )
     for command in done:
         assert wheels.carry_out(command) is State.DONE
         assert abs(wheels.missing().y) < 0.03
     for _ in range(15):
-        wheels.carry_out(Command())
+        wheels.carry_out(MotorCommand())
     assert (wheels.pose.x, wheels.pose.y) == pytest.approx((1.0, 1.0), abs=0.02)
     assert wheels.pose.angle == pytest.approx(90.0, abs=2.0)
 
 
 def test_it_turns_where_the_command_turns():
-    wheels = Wheels(Care(near=0.3))
-    wheels.carry_out(Command(0.0, 0.5))
+    wheels = Wheels(DriveTolerances(near=0.3))
+    wheels.carry_out(MotorCommand(0.0, 0.5))
     assert wheels.missing().x < -0.25
-    wheels.driver.begin(Command(90.0, 0.5), 0.1, wheels.now)
+    wheels.driver.begin(MotorCommand(90.0, 0.5), 0.1, wheels.now)
     off = 0.0
     for _ in range(600):
         wheels.step()
@@ -318,47 +322,47 @@ def test_it_turns_where_the_command_turns():
 def test_it_never_drives_past_its_goal_and_never_too_fast():
     wheels = Wheels()
     for _ in range(10):
-        wheels.carry_out(Command(0.0, 0.2))
+        wheels.carry_out(MotorCommand(0.0, 0.2))
         assert wheels.missing().x < 0.01
     assert 0.3 < wheels.fastest <= LIMITS.speed
 
 
 def test_a_frame_takes_as_long_as_the_motors_need():
     wheels = Wheels()
-    wheels.carry_out(Command(0.0, 2.0))
-    assert wheels.now > (2.0 - wheels.driver.care.near) / LIMITS.speed
+    wheels.carry_out(MotorCommand(0.0, 2.0))
+    assert wheels.now > (2.0 - wheels.driver.tolerances.near) / LIMITS.speed
     before = wheels.now
-    wheels.carry_out(Command(), seconds=0.5)
+    wheels.carry_out(MotorCommand(), seconds=0.5)
     assert wheels.now - before == pytest.approx(0.5, abs=0.02)
 
 
 def test_what_a_wall_stops_is_told():
     wheels = Wheels()
     wheels.wall = 0.4
-    assert wheels.carry_out(Command(0.0, 1.0)) is State.BLOCKED
+    assert wheels.carry_out(MotorCommand(0.0, 1.0)) is State.BLOCKED
     assert wheels.driver.give_up() == pytest.approx(0.6, abs=0.01)
     assert wheels.driver.goal.x == pytest.approx(wheels.pose.x)
 
 
 def test_a_robot_that_nobody_commands_stops_and_is_left_alone():
     wheels = Wheels()
-    wheels.driver.begin(Command(0.0, 5.0), 0.1, wheels.now)
+    wheels.driver.begin(MotorCommand(0.0, 5.0), 0.1, wheels.now)
     told = [wheels.step() for _ in range(300)]
     assert any(one is not None and one.speed > 0 for one in told)
     stopped = told.index(STILL, 30)
-    assert stopped * wheels.STEP < 0.1 + wheels.driver.care.dead_man + 0.05
+    assert stopped * wheels.STEP < 0.1 + wheels.driver.tolerances.dead_man + 0.05
     assert told[-1] is None
     assert all(one is None or one == STILL for one in told[stopped:])
 
 
 def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
     wheels = Wheels()
-    wheels.driver.begin(Command(0.0, 5.0), 8.0, wheels.now)
+    wheels.driver.begin(MotorCommand(0.0, 5.0), 8.0, wheels.now)
     for _ in range(30):
         wheels.step()
         wheels.driver.state(wheels.now)
     wheels.deaf = True
-    for _ in range(round(wheels.driver.care.silence / wheels.STEP) + 2):
+    for _ in range(round(wheels.driver.tolerances.silence / wheels.STEP) + 2):
         told = wheels.step()
         state = wheels.driver.state(wheels.now)
     assert state is State.LOST
@@ -373,9 +377,9 @@ def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
 
 def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
     wheels = Wheels()
-    wheels.carry_out(Command(0.0, 0.5))
+    wheels.carry_out(MotorCommand(0.0, 0.5))
     for _ in range(10):
-        wheels.carry_out(Command())
+        wheels.carry_out(MotorCommand())
     missing = wheels.missing()
     wheels.pose = Pose(20.0, -3.0, 45.0)
     wheels.step()
@@ -388,7 +392,7 @@ def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
 def test_a_robot_that_was_switched_on_anew_while_it_was_out_of_sight_stands():
     wheels = Wheels()
     for _ in range(10):
-        wheels.carry_out(Command(0.0, 0.5))
+        wheels.carry_out(MotorCommand(0.0, 0.5))
     wheels.now += 600.0
     wheels.pose = Pose()
     wheels.step()
@@ -397,23 +401,23 @@ def test_a_robot_that_was_switched_on_anew_while_it_was_out_of_sight_stands():
 
 
 def test_a_goal_of_another_odometry_is_not_driven_to():
-    driver = Driver(LIMITS, Care())
+    driver = Driver(LIMITS, DriveTolerances())
     driver.set_goal(Pose(7.0, 3.0, 90.0))
-    driver.heard(0.0, Pose(0.1, 0.0, 0.0), 0.0)
+    driver.update(0.0, Pose(0.1, 0.0, 0.0), 0.0)
     assert driver.goal == Pose(0.1, 0.0, 0.0)
     assert driver.jumps == 1
 
 
 def test_a_goal_of_a_predecessor_is_driven_to():
-    driver = Driver(LIMITS, Care())
+    driver = Driver(LIMITS, DriveTolerances())
     driver.set_goal(Pose(0.3, 0.0, 0.0))
-    driver.heard(0.0, Pose(0.1, 0.0, 0.0), 0.0)
+    driver.update(0.0, Pose(0.1, 0.0, 0.0), 0.0)
     assert driver.goal == Pose(0.3, 0.0, 0.0)
     assert driver.jumps == 0
 
 
 def test_odometry_that_turns_at_once_has_begun_anew():
-    track = Track(fastest=1.0, turning=90.0)
+    track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(0.0, Pose(0.0, 0.0, 90.0))
     assert not track.add(0.1, Pose(0.0, 0.0, 100.0))
     assert track.add(0.2, Pose())
@@ -423,10 +427,10 @@ def test_odometry_that_turns_at_once_has_begun_anew():
 def test_wrong_limits(name):
     values = dict.fromkeys(("speed", "turn", "acceleration", "turn_acceleration"), 1.0)
     with pytest.raises(MisuseError, match=f"{name} is 0"):
-        Limits(**(values | {name: 0.0}))
+        MotorLimits(**(values | {name: 0.0}))
 
 
 def test_mounts_are_what_they_say():
     assert mount_of(" 0.1, 0, 90") == Mount(0.1, 0.0, 90.0)
     assert mount_of("") is None
-    assert Mounting(Mount()) == Mounting(Mount(), flipped=False)
+    assert SensorMount(Mount()) == SensorMount(Mount(), flipped=False)

@@ -14,8 +14,8 @@ from minerva_bus.security.keys import Keys
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network, Tls
-from minerva_services.bridges.ros2.session import Session
+from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridging import SourceError
 from tests.runtime.running import eventually
 
@@ -62,8 +62,8 @@ def files(keys, name="robot"):
 
 
 def test_messages_go_over_a_secured_link(keys, endpoint):
-    network, heard = Network(endpoint, tls=files(keys)), []
-    one, other = Session(network, "one"), Session(network, "other")
+    network, heard = Ros2Network(endpoint, tls=files(keys)), []
+    one, other = Ros2Session(network, "one"), Ros2Session(network, "other")
     one.subscribe("cmd_vel", types.TWIST, heard.append)
     motors = other.publisher("cmd_vel", types.TWIST)
     eventually(lambda: motors.put(messages().twist(0.5, 0.0)) or heard, "a twist comes")
@@ -77,7 +77,7 @@ def test_who_shows_no_certificate_or_a_wrong_one_stays_outside(keys, endpoint, t
     wrong = Tls(own.authority, stranger.certificate, stranger.key)
     for tls in (Tls(own.authority), wrong):
         with pytest.raises(SourceError, match="no ROS 2 network answers at tls/"):
-            Session(Network(endpoint, tls=tls), "stranger")
+            Ros2Session(Ros2Network(endpoint, tls=tls), "stranger")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2: what their messages become, and what is passed over."""
+"""Bags of ROS 1 and ROS 2: what their messages become, and what skipped."""
 
 import io
 import math
@@ -16,7 +16,7 @@ from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Odometry, Position
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.rosbag import Bag, Rosbag
-from minerva_services.sensors.playing import Mounting
+from minerva_services.sensors.playback import MountOverride
 
 KINDS = pytest.mark.parametrize("suffix", ["bag", "db3", "mcap"])
 
@@ -78,7 +78,7 @@ def test_where_the_laser_sits(tmp_path, suffix):
     mount = scan.reading.mount_x, scan.reading.mount_y, scan.reading.mount_angle
     assert mount == pytest.approx((0.75, 0.5, 90.0))
     (path,) = tmp_path.glob(f"**/*.{suffix}")
-    (scan,), _ = readings(path, mounting=Mounting(x=0.0))
+    (scan,), _ = readings(path, mounting=MountOverride(x=0.0))
     assert (scan.reading.mount_x, scan.reading.mount_y) == pytest.approx((0.0, 0.5))
 
 
@@ -156,14 +156,14 @@ def test_places_on_the_earth(tmp_path):
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (lambda ros: ros.battery(math.nan), "percentage is no finite number"),
+        (lambda ros: ros.battery(math.nan), "percentage not finite"),
         (lambda ros: ros.fix(1.0, 2.0, 3.0, status=-1), "no fix"),
-        (lambda ros: ros.odometry(math.nan, 0.0, 0.0), "pose is no finite number"),
-        (lambda ros: ros.scan([1.0], angle_increment=math.nan), "angles is no finite number"),
-        (lambda ros: ros.scan([1.0], range_max=math.nan), "range_max is no number"),
-        (lambda ros: ros.image(PIXELS, "yuv422"), "'yuv422' is none of"),
-        (lambda ros: ros.image(PIXELS[..., :2], "rgb8"), "are no image"),
-        (lambda ros: ros.compressed(b"no picture"), "no JPEG or PNG"),
+        (lambda ros: ros.odometry(math.nan, 0.0, 0.0), "pose not finite"),
+        (lambda ros: ros.scan([1.0], angle_increment=math.nan), "angles not finite"),
+        (lambda ros: ros.scan([1.0], range_max=math.nan), "range_max is not a number"),
+        (lambda ros: ros.image(PIXELS, "yuv422"), "'yuv422' is not one of"),
+        (lambda ros: ros.image(PIXELS[..., :2], "rgb8"), "are not an image"),
+        (lambda ros: ros.compressed(b"no picture"), "not a JPEG or PNG"),
     ],
 )
 def test_what_cannot_be_a_reading_is_passed_over_and_told(tmp_path, make, why):
@@ -171,11 +171,11 @@ def test_what_cannot_be_a_reading_is_passed_over_and_told(tmp_path, make, why):
     path = write_bag(tmp_path / "odd.mcap", store, [(1.0, "/it", make(types))])
     passed = Passed()
     bag = Bag(path, passed)
-    with pytest.raises(RecordingError, match="has no message that can be played on /it"):
+    with pytest.raises(RecordingError, match="no playable message on /it"):
         list(bag.readings())
     bag.close()
     (line,) = passed.of("messages passed over")
-    assert "a message of /it is passed over" in line
+    assert "a message of /it skipped" in line
     assert why in line
 
 
@@ -197,7 +197,7 @@ def two_lasers(ros):
 def test_of_two_lasers_the_first_by_name_is_played_and_the_other_told(tmp_path):
     said, passed = bag_of(tmp_path, two_lasers)
     assert [(x.topic, x.reading.ranges.tolist()) for x in said] == [("scan", [1.0])]
-    assert "/rear is passed over" in passed.of("topics passed over")[0]
+    assert "/rear skipped" in passed.of("topics passed over")[0]
 
 
 def test_topics_by_their_names(tmp_path):
@@ -211,7 +211,7 @@ def test_topics_by_their_names(tmp_path):
 
 @pytest.mark.parametrize(
     ("topics", "why"),
-    [({"/scan": "scan"}, "no topic /scan; there are /front, /rear, /tf_static"),
+    [({"/scan": "scan"}, "no topic /scan; available: /front, /rear, /tf_static"),
      ({"/tf_static": "scan"}, "tf2_msgs/msg/TFMessage; expected one of sensor_msgs")],
 )  # fmt: skip
 def test_wrong_topics(tmp_path, topics, why):
@@ -223,7 +223,7 @@ def test_wrong_topics(tmp_path, topics, why):
 
 
 def test_a_bag_without_sensors_says_what_it_has(tmp_path):
-    with pytest.raises(RecordingError, match=r"nothing to play.*there are /tf \(tf2_msgs"):
+    with pytest.raises(RecordingError, match=r"nothing to play.*available: /tf \(tf2_msgs"):
         bag_of(tmp_path, lambda ros: [(1.0, "/tf", ros.transforms())])
 
 
@@ -240,7 +240,7 @@ def test_a_bag_without_sensors_says_what_it_has(tmp_path):
 def test_no_bag_at_all(tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match=rf"{name}: is no bag that can be read: \S") as caught:
+    with pytest.raises(RecordingError, match=rf"{name}: not a readable bag: \S") as caught:
         readings(path)
     assert "\n" not in str(caught.value)
 
@@ -248,7 +248,7 @@ def test_no_bag_at_all(tmp_path, name, content):
 @needs_demo
 def test_a_bag_that_breaks_off_has_no_index(tmp_path):
     (tmp_path / "cut.bag").write_bytes(DEMO.read_bytes()[:100_000])
-    with pytest.raises(RecordingError, match=r"cut\.bag: .*an index can be made anew"):
+    with pytest.raises(RecordingError, match=r"cut\.bag: .*rebuild the index"):
         readings(tmp_path / "cut.bag")
 
 
@@ -287,7 +287,7 @@ def test_what_a_service_publishes(tmp_path):
 
 @pytest.mark.parametrize("topics", [{"/a": 1}, ["/a"], {"/a": ""}, "/a"])
 def test_topics_that_are_none(tmp_path, topics):
-    with pytest.raises(MisuseError, match=r"topics is .*; expected such as"):
+    with pytest.raises(MisuseError, match=r"topics is .*; expected for example"):
         Rosbag(str(tmp_path), topics=topics)
 
 

@@ -17,7 +17,7 @@ from minerva_services.bridging.testing import Running
 from minerva_services.sensors.laser import Laser
 from minerva_services.sensors.rplidar import Rplidar, protocol
 from minerva_services.sensors.rplidar.packets import ExpressPackets, Samples, StandardPackets
-from minerva_services.sensors.rplidar.turns import LONGEST, Turns, ranges
+from minerva_services.sensors.rplidar.revolutions import LONGEST, RevolutionBuffer, ranges
 
 BEAMS = 120
 
@@ -112,7 +112,7 @@ def test_a_cable_pulled_in_mid_scan_and_plugged_in_again(cable, capsys):
         assert runs.state == "open"
     said = capsys.readouterr().out.splitlines()
     assert len(said) == 3, said
-    assert "tried again until it is there" in said[1]
+    assert "retrying" in said[1]
     assert said[2] == f"the lidar at {cable.path} is back"
 
 
@@ -138,8 +138,8 @@ def test_a_lidar_in_error_is_reset_once_and_goes_on(cable):
 def test_a_lidar_that_stays_in_error_is_told(cable, capsys):
     with Emulator(cable, healths=(2,)), Running(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "its error is told")
-        assert "protects itself (error 0x8001)" in runs.state
-    assert "protects itself (error 0x8001); take off its power" in capsys.readouterr().out
+        assert "is in protection mode (error 0x8001)" in runs.state
+    assert "is in protection mode (error 0x8001); disconnect its power" in capsys.readouterr().out
 
 
 def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
@@ -147,15 +147,15 @@ def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
     cable = Cable(tmp_path / "lidar")
     with Running(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
-        assert "it is not there (is it plugged in?)" in runs.state
+        assert "no such device (is it plugged in?)" in runs.state
         cable.plug()
-        runs.wait_for(lambda: "nothing answers" in runs.state, "nobody is there")
+        runs.wait_for(lambda: "no answer" in runs.state, "nobody is there")
         failures = runs.counted("failures")
         runs.wait_for(lambda: runs.counted("failures") > failures, "and once more")
     cable.pull()
     missed, dumb = capsys.readouterr().out.splitlines()  # Each reason once.
-    assert "it is not there" in missed
-    assert "nothing answers" in dumb
+    assert "no such device" in missed
+    assert "no answer" in dumb
 
 
 def test_what_is_no_lidar_is_told(cable, monkeypatch):
@@ -164,7 +164,7 @@ def test_what_is_no_lidar_is_told(cable, monkeypatch):
 
         def chatters():
             cable.write(b"$GPGGA,no lidar at all\r\n")
-            return "makes no sense" in runs.state
+            return "unintelligible answer" in runs.state
 
         runs.wait_for(chatters, "it is told")
 
@@ -270,10 +270,10 @@ def test_of_several_samples_for_a_beam_the_nearest_hit_counts():
 
 def test_what_comes_before_the_first_turn_is_left_out_and_endless_turns_are_given_up():
     counts, stream = Counts(), fed(StandardPackets(Counts()), b"".join(islice(samples(), 800)))
-    whole = list(Turns(counts).add(stream))
+    whole = list(RevolutionBuffer(counts).add(stream))
     assert [len(turn.angles) for turn in whole] == [360, 360]
     assert whole[0].angles[0] == 0.0
-    turns = Turns(counts)
+    turns = RevolutionBuffer(counts)
     one = Samples(np.zeros(1000), np.ones(1000), np.zeros(1000, bool))
     list(turns.add(stream))
     for _ in range(LONGEST // 1000 + 1):

@@ -27,12 +27,12 @@ from rendered import FX, HEIGHT, SIZE, WIDTH, rendered, texture  # noqa: E402
 
 from minerva_services.bridging import SourceError  # noqa: E402
 from minerva_services.sensors.vision import Markers, Vision  # noqa: E402
-from minerva_services.sensors.vision.detecting import DICTIONARIES, detector, dictionary_of  # noqa: E402
+from minerva_services.sensors.vision.detection import DICTIONARIES, detector, dictionary_of  # noqa: E402
 from minerva_services.sensors.vision.edges import refined  # noqa: E402
-from minerva_services.sensors.vision.eye import _place, from_centre  # noqa: E402
 from minerva_services.sensors.vision.images import grey_of  # noqa: E402
 from minerva_services.sensors.vision.lens import Lens, WrongSize, read_lens  # noqa: E402
 from minerva_services.sensors.vision.library import opencv  # noqa: E402
+from minerva_services.sensors.vision.locator import _place, from_centre  # noqa: E402
 
 PHOTOS = Path(__file__).parents[3] / "shared" / "data" / "markers"
 WORLD = WorldInfo("w", Vocabulary.of(), 0, 0.1)
@@ -273,14 +273,14 @@ def test_calibrations_of_ros_and_by_hand(tmp_path, text):
 @pytest.mark.parametrize(
     ("data", "problem"),
     [
-        (b"", "no calibration file|no camera_matrix"),
-        (b"nonsense", "no calibration file|no camera_matrix"),
-        (b"{ 1", "no calibration file"),
-        (b"%YAML:1.0\n---\na: 1\n", "no camera_matrix of 3×3 numbers"),
-        (b"\xff\xfe\x00", "no text"),
-        (ROS.replace("610.0, ", "").encode(), "no camera_matrix"),
+        (b"", "not a calibration file|lacks a camera_matrix"),
+        (b"nonsense", "not a calibration file|lacks a camera_matrix"),
+        (b"{ 1", "not a calibration file"),
+        (b"%YAML:1.0\n---\na: 1\n", "lacks a camera_matrix of 3×3 numbers"),
+        (b"\xff\xfe\x00", "not text"),
+        (ROS.replace("610.0, ", "").encode(), "lacks a camera_matrix"),
         (ROS.replace("610.0", "-1").encode(), "fx and fy above 0"),
-        (ROS.replace("610.0", "x").encode(), "no calibration file"),
+        (ROS.replace("610.0", "x").encode(), "not a calibration file"),
         (ROS.replace("0.1, -0.2", "0.1").encode()[:-5] + b"1, 1, 1]", "distortion coefficients"),
     ],
 )
@@ -357,7 +357,7 @@ def test_a_folder_of_images_some_of_which_are_none(tmp_path, capfd):
     told = run(service)
     assert [seen.time for _, seen in told] == pytest.approx([0.0, 0.6])
     assert service.report()["garbage"] == 3
-    assert capfd.readouterr().out.count("cannot be read as an image") == 1
+    assert capfd.readouterr().out.count("not a readable image") == 1
 
 
 def test_a_still_that_loops_is_seen_in_each_frame(tmp_path):
@@ -365,8 +365,8 @@ def test_a_still_that_loops_is_seen_in_each_frame(tmp_path):
     cv2.imwrite(str(tmp_path / "one.png"), rendered(cv2, (5, 2.0, 0, 0, 0)))
     service = vision(tmp_path / "one.png", loop=True)
     service.joined(WorldInfo("w", Vocabulary.of(), 0, 1 / 60))
-    looked, sees = [], service._eye.sees
-    service._eye.sees = lambda *of: looked.append(of) or sees(*of)
+    looked, sees = [], service._locator.locate
+    service._locator.locate = lambda *of: looked.append(of) or sees(*of)
     source, stop = service.open(), Hurried(120)
     count = len(list(source.read(stop)))
     assert stop.asked[-1] == pytest.approx(count / 120, abs=0.1)
@@ -402,7 +402,7 @@ def test_images_that_are_not_the_calibrated_camera_s_are_counted(tmp_path):
 @pytest.mark.parametrize("data", [b"", b"nonsense" * 100, b"RIFF\x00\x00\x00\x00AVI LIST"])
 def test_a_video_that_is_none(tmp_path, data):
     (tmp_path / "bad.avi").write_bytes(data)
-    with pytest.raises(MinervaError, match=r"bad.avi is no video that can be read"):
+    with pytest.raises(MinervaError, match=r"bad.avi is not a readable video"):
         vision(tmp_path / "bad.avi")
 
 
@@ -487,12 +487,12 @@ def test_a_marker_becomes_the_robot_s_event():
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        ({"dictionary": "6X6_251"}, "no dictionary '6X6_251'; did you mean '6X6_250'"),
-        ({"dictionary": ""}, "expected the one that the markers are of"),
+        ({"dictionary": "6X6_251"}, "unknown dictionary '6X6_251'; did you mean '6X6_250'"),
+        ({"dictionary": ""}, "expected that of the markers"),
         ({"size": 0.0}, "size is 0; expected metres"),
         ({"size": math.nan}, "size is nan"),
-        ({"fx": 0.0}, "give calibration, a file, or fx"),
-        ({"calibration": "x"}, "give calibration, a file, or fx"),
+        ({"fx": 0.0}, "set calibration"),
+        ({"calibration": "x"}, "set calibration"),
         ({"fx": -3.0}, "fx and fy above 0"),
         ({"names": {"door": "1"}}, "a marker's number and its name"),
         ({"names": {"1": 3}}, "a marker's number and its name"),
@@ -505,7 +505,7 @@ def test_wrong_options(tmp_path, options, problem):
 
 
 def test_wrong_sources(tmp_path):
-    with pytest.raises(MinervaError, match="no file or folder"):
+    with pytest.raises(MinervaError, match="does not exist"):
         Vision(str(tmp_path / "nowhere.avi"), **SEEN)
     for option in ({"fps": -1.0}, {"width": -1}, {"mount_x": math.inf}, {"speed": -1.0}):
         with pytest.raises(MinervaError):

@@ -93,7 +93,7 @@ def test_a_stream_that_stops_and_comes_back(capfd):
             with camera(port):
                 eventually(lambda: told, "it sees again")
     said = capfd.readouterr().out
-    assert "tried again until it is there" in said
+    assert "retrying" in said
     assert f"vision: http://127.0.0.1:{port}/stream.mjpg is back\n" in said
     assert "secret" not in said
 

@@ -44,17 +44,17 @@ from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.mqtt.pattern import Pattern
-from minerva_services.bridges.mqtt.payload import Garbage, Payload
+from minerva_services.bridges.mqtt.payload import InvalidPayload, Payload
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images
 from minerva_services.bridges.ros_messages import readings as ros
 from minerva_services.bridges.rosbag.bag import open_bag
 from minerva_services.sensors.carmen.log import open_log
-from minerva_services.sensors.nmea.sentences import Useless, read_fix
+from minerva_services.sensors.nmea.sentences import SkippedSentence, read_fix
 from minerva_services.sensors.rplidar import protocol as rplidar
 from minerva_services.sensors.rplidar.packets import ExpressPackets, StandardPackets
-from minerva_services.sensors.rplidar.turns import Turns, ranges
-from minerva_services.sensors.serial_line.lines import Lines
+from minerva_services.sensors.rplidar.revolutions import RevolutionBuffer, ranges
+from minerva_services.sensors.serial_line.splitter import LineSplitter
 
 MOST = 500
 """Readings, or frames, that are looked at of one file."""
@@ -198,10 +198,10 @@ def _cdr(data):
 
 
 def _nmea(data):
-    for line in Lines(lambda what: None).feed(data):
+    for line in LineSplitter(lambda what: None).feed(data):
         try:
             read_fix(line)
-        except Useless:
+        except SkippedSentence:
             continue
 
 
@@ -209,7 +209,7 @@ def _rplidar(data):
     if rplidar.read_descriptor(data[:7]) is not None:
         rplidar.read_health(data[7:10].ljust(3, b"\0"))
     packets = (StandardPackets if data[:1] < b"\x80" else ExpressPackets)(lambda what: None)
-    turns = Turns(lambda what: None)
+    turns = RevolutionBuffer(lambda what: None)
     for begin in range(1, len(data), 61):
         for samples in packets.feed(data[begin : begin + 61]):
             for turn in turns.add(samples):
@@ -233,7 +233,7 @@ TARGETS = {
     "journal": Target(_journal, (RecordError, *PROTOCOL), 8192),
     "map": Target(_map, (MapError,)),
     "message": Target(_message, PROTOCOL),
-    "mqtt": Target(_mqtt, (MisuseError, Garbage)),
+    "mqtt": Target(_mqtt, (MisuseError, InvalidPayload)),
     "nmea": Target(_nmea, ()),
     "record": Target(_record, (RecordError,), 32768),
     "rplidar": Target(_rplidar, (MinervaError,)),

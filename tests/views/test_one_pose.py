@@ -87,11 +87,11 @@ def test_the_page(moment):
     pytest.importorskip("viser", reason="pip install 'minerva-bus[web]'")
     from web_world import listened
 
-    from minerva_services.views.web.stage import Stage
+    from minerva_services.views.web.page_scene import PageScene
 
     scene, x, y = moment
     with listened() as (server, _):
-        Stage(server).show(Lists(vocabulary).picture(scene, {}))
+        PageScene(server).show(Lists(vocabulary).picture(scene, {}))
         bodies = server.scene.get_handle_by_name("/movers/bodies")
         assert bodies.batched_positions[0][:2] == pytest.approx((x, y), abs=1e-4)
 

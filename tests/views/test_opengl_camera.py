@@ -5,12 +5,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from minerva_services.views.opengl.camera import Camera
+from minerva_services.views.opengl.camera import OrbitCamera
 
 SIZE = 900, 600
 PLACES = st.floats(-50, 50)
 CAMERAS = st.builds(
-    Camera,
+    OrbitCamera,
     target=st.tuples(PLACES, PLACES, st.floats(0, 2)),
     azimuth=st.floats(-180, 180),
     elevation=st.floats(8, 90),
@@ -63,10 +63,10 @@ def test_to_pan_moves_the_floor_with_the_mouse(camera, dx, dy):
 
 
 def test_it_looks_as_a_map_does_and_never_from_below():
-    x, y = Camera(elevation=90).project(np.array([[1.0, 2.0, 0.0]]), *SIZE)[0]
+    x, y = OrbitCamera(elevation=90).project(np.array([[1.0, 2.0, 0.0]]), *SIZE)[0]
     assert x > 450
     assert y < 300
-    assert Camera().orbited(0, 500).elevation == 90
-    assert Camera().orbited(0, -500).elevation == 8
-    assert np.isnan(Camera().project(np.array([[0.0, -100.0, 0.0]]), *SIZE)).all()
-    assert Camera(elevation=8).ground(450, 0, *SIZE) is None
+    assert OrbitCamera().orbited(0, 500).elevation == 90
+    assert OrbitCamera().orbited(0, -500).elevation == 8
+    assert np.isnan(OrbitCamera().project(np.array([[0.0, -100.0, 0.0]]), *SIZE)).all()
+    assert OrbitCamera(elevation=8).ground(450, 0, *SIZE) is None

@@ -24,7 +24,7 @@ from opengl_world import (
 from minerva_bus import EMPTY
 from minerva_bus.semantics.picture import Discs, Picture
 from minerva_services.views.opengl.drums import instances
-from minerva_services.views.opengl.ribbons import ribbon, ways
+from minerva_services.views.opengl.ribbons import raised_lines, ribbon
 from minerva_services.views.sprites.painter import SpritePainter
 from minerva_services.views.window.painter import Beams, Sight
 from minerva_services.views.window.picking import Hit, pick
@@ -103,14 +103,14 @@ def test_what_shines_through_tints_floor_and_wall_tops():
 
 def test_a_matrix_that_changes_is_drawn_anew_and_one_that_does_not_is_kept():
     painter, before = drawn(floor())
-    known = painter._stage._floors._shown
+    known = painter._scene._floors._shown
     painter.draw(Sight(picture(floor())))
-    assert painter._stage._floors._shown[0] is not known[0]
+    assert painter._scene._floors._shown[0] is not known[0]
     same = picture(floor())
     kept = []
     for _ in range(2):
         painter.draw(Sight(Picture((*same.items,))))
-        kept.append(painter._stage._floors._shown[0])
+        kept.append(painter._scene._floors._shown[0])
     assert kept[0] is kept[1]
     assert np.array_equal(before, painter.pixels())
     painter.draw(Sight(picture(PMap(np.full((60, 40), 100, np.int16), 0.2))))
@@ -122,7 +122,7 @@ def test_signs_are_at_their_pins_and_can_be_clicked():
     painter, pixels = drawn(scene)
     balls = like(pixels, PIN, 90)
     for words, place in (("attic", (3.0, 2.0)), ("cellar", (8.0, 5.0))):
-        ball = at(painter, *place, painter._stage.pins.sizes.height)
+        ball = at(painter, *place, painter._scene.pins.sizes.height)
         assert np.hypot(*(balls - ball).T).min() < 4
         box = next(one for one in reversed(painter.labels()) if one.text == words)
         plate = (box.left + box.right) / 2, (box.top + box.bottom) / 2
@@ -144,8 +144,11 @@ def test_a_line_that_is_a_detail_of_a_disc_lies_on_it():
     )  # fmt: skip
     lines = picture(PWay((0.9, 1.1), (1.0, 1.2)) + PWay((0.9, 9.1), (1.0, 1.2))).items
     ears, way = (type(one)(one.points, one.form, "a") for one in lines)
-    assert [one.level > 0.3 for one in ways(Picture((body, ears, way)), 0.01)] == [True, False]
-    assert [one.level for one in ways(Picture((ears, body)), 0.01)] == [0.01]
+    assert [one.level > 0.3 for one in raised_lines(Picture((body, ears, way)), 0.01)] == [
+        True,
+        False,
+    ]
+    assert [one.level for one in raised_lines(Picture((ears, body)), 0.01)] == [0.01]
 
 
 def test_a_ribbon_keeps_its_width_and_counts_its_metres():
@@ -229,7 +232,7 @@ def test_ten_thousand_discs_are_one_call_and_all_of_them_are_there():
     )  # fmt: skip
     painter, _ = drawn(EMPTY, size=(1000, 1000))
     painter.draw(Sight(Picture((discs,))))
-    assert painter._stage._drums.count == n == len(instances([discs]))
+    assert painter._scene._drums.count == n == len(instances([discs]))
     pixels = painter.pixels()
     right, down, _ = painter.project(x, y, discs.height)
     lids = pixels[down.astype(int), right.astype(int)].astype(int)

@@ -298,7 +298,7 @@ device.close()
     done = run(tmp_path / "w.wav", then)
     assert done.stderr == ""
     assert done.stdout == f"sound: cannot write {tmp_path / 'w.wav'}: File too large;" + (
-        " set path to a place that can\n"
+        " set path to a writable file\n"
     )
     assert len(samples(tmp_path / "w.wav")) > 19 * 2205
 

@@ -10,11 +10,11 @@ from sprites_world import PDot, PPath, PSign, TPut, floor, picture
 
 from minerva_bus import EMPTY
 from minerva_bus.semantics.bounds import Bounds
-from minerva_services.views.sprites.camera import Camera, extent
+from minerva_services.views.sprites.camera import MapCamera, extent
 
 METRES, PIXELS = st.floats(-1e4, 1e4), st.floats(-5000, 5000)
 CAMERAS = st.builds(
-    Camera, METRES, METRES, st.floats(0.01, 1000), st.tuples(*[st.integers(50, 4000)] * 2)
+    MapCamera, METRES, METRES, st.floats(0.01, 1000), st.tuples(*[st.integers(50, 4000)] * 2)
 )
 
 
@@ -61,7 +61,7 @@ def test_all_of_the_bounds_is_to_be_seen(camera, x, y, across, along):
 
 
 def test_zoom_has_limits():
-    camera = Camera(scale=100.0)
+    camera = MapCamera(scale=100.0)
     assert camera.zoomed(999, (0, 0), (1.0, 5000.0)).scale == 5000
     assert camera.zoomed(-999, (0, 0), (1.0, 5000.0)).scale == 1
 

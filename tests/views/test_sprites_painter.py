@@ -28,12 +28,12 @@ from sprites_world import (
 
 from minerva_bus import EMPTY
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Tiles, rgb
-from minerva_services.views.sprites.camera import Camera
-from minerva_services.views.sprites.ground import Ground, averaged, colored
-from minerva_services.views.sprites.letters import one_line
+from minerva_services.views.sprites.camera import MapCamera
+from minerva_services.views.sprites.matrices import MatrixLayer, averaged, colored
 from minerva_services.views.sprites.overlay import grid_step
 from minerva_services.views.sprites.painter import SpritePainter
 from minerva_services.views.sprites.strokes import dashes
+from minerva_services.views.sprites.text import one_line
 from minerva_services.views.window.painter import Beams, Sight
 
 
@@ -122,16 +122,19 @@ def test_what_was_moved_by_hand_stays_until_all_is_to_be_seen():
 
 
 def test_a_matrix_in_the_place_of_one_that_is_gone_is_drawn_anew():
-    ground, (old,), (new,) = Ground(), *(picture(one).of(Tiles) for one in (floor(), floor(20, 9)))
-    canvas, camera = pygame.Surface((900, 600), 0, 32), Camera(4.0, 2.5, 100.0, (900, 600))
+    ground, (old,), (new,) = (
+        MatrixLayer(),
+        *(picture(one).of(Tiles) for one in (floor(), floor(20, 9))),
+    )
+    canvas, camera = pygame.Surface((900, 600), 0, 32), MapCamera(4.0, 2.5, 100.0, (900, 600))
     ground.draw(canvas, old, camera)
     keys = [(id(one.cells), id(one.form)) for one in (old, new)]
-    ground._known[keys[1]] = ground._known.pop(keys[0])
+    ground._cache[keys[1]] = ground._cache.pop(keys[0])
     ground.draw(canvas, new, camera)
     fresh = canvas.copy()
-    Ground().draw(fresh, new, camera)
+    MatrixLayer().draw(fresh, new, camera)
     assert (pygame.surfarray.array3d(fresh) == pygame.surfarray.array3d(canvas)).all()
-    assert ground._known[keys[1]].image.shape == (20, 9)
+    assert ground._cache[keys[1]].image.shape == (20, 9)
 
 
 def test_small_cells_are_averaged_not_dropped():

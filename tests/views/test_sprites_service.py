@@ -89,7 +89,7 @@ def test_a_video_misses_no_frame(tmp_path):
     ("options", "words"),
     [
         ({"draws": " , "}, "expected visual event types"),
-        ({"path": "a.png", "click": "eNothing"}, "no event type of the world"),
+        ({"path": "a.png", "click": "eNothing"}, "not an event type of the world"),
         ({"path": "/proc/none/a.png"}, "cannot write"),
     ],
 )

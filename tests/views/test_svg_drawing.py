@@ -124,5 +124,5 @@ def test_no_place_is_too_far_for_a_picture(place: float):
 
 
 def test_a_colour_that_is_none_is_refused():
-    with pytest.raises(MinervaError, match="is no colour"):
+    with pytest.raises(MinervaError, match="is not a colour"):
         picture(PUgly())

@@ -107,5 +107,5 @@ def test_without_any_font_one_line_says_what_to_do(
 
 
 def test_a_document_that_resvg_refuses_is_a_clear_error():
-    with pytest.raises(MinervaError, match="resvg refuses"):
+    with pytest.raises(MinervaError, match="resvg cannot render it"):
         png("<svg")

@@ -12,8 +12,8 @@ pytest.importorskip("viser")
 
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Texts
-from minerva_services.views.web.camera import FIELD, bounds_of, outlook
-from minerva_services.views.web.movers import bodies
+from minerva_services.views.web.camera import FIELD, bounds_of, camera_pose
+from minerva_services.views.web.discs import disc_table
 from minerva_services.views.web.picking import Clicked, clicked
 
 sides = st.floats(0.01, 1e4)
@@ -31,7 +31,7 @@ def on_screen(seen, aspect, point):
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), sides, sides, st.floats(0, 3), st.floats(0.3, 3))
 def test_the_whole_world_is_in_sight_and_fills_the_page(left, bottom, width, depth, height, aspect):
-    seen = outlook(Bounds(left, bottom, left + width, bottom + depth), height, aspect)
+    seen = camera_pose(Bounds(left, bottom, left + width, bottom + depth), height, aspect)
     places = [
         on_screen(seen, aspect, (x, y, z))
         for x in (left, left + width)
@@ -52,7 +52,7 @@ def test_bounds_are_around_all_that_is_shown():
 
 def hit(eye, at, shown, height=1.0):
     eye, at = np.array(eye, float), np.array(at, float)
-    return clicked(eye, at - eye, bodies(shown.of(Discs)), shown.of(Texts), height)
+    return clicked(eye, at - eye, disc_table(shown.of(Discs)), shown.of(Texts), height)
 
 
 def test_a_click_means_the_agent_or_the_text_it_hits():

@@ -9,9 +9,9 @@ from web_world import Nobody, listened, yard
 pytest.importorskip("viser")
 
 from minerva_bus.world.operator import LogEntry
-from minerva_services.views.web import wording
-from minerva_services.views.web.desk import Desk
-from minerva_services.views.web.diary import ALL, NOTABLE, Diary
+from minerva_services.views.web import html
+from minerva_services.views.web.controller import PageController
+from minerva_services.views.web.event_feed import ALL, NOTABLE, EventFeed
 from minerva_services.views.web.panel import Panel
 from minerva_services.views.web.picking import Clicked
 
@@ -39,7 +39,7 @@ class Room:
 
     def __init__(self, server, click=""):
         self.operator, self.stage = Nobody(), Stage()
-        self.desk = Desk(yard(self.operator), self.stage, click)
+        self.desk = PageController(yard(self.operator), self.stage, click)
         self.panel = Panel(server, "yard", yard().vocabulary, self.desk)
         self.gui = server.gui
 
@@ -63,7 +63,7 @@ class Room:
 def room():
     with listened() as (server, _):
         made = Room(server)
-        made.desk.meet({"c": "ACart", "d": "ACart", "p": "AParcel"})
+        made.desk.set_agents({"c": "ACart", "d": "ACart", "p": "AParcel"})
         yield made
         made.desk.close()
 
@@ -121,11 +121,11 @@ def test_who_does_not_listen_gets_nothing_and_the_page_says_so(room):
     room.desk.select("p")
     room.desk.order("eGo", {"place": "inn"})
     assert not room.operator.told
-    assert "p takes no eGo" in room.says()
+    assert "p does not accept eGo" in room.says()
 
 
 def test_the_only_one_that_takes_orders_is_selected(room):
-    room.desk.meet({"c": "ACart", "p": "AParcel"})
+    room.desk.set_agents({"c": "ACart", "p": "AParcel"})
     room.open()
     eventually(lambda: room.stage.selected == ["c"])
 
@@ -178,24 +178,24 @@ def test_texts_of_the_world_are_no_markup(room):
     room.operator.happenings = (LogEntry(1, 3, "eGo", 'eGo<place="<img src=x>">'),)
     room.open()
     eventually(lambda: "&lt;img src=x&gt;" in room.panel._events.content)
-    room.panel.complain("<b>no</b>")
+    room.panel.show_error("<b>no</b>")
     assert "<b>no" not in room.says()
 
 
 def test_long_values_are_cut():
-    assert wording.summary(np.zeros((182, 122))) == "182 × 122 numbers"
-    assert wording.summary((1.0,) * 400).startswith("400 values: [1, 1,")
-    assert len(wording.summary("x" * 4000)) < 50
-    assert wording.summary(3.46389583683e-14) == "3.4639e-14"
+    assert html.summary(np.zeros((182, 122))) == "182 × 122 numbers"
+    assert html.summary((1.0,) * 400).startswith("400 values: [1, 1,")
+    assert len(html.summary("x" * 4000)) < 50
+    assert html.summary(3.46389583683e-14) == "3.4639e-14"
 
 
 def test_events_of_every_frame_do_not_drown_the_rest():
-    operator, diary = Nobody(), Diary()
+    operator, diary = Nobody(), EventFeed()
     operator.events = {"eLaser": 900.0, "eGo": 0.1}
     operator.happenings = tuple(
         LogEntry(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
     )
-    diary.hear(operator.status(0))
+    diary.update(operator.status(0))
     assert [one.number for one in diary.chosen(NOTABLE, 9)] == [5]
     assert [one.number for one in diary.chosen(ALL, 3)] == [197, 198, 199]
     assert diary.choices == (NOTABLE, ALL, "eGo", "eLaser")

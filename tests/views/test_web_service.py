@@ -98,11 +98,11 @@ def test_views_lie_over_one_another_and_are_counted():
     page = Web(draws="ePicture, eShade")
     page.joined(yard(Nobody()))
     shown = []
-    with patch.object(page._stage, "show", shown.append):
+    with patch.object(page._scene, "show", shown.append):
         page.show(View(0, "eShade", PStone(0.1)))
         page.show(View(0, "ePicture", PFloor(FLOOR) + slot("ACart", "c"), {"c": cart(1.0)}))
     assert [type(item).__name__ for item in shown[-1].items] == ["Tiles", "Discs", "Discs"]
-    assert page._desk._agents == {"c": "ACart"}
+    assert page._controller._agents == {"c": "ACart"}
     assert page.report()["page_views"] == 2
     page.close()
 

@@ -23,7 +23,7 @@ pytest.importorskip("viser")
 from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, Scene
 from minerva_bus.semantics.picture import Lists
-from minerva_services.views.web.stage import Stage
+from minerva_services.views.web.page_scene import PageScene
 
 WALK = slot("ACart", "c")
 
@@ -31,7 +31,7 @@ WALK = slot("ACart", "c")
 @pytest.fixture
 def stage():
     with listened() as (server, sent):
-        made = Stage(server)
+        made = PageScene(server)
         sent.clear()
         yield made, sent, server.scene
 

@@ -9,7 +9,7 @@ from window_world import discs
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.plane import Pose
 from minerva_bus.world.readings import Scan, Sightings
-from minerva_services.views.window.beams import Scans, beams_of
+from minerva_services.views.window.beams import ScanBuffer, beams_of
 
 
 def scan(robot="b1", ranges=(1.0, 2.0, 8.0), time=0.0, **more):
@@ -42,17 +42,17 @@ def test_each_beam_is_as_long_as_it_was_measured(x, y, angle, mount, turned):
 
 
 def test_the_scan_of_the_picture_is_taken():
-    scans, picture = Scans(), Picture((discs((0.0, 0.0), (3.0, 0.0)),))
+    scans, picture = ScanBuffer(), Picture((discs((0.0, 0.0), (3.0, 0.0)),))
     for time in (0.1, 0.2, 0.3):
-        scans.take(scan(ranges=(10 * time,), time=time))
-    scans.take(Sightings("b1", (), 0.2))
+        scans.add(scan(ranges=(10 * time,), time=time))
+    scans.add(Sightings("b1", (), 0.2))
     (beams,) = scans.beams(picture, 0.2)
     assert beams.ends[0, 0] == pytest.approx(2.0)
     (beams,) = scans.beams(picture, 9.0)
     assert beams.ends[0, 0] == pytest.approx(3.0)
     (beams,) = scans.beams(picture, 0.0)  # a sensor whose clock is another: its newest
     assert beams.ends[0, 0] == pytest.approx(3.0)
-    scans.take(scan("nobody"))
+    scans.add(scan("nobody"))
     assert len(scans.beams(picture, 0.2)) == 1
-    scans.take(scan("b2"))
+    scans.add(scan("b2"))
     assert [one.x for one in scans.beams(picture, 0.2)] == [0.0, 3.0]

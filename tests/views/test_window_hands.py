@@ -5,32 +5,32 @@ from window_world import BUGS, WORDS, Ledger, shown_by, status
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.picture import Picture
-from minerva_services.views.window.deeds import Pause, Resume, Step
-from minerva_services.views.window.hands import Hands
+from minerva_services.views.window.actions import PauseAction, ResumeAction, StepAction
+from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.keys import KEYS, Action, action_of
+from minerva_services.views.window.order_types import check_named, order_types
 from minerva_services.views.window.picking import Hit
-from minerva_services.views.window.roles import check_named, roles_of
 
 ALL = ("eGo", "eBring", "eHaste", "eTurn", "eRain")
 
 
 def hands(*orders, **options):
-    made = Hands(WORDS, **options)
-    made.know(status(*(orders or ALL)))
+    made = WindowControls(WORDS, **options)
+    made.update(status(*(orders or ALL)))
     return made
 
 
 def test_roles_go_by_the_data_alone():
-    roles = roles_of(WORDS, ALL)
+    roles = order_types(WORDS, ALL)
     assert (roles.click.name, roles.pair.name, roles.slide.name) == ("eGo", "eBring", "eHaste")
-    assert roles_of(WORDS, ["eRain"]) == roles_of(WORDS, [])
-    assert roles_of(WORDS, ALL, slide="eTurn").slide.name == "eTurn"
+    assert order_types(WORDS, ["eRain"]) == order_types(WORDS, [])
+    assert order_types(WORDS, ALL, slide="eTurn").slide.name == "eTurn"
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("eGone", ""), "no event type of the world; did you mean 'eGo'"),
+        (("eGone", ""), "not an event type of the world; did you mean 'eGo'"),
         (("eBring", ""), "click is 'eBring'; its data must be one text"),
         (("", "eRain"), "slide is 'eRain'; its data must be one real"),
     ],
@@ -80,13 +80,13 @@ def test_two_clicks_aside_send_two_labels():
 
 def test_keys_pause_and_go_on_and_step():
     made = hands()
-    assert made.press(Action.PAUSE, BUGS) == Pause()
-    assert made.press(Action.PAUSE, BUGS) == Resume()
-    assert made.press(Action.STEP, BUGS) == Step()
-    assert made.press(Action.PAUSE, BUGS) == Resume()
-    made.know(status(paused=True))
-    assert made.press(Action.PAUSE, BUGS) == Resume()
-    told = [shown_by(deed).told for deed in (Pause(), Resume(), Step())]
+    assert made.press(Action.PAUSE, BUGS) == PauseAction()
+    assert made.press(Action.PAUSE, BUGS) == ResumeAction()
+    assert made.press(Action.STEP, BUGS) == StepAction()
+    assert made.press(Action.PAUSE, BUGS) == ResumeAction()
+    made.update(status(paused=True))
+    assert made.press(Action.PAUSE, BUGS) == ResumeAction()
+    told = [shown_by(deed).told for deed in (PauseAction(), ResumeAction(), StepAction())]
     assert told == [["pause"], ["resume"], ["step 1"]]
 
 
@@ -114,7 +114,7 @@ def test_following():
     made = hands()
     made.press(Action.FOLLOW, BUGS)
     assert (made.selected, made.follows) == ("b1", True)
-    made.let_go()
+    made.stop_following()
     assert (made.selected, made.follows) == ("b1", False)
     made.click(Hit(agent="b2"), double=True)
     assert (made.selected, made.follows) == ("b2", True)

@@ -8,7 +8,7 @@ from window_world import BUGS, discs, flat
 
 from minerva_bus.semantics.picture import Picture
 from minerva_services.views.window.painter import Box
-from minerva_services.views.window.picking import Hit, pick, someone, spot_of
+from minerva_services.views.window.picking import Hit, first_agent, pick, spot_of
 
 SIGN = Box("attic", 60, 60, 90, 80)
 METRES = st.floats(-20, 20)
@@ -78,5 +78,5 @@ def test_an_agent_is_where_its_disc_with_a_heading_is():
     assert spot_of(picture, "b").x == 2.0
     assert spot_of(picture, "c") is None
     assert spot_of(picture, "") is None
-    assert someone(picture) == "a"
-    assert someone(Picture()) == ""
+    assert first_agent(picture) == "a"
+    assert first_agent(Picture()) == ""

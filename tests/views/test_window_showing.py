@@ -5,14 +5,14 @@ import importlib.util
 import pytest
 
 from minerva_bus.errors import MisuseError
+from minerva_services.views.window.options import Medium, WindowOptions, has_display
 from minerva_services.views.window.screen import drivers
-from minerva_services.views.window.showing import Medium, Showing, has_display
 
 SCREEN = {"DISPLAY": ":3"}
 
 
 def showing(environment=SCREEN, **options):
-    return Showing("sprites", ("numpy",), environment=environment, **options)
+    return WindowOptions("sprites", ("numpy",), environment=environment, **options)
 
 
 def test_a_window_goes_by_the_clock():
@@ -35,7 +35,7 @@ def test_pictures_and_videos_go_by_frames_and_need_no_display():
         ({"height": 9000}, "height is 9000"),
         ({"path": "a.jpg"}, r"expected a name that ends in \.png"),
         ({"video": "a.avi"}, r"expected a name that ends in \.mp4 or \.gif"),
-        ({"path": "a.png", "video": "a.gif"}, "choose one"),
+        ({"path": "a.png", "video": "a.gif"}, "use one"),
         ({"path": "a.png", "every": -1}, "a number of frames from 0"),
         ({"video": "a.gif", "fps": -1.0}, "fps must be 0 to 120"),
         ({"video": "a.gif", "speed": 0.0}, "speed above 0"),

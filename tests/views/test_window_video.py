@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from minerva_bus.errors import MisuseError
-from minerva_services.views.window.video import Film, Timing
+from minerva_services.views.window.video import Timing, VideoWriter
 
 
 def test_a_video_goes_as_fast_as_the_world():
@@ -59,7 +59,7 @@ def frames_of(path):
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
 def test_what_was_drawn_is_in_the_video(tmp_path, suffix, count):
     pytest.importorskip("av")
-    film = Film(str(tmp_path / f"a.{suffix}"), (64, 48), 10)
+    film = VideoWriter(str(tmp_path / f"a.{suffix}"), (64, 48), 10)
     for step in range(count):
         film.add(striped(step))
     film.close()
@@ -75,7 +75,7 @@ def test_what_was_drawn_is_in_the_video(tmp_path, suffix, count):
 def test_a_video_that_was_not_finished_can_be_played(tmp_path):
     pytest.importorskip("av")
     path = tmp_path / "a.mp4"
-    film = Film(str(path), (64, 48), 10)
+    film = VideoWriter(str(path), (64, 48), 10)
     for step in range(90):
         film.add(striped(step % 8))
     (tmp_path / "copy.mp4").write_bytes(path.read_bytes())
@@ -87,7 +87,7 @@ def test_a_video_that_was_not_finished_can_be_played(tmp_path):
 @pytest.mark.parametrize("suffix", ["mp4", "gif"])
 def test_without_a_picture_there_is_no_video(tmp_path, suffix):
     pytest.importorskip("av")
-    Film(str(tmp_path / f"a.{suffix}"), (64, 48), 10).close()
+    VideoWriter(str(tmp_path / f"a.{suffix}"), (64, 48), 10).close()
     assert not list(tmp_path.iterdir())
 
 
@@ -95,5 +95,5 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
     pytest.importorskip("av")
     (tmp_path / "a.mp4").mkdir()
     with pytest.raises(MisuseError, match=r"video: cannot write .*a\.mp4") as caught:
-        Film(str(tmp_path / "a.mp4"), (64, 48), 10)
+        VideoWriter(str(tmp_path / "a.mp4"), (64, 48), 10)
     assert "\n" not in str(caught.value)

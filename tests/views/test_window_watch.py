@@ -7,9 +7,9 @@ from window_world import WORDS, Ledger, status
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
+from minerva_services.views.window.actions import OrderAction, PauseAction
 from minerva_services.views.window.caption import caption
-from minerva_services.views.window.deeds import Order, Pause
-from minerva_services.views.window.watch import Watch
+from minerva_services.views.window.monitor import WorldMonitor
 
 
 def eventually(what):
@@ -22,7 +22,7 @@ def eventually(what):
 
 def test_it_asks_again_and_again():
     ledger = Ledger()
-    watch = Watch(ledger, every=0.01)
+    watch = WorldMonitor(ledger, every=0.01)
     eventually(lambda: ledger.asked > 3)
     assert watch.status.orders == ("eGo", "eHaste")
     watch.close()
@@ -33,10 +33,10 @@ def test_it_asks_again_and_again():
 
 def test_deeds_are_done_in_their_order_and_told():
     ledger = Ledger()
-    watch = Watch(ledger, every=60.0)
-    watch.do(Pause())
+    watch = WorldMonitor(ledger, every=60.0)
+    watch.do(PauseAction())
     watch.do(None)
-    watch.do(Order(WORDS.events["eGo"]("attic")))
+    watch.do(OrderAction(WORDS.events["eGo"]("attic")))
     eventually(lambda: len(ledger.told) == 2)
     assert ledger.told == ["pause", 'order eGo<place="attic">']
     assert eventually(lambda: watch.notice) == 'sent eGo<place="attic">'
@@ -53,10 +53,10 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
             return status(paused=bool(self.told))
 
     ledger = Slow()
-    watch = Watch(ledger, every=0.01)
+    watch = WorldMonitor(ledger, every=0.01)
     eventually(lambda: watch.status)
     assert not watch.busy
-    watch.do(Pause())
+    watch.do(PauseAction())
     eventually(lambda: ledger.told)
     assert watch.busy
     assert not watch.status.paused
@@ -68,7 +68,7 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
 
 def test_a_world_that_does_not_answer_is_told_of_and_asked_again():
     ledger = Ledger(error="the world has not answered\nfor a second")
-    watch = Watch(ledger, every=0.01)
+    watch = WorldMonitor(ledger, every=0.01)
     assert eventually(lambda: watch.notice) == "the world has not answered"
     ledger.error = ""
     eventually(lambda: watch.status)
@@ -81,15 +81,15 @@ def test_a_world_without_an_operator_is_asked_once():
             self.asked += 1
             raise MisuseError("nobody can operate this world from here")
 
-    watch = Watch(Nobody(), every=0.001)
+    watch = WorldMonitor(Nobody(), every=0.001)
     eventually(lambda: not watch._thread.is_alive())
     assert watch._operator.asked == 1
     watch.close()
 
 
 def test_an_order_that_is_refused_is_told():
-    watch = Watch(Ledger(error="nobody takes eGo"), every=60.0)
-    watch.do(Order(Event("eGo", ("place",), ("x",))))
+    watch = WorldMonitor(Ledger(error="nobody takes eGo"), every=60.0)
+    watch.do(OrderAction(Event("eGo", ("place",), ("x",))))
     assert eventually(lambda: watch.notice) == "nobody takes eGo"
     watch.close()
 

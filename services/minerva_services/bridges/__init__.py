@@ -1,1 +1,1 @@
-"""Bridges to other systems: ROS 2, MQTT and XMPP, and what bridges share."""
+"""Bridges to other systems: ROS 2, MQTT and XMPP, and code that bridges share."""

@@ -1,4 +1,4 @@
-"""What all bridges to sensors share: connecting, reconnecting, and counting what happens."""
+"""Base of all bridges: connecting, reconnecting and counting."""
 
 from minerva_services.bridging.bridge import Bridge, Source, SourceError
 

@@ -1,7 +1,7 @@
-"""A bridge: a free-running publisher that reads a source which may fail, fall silent, come back.
+"""A bridge: a free-running publisher that reads a source which may fail and come back.
 
-A bridge of one's own is a `Source`, which is opened, read until it ends, and closed; connecting,
-waiting, reconnecting, counting and saying so are done here.
+To write a bridge, implement a `Source` that can be opened, read until it ends, and closed;
+connecting, waiting, reconnecting, counting and logging are done here.
 """
 
 from __future__ import annotations
@@ -22,49 +22,49 @@ from minerva_bus.world.services import Emit, Generator
 FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0
 SILENT_AFTER = 3.0
 
-Said: TypeAlias = "tuple[str, Reading] | AnyEvent"
-"""What a source says: a reading with its topic, or an event."""
+SourceItem: TypeAlias = "tuple[str, Reading] | AnyEvent"
+"""An item of a source: a reading with its topic, or an event."""
 
 
 class SourceError(MinervaError):
-    """A source cannot be opened, or has failed; it may come back."""
+    """A source cannot be opened or has failed; it may recover."""
 
 
 class Source(Protocol):
-    """Something that says readings and events until it ends."""
+    """Something that yields readings and events until it ends."""
 
-    def read(self, stop: threading.Event) -> Iterator[Said | None]:
-        """What it says, as it comes; None now and then while it says nothing.
+    def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
+        """Items as they arrive; None from time to time while there are none.
 
-        It ends when there is no more to come, or soon after `stop` is set. Raises SourceError
-        where the source fails; what is garbage is passed over and counted.
+        Ends when the source is exhausted, or soon after `stop` is set. Raises SourceError if the
+        source fails; invalid input is skipped and counted.
         """
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the source."""
         ...
 
 
 class Bridge(Generator, lockstep=False):
-    """A generator that passes on what a source says.
+    """A generator that forwards the items of a source.
 
-    A subclass opens its source, says in `publishes` and `events` what comes of it, and counts what
-    it passes over with `count`. `source` names it for people.
+    A subclass opens its source, declares its output in `publishes` and `events`, and counts skipped
+    input with `count`. `source` is its display name.
     """
 
     reconnects: bool = True
-    """Whether a source that has failed is opened anew."""
+    """Whether a failed source is reopened."""
 
     source: str = "its source"
 
     failed: bool = False
-    """Whether it has given its source up."""
+    """Whether the bridge has given up its source."""
 
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
         self._state = "not open yet"
-        self._heard_at = 0.0
+        self._received_at = 0.0
         self._lock = threading.Lock()
 
     @abstractmethod
@@ -72,66 +72,66 @@ class Bridge(Generator, lockstep=False):
         """Open the source. Raises SourceError."""
 
     def count(self, what: str, more: int = 1) -> None:
-        """Count something that happened, for `minerva list` and `top`; from any thread."""
+        """Count something, shown by `minerva list` and `top`; thread-safe."""
         with self._lock:
             self._counts[what] = self._counts.get(what, 0) + more
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """What was counted, and how the source is."""
+        """Counts, and the state of the source."""
         with self._lock:
             counts = dict(self._counts)
-        return {**counts, "source": self._how()}
+        return {**counts, "source": self._source_state()}
 
-    def _how(self) -> str:
-        silent = time.monotonic() - self._heard_at
+    def _source_state(self) -> str:
+        silent = time.monotonic() - self._received_at
         if self._state == "open" and silent > SILENT_AFTER:
             return f"silent for {silent:.0f} s"
         return self._state
 
-    # --- in a thread of its own ---
+    # --- in its own thread ---
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Pass on what the source says, until it ends or the world does."""
+        """Forward items until the source or the world ends."""
         wait = FIRST_WAIT
-        told = set[str]()  # why it was not there, since it was the last time
+        logged = set[str]()  # failures since the source was last open
         while not stop.is_set():
             try:
                 with closing(self.open()) as source:
-                    if told:
-                        self._say(f"{self.source} is back")
-                    self._state, self._heard_at = "open", time.monotonic()
+                    if logged:
+                        self._log(f"{self.source} is back")
+                    self._state, self._received_at = "open", time.monotonic()
                     wait = FIRST_WAIT
-                    told.clear()
+                    logged.clear()
                     self._pass_on(source, emit, stop)
                 self._state = "ended"
                 if not stop.is_set():
-                    self._say(f"{self.source} has ended")
+                    self._log(f"{self.source} has ended")
                 return
             except SourceError as error:
                 self._state = str(error)
                 if not self.reconnects:
                     raise
-                if self._state not in told:
-                    self._say(f"{error}; tried again until it is there")
-                told.add(self._state)
+                if self._state not in logged:
+                    self._log(f"{error}; retrying")
+                logged.add(self._state)
                 self.count("failures")
             stop.wait(wait)
             wait = min(2 * wait, LONGEST_WAIT)
 
     def _pass_on(self, source: Source, emit: Emit, stop: threading.Event) -> None:
-        for said in source.read(stop):
+        for item in source.read(stop):
             if stop.is_set():
                 return
-            if said is None:
+            if item is None:
                 continue
-            self._heard_at = time.monotonic()
-            if isinstance(said, tuple):
-                emit.publish(*said)
+            self._received_at = time.monotonic()
+            if isinstance(item, tuple):
+                emit.publish(*item)
                 self.count("readings")
             else:
-                emit(said)
+                emit(item)
                 self.count("events")
 
-    def _say(self, what: str) -> None:
+    def _log(self, what: str) -> None:
         sys.stdout.write(f"{what}\n")
         sys.stdout.flush()

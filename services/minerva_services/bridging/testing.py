@@ -1,4 +1,4 @@
-"""For tests of bridges: one runs beside the test, and what it says is gathered."""
+"""Test support for bridges: runs one in a thread and collects its output."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ STOPS_WITHIN = 10.0
 
 
 class Running:
-    """A bridge in a thread of its own, until the end of a `with` block.
+    """A bridge in its own thread, until the end of a `with` block.
 
         with Running(Anemometer("localhost:4001")) as running:
             (first,) = running.readings(1)
 
-    `published` has its readings with their topics, `emitted` its events, `error` what it raised.
+    `published` has its readings with topics, `emitted` its events, `error` the exception it raised.
     """
 
     def __init__(self, bridge: Bridge) -> None:
@@ -49,29 +49,29 @@ class Running:
             raise AssertionError(f"the bridge has not stopped within {STOPS_WITHIN:.0f} s")
 
     def __call__(self, event: AnyEvent) -> None:
-        """What the bridge emits."""
+        """Collect an emitted event."""
         self.emitted.append(event)
 
     def publish(self, topic: str, reading: Reading) -> None:
-        """What the bridge publishes."""
+        """Collect a published reading."""
         self.published.append((topic, reading))
 
     def ended(self) -> bool:
-        """Whether it runs no more."""
+        """True if the thread has ended."""
         return not self._thread.is_alive()
 
     def counted(self, what: str) -> int:
-        """How often it has counted something."""
-        found = self.bridge.report().get(what, 0)
-        return found if isinstance(found, int) else 0
+        """How often the bridge has counted something."""
+        value = self.bridge.report().get(what, 0)
+        return value if isinstance(value, int) else 0
 
     @property
     def state(self) -> str:
-        """How its source is: `open`, `ended`, or what is the matter with it."""
+        """State of its source: `open`, `ended`, or the reason of its failure."""
         return str(self.bridge.report()["source"])
 
     def wait_for(self, holds: Callable[[], object], what: str) -> None:
-        """Wait until it holds. Raises AssertionError where it does not, or the bridge failed."""
+        """Wait for a condition. Raises AssertionError on time-out or if the bridge failed."""
         until = time.monotonic() + PATIENCE
         while not holds():
             if self.error is not None:
@@ -83,7 +83,7 @@ class Running:
             time.sleep(LOOKED_EVERY)
 
     def readings(self, count: int, after: int = 0) -> list[Reading]:
-        """So many readings behind the first `after` ones, as soon as they have come."""
+        """`count` readings after the first `after`, as soon as they have arrived."""
         self.wait_for(lambda: len(self.published) >= after + count, f"{count} readings")
         return [reading for _, reading in self.published[after : after + count]]
 

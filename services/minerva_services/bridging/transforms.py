@@ -1,6 +1,6 @@
-"""Transforms of ROS as matrices.
+"""ROS transforms as matrices.
 
-Products are sums in one order: those of numpy's `@` depend on the processor.
+Products are summed in a fixed order, because numpy's `@` depends on the processor.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 
 
 def matrix_of(transform: Any) -> NDArray[np.float64]:
-    """A geometry_msgs/Transform, its quaternion (x, y, z, w) and translation (m), as (4, 4)."""
+    """A geometry_msgs/Transform, quaternion (x, y, z, w) and translation (m), as (4, 4)."""
     turned, moved = transform.rotation, transform.translation
     x, y, z, w = turned.x, turned.y, turned.z, turned.w
     return np.array(
@@ -28,16 +28,16 @@ def matrix_of(transform: Any) -> NDArray[np.float64]:
     )
 
 
-def product(one: Matrix, other: Matrix) -> Matrix:
-    """First the other transform, then the one; all (4, 4)."""
+def product(first: Matrix, second: Matrix) -> Matrix:
+    """The matrix product of two transforms, (4, 4): `second` is applied before `first`."""
     made = np.zeros((4, 4))
     for k in range(4):
-        made += one[:, k, None] * other[k]
+        made += first[:, k, None] * second[k]
     return made
 
 
 def inverse(transform: Matrix) -> Matrix:
-    """The way back from a turn and a translation, (4, 4)."""
+    """Inverse of a rotation and translation, (4, 4)."""
     made = np.eye(4)
     made[:3, :3] = transform[:3, :3].T
     made[:3, 3] = [-part for part in moved(made, transform[:3, 3].tolist())]
@@ -45,7 +45,7 @@ def inverse(transform: Matrix) -> Matrix:
 
 
 def moved(transform: Matrix, place: Sequence[float]) -> tuple[float, float, float]:
-    """A place (x, y, z) in metres after a transform, (4, 4)."""
+    """A point (x, y, z) in metres after a transform, (4, 4)."""
     x, y, z = place
     first, second, third = (a * x + b * y + c * z + d for a, b, c, d in transform[:3].tolist())
     return first, second, third

@@ -1,4 +1,4 @@
-"""gDecide and gRepresent of Table 4: one event each frame."""
+"""gDecide and gRepresent of Table 4: one event per frame."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from minerva_services.event_factory import EventFactory
 
 
 class Each(Generator):
-    """Makes one event without data each frame, for everybody who responds to its type.
+    """Emits one event without data per frame, for all agents that respond to its type.
 
     Args:
         event: the event type.
-        every: frames from one to the next; the first comes in frame 0.
+        every: frames between events; the first is in frame 0.
 
     """
 
     def __init__(self, event: str, every: int = 1) -> None:
         if every < 1:
-            raise MisuseError(f"each: every is {every}; expected a number of frames from 1")
+            raise MisuseError(f"each: every is {every}; expected an integer >= 1 (frames)")
         self._type = event
         self._every = every
 

@@ -1,4 +1,4 @@
-"""gObjective and gSpeed of Table 4: what people order, as events."""
+"""gObjective and gSpeed of Table 4: orders of people, as events."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from minerva_services.event_factory import event_type
 
 
 class Orders(Generator):
-    """Passes on what people send of one event type, and gives the first order itself if told so.
+    """Forwards orders of one event type, optionally with an initial order of its own.
 
     Args:
         event: the event type.
-        first: the data of an event in frame 0; it is for everybody who responds to its type, unless
-            `receivers` among them names agents.
+        first: data of an event in frame 0, for all agents that respond to its type, unless its
+          `receivers` name agents.
 
     """
 

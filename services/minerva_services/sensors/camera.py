@@ -14,17 +14,17 @@ from minerva_services.event_factory import EventFactory
 
 
 class Camera(Generator, events=("eCamera",)):
-    """Turns sightings into `eCamera(marker, dist, angle)`, to the robot that carries the camera.
+    """Turns sightings into `eCamera(marker, dist, angle)`, for the robot that carries the camera.
 
     `dist` is in metres, `angle` in degrees counter-clockwise from the robot's heading.
 
     Args:
         topic: the sensor topic of the sightings.
-        event: the event type; several cameras may make the same, or each its own.
-        takes: of images that come faster than frames, "newest" counts, or "all" of them.
-        nth: of images that come freely, only every n-th counts.
-        resolution: metres and degrees to whose multiples what is seen is rounded, so that two
-            cameras that differ by less say the same; 0: it is not rounded.
+        event: the event type; several cameras may share one, or use one each.
+        takes: of images that arrive faster than frames, use the "newest" or "all".
+        nth: of images that arrive asynchronously, use only every n-th.
+        resolution: metres and degrees to whose multiples values are rounded, so that cameras with
+          smaller differences agree; 0: no rounding.
 
     """
 
@@ -60,9 +60,9 @@ class Camera(Generator, events=("eCamera",)):
                     f" found {type(image).__name__}"
                 )
             to = (image.robot,)
-            for one in image.seen:
-                dist, angle = self._seen(one.distance), self._seen(one.angle)
-                yield self._marker(one.marker, dist, angle, receivers=to)
+            for sighting in image.seen:
+                dist, angle = self._seen(sighting.distance), self._seen(sighting.angle)
+                yield self._marker(sighting.marker, dist, angle, receivers=to)
 
     def _seen(self, value: float) -> float:
         step = self._resolution

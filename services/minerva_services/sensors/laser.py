@@ -1,15 +1,15 @@
 """gLaser of Table 4: an event for each obstacle that a range finder measures.
 
-A beam that meets nothing within range is no obstacle, and so no event in Table 4. It still says
-something: that way is free. `clear` makes an event of it, where a world has a type for that.
+A beam without a hit is no obstacle and therefore no event in Table 4. It still carries information:
+that direction is free. `clear` turns it into an event, if a world has a type for it.
 
-What a range means, as drivers publish it (ROS REP 117 and older conventions):
+Meaning of ranges, as published by drivers (ROS REP 117 and older conventions):
 
-| range                        | meaning                                                  |
-|------------------------------|----------------------------------------------------------|
-| above 0 and below range_max  | a hit                                                    |
-| range_max and more, infinity | no return: nothing within range                          |
-| 0, negative, -infinity, NaN  | invalid: too near, or no measurement; says nothing       |
+  | range                        | meaning                                                  |
+  |------------------------------|----------------------------------------------------------|
+  | above 0 and below range_max  | a hit                                                    |
+  | range_max and more, infinity | no return: nothing within range                          |
+  | 0, negative, -infinity, NaN  | invalid: too close, or no measurement; ignored           |
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from minerva_services.event_factory import EventFactory, event_type
 
 
 class Laser(Generator, events=("eLaser",)):
-    """Turns scans into `eLaser(dist, angle)`, to the robot that carries the sensor.
+    """Turns scans into `eLaser(dist, angle)`, for the robot that carries the sensor.
 
     `dist` is in metres from the robot's centre, `angle` in degrees counter-clockwise from its
-    heading, both as they were at the scan's first beam. It neither knows nor cares who publishes
-    the scans (4.3).
+    heading, both at the time of the scan's first beam. The publisher of the scans is irrelevant
+    (4.3).
 
-    Events of a frame that are equal are one event (eq. 6). Within a scan no two beams are equal,
-    for each has its own angle. Scans of one frame may have equal beams, where `takes` is "all" or
-    several lasers make the same event. A world that counts hits declares `time` (Seconds) in the
-    event type as well: it is filled with the time of the scan, which keeps them apart.
+    Equal events of a frame are one event (eq. 6). Beams of one scan differ by their angles. Scans
+    of one frame may have equal beams if `takes` is "all" or several lasers share an event type. A
+    world that counts hits declares `time` (Seconds) in the event type; it is set to the time of the
+    scan, which keeps such events distinct.
 
     Args:
         topic: the sensor topic of the scans.
-        event: the event type; several range sensors may make the same, or each its own.
-        every: only every so many-th beam, beginning with the first.
-        takes: of scans that come faster than frames, "newest" counts, or "all" of them.
-        nth: of scans that come freely, only every n-th counts.
-        clear: the event type for beams that meet nothing, with the same data; "" makes none.
-        clear_range: metres of such a beam that count as free at most. A surface that is dark or far
-            sends nothing back long before `range_max` of some sensors.
+        event: the event type; several range sensors may share one, or use one each.
+        every: use only every n-th beam, starting with the first.
+        takes: of scans that arrive faster than frames, use the "newest" or "all".
+        nth: of scans that arrive asynchronously, use only every n-th.
+        clear: the event type for beams without a hit, with the same data; "": none.
+        clear_range: maximum length in metres of such a beam that counts as free. Dark or distant
+          surfaces return nothing long before `range_max` of some sensors.
 
     """
 
@@ -66,7 +66,7 @@ class Laser(Generator, events=("eLaser",)):
         clear_range: float = 10.0,
     ) -> None:
         if every < 1:
-            raise MisuseError(f"laser: every is {every}; expected a number of beams from 1")
+            raise MisuseError(f"laser: every is {every}; expected an integer >= 1")
         if not (math.isfinite(clear_range) and clear_range > 0):
             raise MisuseError(
                 f"laser: clear_range is {clear_range}; expected metres, a number above 0"
@@ -74,7 +74,7 @@ class Laser(Generator, events=("eLaser",)):
         if clear == event:
             raise MisuseError(
                 f"laser: event and clear are both {event!r}; beams that hit and beams that meet"
-                " nothing need two event types"
+                " nothing require two event types"
             )
         self.takes, self.nth = takes, nth
         self.topics = (topic,)
@@ -112,10 +112,10 @@ class Laser(Generator, events=("eLaser",)):
                 yield from _events(self._free, scan, open_beams)
 
 
-def _events(maker: EventFactory, scan: Scan, columns: tuple[Reals, ...]) -> Iterator[AnyEvent]:
-    """An event for each beam, from columns of its data, (n,) each."""
+def _events(factory: EventFactory, scan: Scan, columns: tuple[Reals, ...]) -> Iterator[AnyEvent]:
+    """One event per beam, from columns of its data, (n,) each."""
     if len(columns[0]) >= MANY:
-        yield maker.many(columns, scan.robot)
+        yield factory.many(columns, scan.robot)
         return
     for beam in zip(*[column.tolist() for column in columns], strict=True):
-        yield maker(*beam, receivers=(scan.robot,))
+        yield factory(*beam, receivers=(scan.robot,))

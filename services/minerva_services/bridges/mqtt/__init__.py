@@ -1,4 +1,4 @@
-"""MQTT, both ways: what a broker's clients publish as events, and views as messages for them."""
+"""MQTT in both directions: messages become events, and views become messages."""
 
 from minerva_services.bridges.mqtt.service import Mqtt
 

@@ -1,4 +1,4 @@
-"""Where a broker is and as whom it is spoken to; secrets stay out of world files and of `repr`."""
+"""Address and credentials of a broker; secrets stay out of world files and of `repr`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 
 @dataclass(frozen=True, slots=True)
 class Login:
-    """As whom: a client id, a user, and where the password and the certificates are."""
+    """Client id, user, and where the password and certificates are stored."""
 
     client: str = ""
     user: str = ""
@@ -27,31 +27,31 @@ class Login:
 
     def __post_init__(self) -> None:
         if self.password_env and self.password_file:
-            raise MisuseError("mqtt: give password_env or password_file, not both")
+            raise MisuseError("mqtt: set password_env or password_file, not both")
         if (self.password_env or self.password_file) and not self.user:
-            raise MisuseError("mqtt: a password is a user's; give the option user")
+            raise MisuseError("mqtt: a password requires the option user")
         if self.key and not self.cert:
-            raise MisuseError("mqtt: a key is a certificate's; give the option cert")
+            raise MisuseError("mqtt: a key requires the option cert")
 
     def password(self) -> str | None:
-        """The password, read where it is kept. Raises MisuseError."""
+        """The password, read from its storage. Raises MisuseError."""
         if self.password_env:
-            found = os.environ.get(self.password_env)
-            if found is None:
-                raise MisuseError(f"mqtt: the environment has no {self.password_env}; set it")
-            return found
+            password = os.environ.get(self.password_env)
+            if password is None:
+                raise MisuseError(f"mqtt: environment variable {self.password_env} is not set")
+            return password
         if not self.password_file:
             return None
         try:
             return Path(self.password_file).read_text(encoding="utf-8").rstrip("\r\n")
         except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "no text in UTF-8"
+            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             raise MisuseError(f"mqtt: password_file {self.password_file}: {reason}") from None
 
 
 @dataclass(frozen=True, slots=True)
 class Broker:
-    """A broker's address."""
+    """Address of a broker."""
 
     host: str
     port: int
@@ -59,18 +59,18 @@ class Broker:
 
     @staticmethod
     def at(address: str) -> Broker:
-        """The broker of `mqtt://HOST[:PORT]`, or `mqtts://` for TLS. Raises MisuseError."""
-        whole = address if "://" in address else f"mqtt://{address}"
+        """Parse `mqtt://HOST[:PORT]`, or `mqtts://` for TLS. Raises MisuseError."""
+        url = address if "://" in address else f"mqtt://{address}"
         try:
-            parts = urlsplit(whole)
+            parts = urlsplit(url)
             port = parts.port
         except ValueError:
-            raise _no_broker(address) from None
-        if parts.scheme not in _PORTS or not parts.hostname or _more(parts):
-            raise _no_broker(address)
+            raise _bad_address(address) from None
+        if parts.scheme not in _PORTS or not parts.hostname or _has_extra_parts(parts):
+            raise _bad_address(address)
         if parts.username is not None or parts.password is not None:
             raise MisuseError(
-                "mqtt: user and password do not belong in the address; give the options user and"
+                "mqtt: user and password do not belong in the address; use the options user and"
                 " password_env or password_file"
             )
         return Broker(parts.hostname, port or _PORTS[parts.scheme], parts.scheme == "mqtts")
@@ -79,12 +79,12 @@ class Broker:
         return f"{self.host}:{self.port}"
 
 
-def _more(parts: SplitResult) -> bool:
+def _has_extra_parts(parts: SplitResult) -> bool:
     return bool(parts.path.strip("/") or parts.query or parts.fragment)
 
 
-def _no_broker(address: str) -> MisuseError:
-    shown = address.rpartition("@")[2]  # what stands before may be a password
+def _bad_address(address: str) -> MisuseError:
+    shown = address.rpartition("@")[2]  # the part before may contain a password
     return MisuseError(
         f"mqtt: broker is {shown!r}; expected mqtt://HOST, mqtt://HOST:PORT or mqtts://HOST for TLS"
     )

@@ -1,4 +1,4 @@
-"""One connection to a broker, from the greeting to its loss; used in one thread."""
+"""A connection to a broker, from the handshake to its loss; used by one thread."""
 
 # paho's own types leave some open.
 # pyright: reportUnknownMemberType=false
@@ -24,32 +24,32 @@ ONLINE, OFFLINE = b"online", b"offline"
 
 
 def check_library() -> None:
-    """Raises MisuseError where the library for MQTT is not installed."""
+    """Raise MisuseError if the MQTT library is not installed."""
     try:
         import paho.mqtt.client as _  # noqa: F401
     except ImportError:
-        raise MisuseError("mqtt: it needs paho-mqtt: pip install 'minerva-bus[mqtt]'") from None
+        raise MisuseError("mqtt needs paho-mqtt: pip install 'minerva-bus[mqtt]'") from None
 
 
 def tls_context(login: Login) -> ssl.SSLContext:
-    """What TLS trusts and shows. Raises MisuseError where a file is none."""
+    """The TLS context for a login. Raises MisuseError for missing or invalid files."""
     for name, path in (("ca", login.ca), ("cert", login.cert), ("key", login.key)):
         if path and not Path(path).is_file():
-            raise MisuseError(f"mqtt: {name}: there is no file {path}")
+            raise MisuseError(f"mqtt: {name}: file {path} does not exist")
     try:
         context = ssl.create_default_context(cafile=login.ca or None)
         if login.cert:
             context.load_cert_chain(login.cert, login.key or None)
     except (ssl.SSLError, OSError) as error:
-        raise MisuseError(f"mqtt: ca, cert and key are no PEM files that fit: {error}") from None
+        raise MisuseError(f"mqtt: ca, cert and key are not matching PEM files: {error}") from None
     return context
 
 
 class Connection:
-    """A broker that has greeted us.
+    """An established connection to a broker.
 
-    `receive` gets each message, within `turn`. Where `status` is a topic, it says `online` there
-    while the connection lasts, and the broker says `offline` when it is lost (the last will).
+    Calls `receive` for each message during `turn`. If `status` is a topic, the connection publishes
+    `online` there, and the broker publishes `offline` when it is lost (last will).
     """
 
     def __init__(
@@ -76,34 +76,34 @@ class Connection:
         try:
             self._connect()
         except BaseException:
-            self._hang_up()
+            self._close_socket()
             raise
         if status:
             self.publish(status, ONLINE, 1, retain=True)
 
     def subscribe(self, filters: dict[str, int]) -> None:
-        """Ask for what comes on these topic filters, each with its QoS."""
+        """Subscribe to topic filters, each with its QoS."""
         for pattern, qos in sorted(filters.items()):
             _, number = self._client.subscribe(pattern, qos)
             self._refused[number or 0] = pattern
 
     def publish(self, topic: str, payload: bytes, qos: int = 0, *, retain: bool = False) -> bool:
-        """Send a message; False where too many wait to be sent already."""
+        """Send a message; False while earlier ones are still being sent."""
         if self._client.want_write():
             return False
         return self._client.publish(topic, payload, qos, retain).rc == 0
 
     def turn(self, wait: float) -> None:
-        """Take what has come, and wait for it so many seconds at most. Raises SourceError."""
+        """Process the connection for at most `wait` seconds. Raises SourceError."""
         try:
             failed = self._client.loop(wait)
         except OSError as error:
             raise self._lost(str(error)) from None
         if failed or self._wrong:
-            raise self._lost(self._wrong or "the connection is lost")
+            raise self._lost(self._wrong or "connection lost")
 
     def close(self) -> None:
-        """Say goodbye, so that the last will is not carried out, and hang up."""
+        """Publish `offline` explicitly, disconnect and close."""
         client = self._client
         try:
             if self._status:
@@ -111,40 +111,40 @@ class Connection:
             client.disconnect()
             client.loop(0.1)
         except OSError:
-            pass  # It is lost, which is what it shall be.
-        self._hang_up()
+            pass  # already disconnected
+        self._close_socket()
 
-    # --- the greeting ---
+    # --- handshake ---
 
     def _connect(self) -> None:
         try:
             self._client.connect(self.broker.host, self.broker.port, KEEPALIVE)
         except ssl.SSLCertVerificationError as error:
-            raise self._out_of_reach(f"its certificate: {error.verify_message}") from None
+            raise self._unreachable(f"its certificate: {error.verify_message}") from None
         except (OSError, ValueError) as error:
-            raise self._out_of_reach(getattr(error, "strerror", None) or str(error)) from None
+            raise self._unreachable(getattr(error, "strerror", None) or str(error)) from None
         until = time.monotonic() + GREETED_WITHIN
         while not self._greeted:
             self.turn(0.1)
             if time.monotonic() > until:
-                raise self._out_of_reach("it does not answer as a broker does")
+                raise self._unreachable("no MQTT handshake within the time limit")
 
     def _on_connect(self, _client: Any, _data: Any, _flags: Any, code: Any, _more: Any) -> None:
         self._greeted = not code.is_failure
-        self._wrong = f"it refuses us: {code}" if code.is_failure else ""
+        self._wrong = f"connection refused: {code}" if code.is_failure else ""
 
     def _on_subscribe(self, _client: Any, _data: Any, number: int, codes: Any, _more: Any) -> None:
         pattern = self._refused.pop(number, "a topic")
         if any(code.is_failure for code in codes):
-            self._wrong = f"it refuses us the topic {pattern}"
+            self._wrong = f"subscription to {pattern} refused"
 
-    def _out_of_reach(self, why: str) -> SourceError:
-        return SourceError(f"mqtt: no connection to the broker {self.broker}: {why}")
+    def _unreachable(self, why: str) -> SourceError:
+        return SourceError(f"mqtt: cannot connect to the broker {self.broker}: {why}")
 
     def _lost(self, why: str) -> SourceError:
         return SourceError(f"mqtt: the broker {self.broker}: {why}")
 
-    def _hang_up(self) -> None:
+    def _close_socket(self) -> None:
         socket = self._client.socket()
         if socket is not None:
             socket.close()

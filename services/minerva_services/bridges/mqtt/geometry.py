@@ -9,29 +9,29 @@ from typing import Any
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import PlaneGeometry
-from minerva_services.bridges.mqtt.outbox import Message
+from minerva_services.bridges.mqtt.outbox import MqttMessage
 from minerva_services.bridges.mqtt.publication import NoTopic, Publication
 
 PLACE = ("x", "y", "angle")
 
 
-class Messages(PlaneGeometry):
-    """Gathers in `said` what topics shall say (eq. 1, in a system of messages).
+class MessageGeometry(PlaneGeometry):
+    """Collects in `messages` what topics should contain (eq. 1, in a system of messages).
 
-    α publishes a figure; β adds the transformation's parameters to the names that a topic may be
-    made of, and δ takes them away again. `x`, `y` (m) and `angle` (deg) are where the figure is.
+    α publishes a figure; β adds a transformation's parameters to the names that a topic may use,
+    and δ removes them. `x`, `y` (m) and `angle` (deg) give the figure's pose.
     """
 
     def __init__(
         self,
         vocabulary: Vocabulary,
         publications: Mapping[str, Publication],
-        complain: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         super().__init__(vocabulary)
-        self.said: dict[str, Message] = {}
+        self.messages: dict[str, MqttMessage] = {}
         self._publications = publications
-        self._complain = complain
+        self._report = report
         self._names: Mapping[str, Any] = {}
 
     def other_figure(self, figure: FigureNode) -> None:
@@ -39,19 +39,19 @@ class Messages(PlaneGeometry):
         how = self._publications.get(figure.symbol)
         if how is None:
             return
-        place = {one: getattr(self.pose, one) for one in PLACE}
+        place = {name: getattr(self.pose, name) for name in PLACE}
         own = figure.parameters
         try:
             topic, message = how.message({**self._names, **place, **own}, own)
         except NoTopic as problem:
-            self._complain(f"{figure.symbol}: {problem}")
+            self._report(f"{figure.symbol}: {problem}")
             return
-        self.said[topic] = message
+        self.messages[topic] = message
 
     def other_transformation(
         self, transformation: TransformationNode
     ) -> AbstractContextManager[Any]:
-        """β and δ: more names, and the place."""
+        """β and δ: scope of names, and the pose."""
         moved = super().other_transformation(transformation)
         return self._named(transformation.parameters, moved)
 

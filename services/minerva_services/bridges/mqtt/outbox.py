@@ -1,4 +1,4 @@
-"""The newest message for each topic, until the broker has it."""
+"""Outgoing messages: the newest per topic, until the broker has accepted it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Protocol
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
-    """What a topic shall say, and what it shall say once nobody says so any more."""
+class MqttMessage:
+    """What a topic should contain, and what it should contain once its source is gone."""
 
     payload: bytes
     qos: int = 0
@@ -19,47 +19,47 @@ class Message:
 
 
 class Sends(Protocol):
-    """What sends messages."""
+    """Something that sends messages."""
 
     def publish(self, topic: str, payload: bytes, qos: int = 0, *, retain: bool = False) -> bool:
-        """Send one; False where too many wait to be sent already."""
+        """Send a message; False while earlier ones are still being sent."""
         ...
 
 
-class Outbox:
-    """What topics shall say: a message goes out when it is another than the one before.
+class MqttOutbox:
+    """Desired content of topics; a message is sent when its payload changes.
 
-    A topic has one message at most that waits, so it is bounded by the number of topics. After a
-    new connection everything goes out again, because the broker may have forgotten it.
+    At most one message per topic waits, so the size is bounded by the number of topics. After a
+    reconnect all content is sent again, because the broker may have lost it.
     """
 
     def __init__(self, count: Callable[[str], None]) -> None:
         self.used = False
         self._count = count
-        self._wanted: dict[str, Message] = {}
-        self._waiting: dict[str, Message] = {}
+        self._wanted: dict[str, MqttMessage] = {}
+        self._waiting: dict[str, MqttMessage] = {}
         self._lock = threading.Lock()
 
-    def put(self, wanted: Mapping[str, Message]) -> None:
-        """Let topics say this from now on, and those that are not among them that they are gone."""
+    def put(self, wanted: Mapping[str, MqttMessage]) -> None:
+        """Set the desired content; topics missing from it receive their `gone` message."""
         with self._lock:
             self.used = True
             for topic, before in self._wanted.items():
                 if topic not in wanted and before.gone is not None:
-                    self._wait(topic, Message(before.gone, before.qos, before.retain))
+                    self._wait(topic, MqttMessage(before.gone, before.qos, before.retain))
             for topic, message in wanted.items():
                 before = self._wanted.get(topic)
                 if before is None or before.payload != message.payload:
                     self._wait(topic, message)
             self._wanted = dict(wanted)
 
-    def begin_anew(self) -> None:
-        """There is a new connection."""
+    def reconnected(self) -> None:
+        """Queue all content again after a reconnect."""
         with self._lock:
             self._waiting = self._waiting | self._wanted
 
     def send(self, connection: Sends) -> None:
-        """Send what waits, as far as the broker takes it; the rest waits on."""
+        """Send queued messages until the broker accepts no more; keep the rest."""
         with self._lock:
             waiting, self._waiting = self._waiting, {}
         while waiting:
@@ -72,7 +72,7 @@ class Outbox:
         with self._lock:
             self._waiting = waiting | self._waiting
 
-    def _wait(self, topic: str, message: Message) -> None:
+    def _wait(self, topic: str, message: MqttMessage) -> None:
         if self._waiting.pop(topic, None) is not None:
-            self._count("replaced")  # The broker never heard of the one before.
+            self._count("replaced")  # the previous message was never sent
         self._waiting[topic] = message

@@ -1,4 +1,4 @@
-"""Topic patterns: MQTT's topic filters, with names for their levels."""
+"""Topic patterns: MQTT topic filters whose levels have names."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _NAMED = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 class Pattern:
     """A pattern such as `home/{room}/temperature`, `home/+/#`.
 
-    `{room}` stands for one level, as `+` does, and gives it a name; a `+` is named by its number,
-    from 1. `filter` is what the broker is asked for (MQTT 3.1.1, 4.7).
+    `{room}` matches one level like `+` and names it; each `+` is named by its position, from 1.
+    `filter` is the subscription sent to the broker (MQTT 3.1.1, 4.7).
     """
 
     text: str
@@ -26,7 +26,7 @@ class Pattern:
 
     @staticmethod
     def of(text: str) -> Pattern:
-        """The pattern of a text. Raises MisuseError."""
+        """Parse a pattern. Raises MisuseError."""
         names: list[str] = []
         levels: list[str] = []
         parts: list[str] = []
@@ -43,17 +43,17 @@ class Pattern:
                 parts.append(re.escape(level) if level != "#" else ".*")
         if len(set(names)) != len(names):
             raise _wrong(text, "a name for one level only")
-        whole = "/".join(parts)
+        expression = "/".join(parts)
         if levels[-1] == "#":
-            whole = whole.removesuffix("/.*") + "(?:/.*)?" if len(levels) > 1 else ".*"
-        return Pattern(text, "/".join(levels), tuple(names), re.compile(whole, re.DOTALL))
+            expression = expression.removesuffix("/.*") + "(?:/.*)?" if len(levels) > 1 else ".*"
+        return Pattern(text, "/".join(levels), tuple(names), re.compile(expression, re.DOTALL))
 
     def levels(self, topic: str) -> Mapping[str, str] | None:
-        """The named levels of a topic; None where the topic is another one."""
-        found = self._matches.fullmatch(topic)
-        if found is None:
+        """The named levels of a topic; None if it does not match."""
+        match = self._matches.fullmatch(topic)
+        if match is None:
             return None
-        return dict(zip(self.names, found.groups(), strict=True))
+        return dict(zip(self.names, match.groups(), strict=True))
 
 
 def _levels(text: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""What a message says: JSON, or a plain text or number."""
+"""Payloads of messages: JSON, or plain text and numbers."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Any, Final, cast
 
 LONGEST: Final = 64 * 1024
 VALUE: Final = "value"
-"""What a payload is called that is no JSON object."""
+"""Name of a payload that is not a JSON object."""
 
 
-class Garbage(Exception):
-    """A message is none that could become an event; the message says why."""
+class InvalidPayload(Exception):
+    """A message cannot become an event; the text gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """A payload as a text, and as the JSON that it is; a text that is no JSON is itself."""
+    """A payload as text and as parsed JSON; text that is not JSON stands for itself."""
 
     text: str
     content: Any
 
     @staticmethod
     def of(data: bytes) -> Payload:
-        """The payload of a message. Raises Garbage."""
+        """Decode a payload. Raises InvalidPayload."""
         if len(data) > LONGEST:
-            raise Garbage(f"{len(data)} bytes, more than {LONGEST}")
+            raise InvalidPayload(f"{len(data)} bytes, the limit is {LONGEST}")
         try:
             text = data.decode()
         except UnicodeDecodeError:
-            raise Garbage("no text in UTF-8") from None
+            raise InvalidPayload("not UTF-8 text") from None
         try:
             return Payload(text, json.loads(text))
         except (ValueError, RecursionError):
@@ -39,20 +39,20 @@ class Payload:
 
     @property
     def fields(self) -> Mapping[str, Any]:
-        """The fields of a JSON object; else the payload itself, as `value`."""
+        """The fields of a JSON object; otherwise the payload itself as `value`."""
         if isinstance(self.content, dict):
             return cast("dict[str, Any]", self.content)
         return {VALUE: self.content}
 
     def at(self, path: str) -> Any:
-        """What stands at a path such as `sensors.0.celsius`; None where nothing does."""
-        found: Any = self.fields
+        """The value at a path such as `sensors.0.celsius`; None if absent."""
+        value: Any = self.fields
         for step in path.split("."):
-            if isinstance(found, Mapping):
-                found = cast("Mapping[str, Any]", found).get(step)
-            elif isinstance(found, list) and step.isdecimal():
-                items = cast("list[Any]", found)
-                found = items[int(step)] if int(step) < len(items) else None
+            if isinstance(value, Mapping):
+                value = cast("Mapping[str, Any]", value).get(step)
+            elif isinstance(value, list) and step.isdecimal():
+                items = cast("list[Any]", value)
+                value = items[int(step)] if int(step) < len(items) else None
             else:
                 return None
-        return found
+        return value

@@ -1,4 +1,4 @@
-"""What becomes of figures: what a world file says of it, read and checked."""
+"""Publications of figures: configuration in a world file, parsed and checked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.grammar.scene import Scene
-from minerva_services.bridges.mqtt.outbox import Message
+from minerva_services.bridges.mqtt.outbox import MqttMessage
 from minerva_services.bridges.mqtt.rule import checked_qos
 
 _KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
@@ -21,15 +21,15 @@ _LONGEST = 65535
 
 
 class NoTopic(Exception):
-    """A topic cannot be made of what a figure says."""
+    """A topic cannot be derived from a figure."""
 
 
 @dataclass(frozen=True, slots=True)
 class Publication:
     """How figures of one symbol are published.
 
-    `{name}` in topic and payload is a parameter of the figure, or of a transformation around it.
-    Without a payload it is a JSON object of the figure's own parameters.
+    `{name}` in topic and payload is a parameter of the figure or of a surrounding transformation.
+    Without a payload template, the payload is a JSON object of the figure's parameters.
     """
 
     topic: str
@@ -38,17 +38,17 @@ class Publication:
     qos: int = 0
     gone: str | None = None
 
-    def message(self, names: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, Message]:
-        """Topic and message of a figure, from the names in scope and its own. Raises NoTopic."""
-        topic = _NAME.sub(lambda found: _level(found[1], names), self.topic)
+    def message(self, names: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, MqttMessage]:
+        """Topic and message of a figure, from names in scope and its own. Raises NoTopic."""
+        topic = _NAME.sub(lambda match: _level(match[1], names), self.topic)
         if not topic or len(topic.encode()) > _LONGEST:
-            raise NoTopic(f"{topic[:40]!r} is no topic")
+            raise NoTopic(f"{topic[:40]!r} is not a topic")
         if self.payload:
-            text = _NAME.sub(lambda found: _word(names.get(found[1], "")), self.payload)
+            text = _NAME.sub(lambda match: _word(names.get(match[1], "")), self.payload)
         else:
             text = json.dumps(dict(own), default=_plain, ensure_ascii=False)
         gone = None if self.gone is None else self.gone.encode()
-        return topic, Message(text.encode(), self.qos, self.retain, gone)
+        return topic, MqttMessage(text.encode(), self.qos, self.retain, gone)
 
     def names(self) -> set[str]:
         """The names that it uses."""
@@ -56,23 +56,23 @@ class Publication:
 
 
 def publications_of(given: Mapping[str, Any], qos: int) -> Mapping[str, Publication]:
-    """The publications by primitive: a topic, or a table. Raises MisuseError."""
-    return {symbol: _publication(symbol, one, qos) for symbol, one in given.items()}
+    """Publications by primitive: a topic, or a table. Raises MisuseError."""
+    return {symbol: _publication(symbol, options, qos) for symbol, options in given.items()}
 
 
 def _publication(symbol: str, given: Any, qos: int) -> Publication:
     where = f"mqtt: publish.{symbol}"
-    told = {"topic": given} if isinstance(given, str) else given
-    if not isinstance(told, Mapping):
+    raw = {"topic": given} if isinstance(given, str) else given
+    if not isinstance(raw, Mapping):
         raise MisuseError(f"{where} must be a topic, or a table with one")
-    table = cast("Mapping[str, Any]", told)
+    table = cast("Mapping[str, Any]", raw)
     for key in table:
         if key not in _KEYS:
             near = nearest(key, list(_KEYS))
             raise MisuseError(f"{where} has no {key!r}{near}; it may have {', '.join(_KEYS)}")
     for key in ("topic", "payload", "gone"):
         if not isinstance(table.get(key, ""), str):
-            raise MisuseError(f"{where}: {key} must be a text")
+            raise MisuseError(f"{where}: {key} must be a string")
     topic, retain = table.get("topic", ""), table.get("retain", False)
     if not topic or set(topic) & set("+#\0"):
         raise MisuseError(f"{where}: topic is {topic!r}; expected one without + and #")
@@ -90,7 +90,7 @@ def _level(name: str, names: Mapping[str, Any]) -> str:
 
 
 def _word(value: Any) -> str:
-    """A value as devices read it: ON and OFF, numbers and texts as they are."""
+    """A value as devices expect it: ON and OFF, plain numbers and strings."""
     if isinstance(value, bool):
         return "ON" if value else "OFF"
     return value if isinstance(value, str) else json.dumps(value, default=_plain)

@@ -1,4 +1,4 @@
-"""Which messages become which events: what a world file says of it, read and checked."""
+"""Rules that turn messages into events: configuration in a world file, parsed and checked."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEVEL = re.compile(r"\{(\w+)\}")
 
 @dataclass(frozen=True, slots=True)
 class Datum:
-    """Where a datum of an event comes from: number·scale + offset, in a unit."""
+    """Source of an event's datum: value · scale + offset, in a unit."""
 
     source: str
     scale: float = 1.0
@@ -27,7 +27,7 @@ class Datum:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class TopicRule:
     """Messages on a topic that become events of a type."""
 
     pattern: Pattern
@@ -40,38 +40,38 @@ class Rule:
     qos: int = 0
 
 
-def rules_of(topics: Mapping[str, Any], qos: int) -> tuple[Rule, ...]:
-    """The rules by topic pattern: an event type, or a table, or several of them.
+def rules_of(topics: Mapping[str, Any], qos: int) -> tuple[TopicRule, ...]:
+    """The rules by topic pattern: an event type, a table, or a list of these.
 
     Raises MisuseError.
     """
-    found: list[Rule] = []
+    rules: list[TopicRule] = []
     for text, given in topics.items():
         pattern = Pattern.of(text)
         several = cast("list[Any]", given) if isinstance(given, list) else [given]
-        found += [_rule(pattern, one, qos) for one in several]
-    return tuple(found)
+        rules += [_rule(pattern, entry, qos) for entry in several]
+    return tuple(rules)
 
 
 def filled(template: str, names: Mapping[str, str]) -> str:
-    """A text with each `{name}` replaced."""
+    """The template with each `{name}` replaced."""
     return _LEVEL.sub(lambda match: names[match[1]], template)
 
 
-def _rule(pattern: Pattern, given: Any, qos: int) -> Rule:
-    told = {"event": given} if isinstance(given, str) else given
+def _rule(pattern: Pattern, given: Any, qos: int) -> TopicRule:
+    raw = {"event": given} if isinstance(given, str) else given
     where = f"mqtt: topics.{pattern.text!r}"
-    if not isinstance(told, Mapping):
+    if not isinstance(raw, Mapping):
         raise MisuseError(f"{where} must be an event type, or a table with one")
-    table = cast("Mapping[str, Any]", told)
+    table = cast("Mapping[str, Any]", raw)
     _check_keys(where, table, _KEYS)
     retained, own = table.get("retained", True), table.get("qos", qos)
     if not isinstance(retained, bool):
         raise MisuseError(f"{where}: retained must be true or false")
-    return Rule(
+    return TopicRule(
         pattern,
         _text(where, table, "event", needed=True),
-        {name: _datum(f"{where}: {name}", one) for name, one in _table(where, table)},
+        {name: _datum(f"{where}: {name}", datum) for name, datum in _table(where, table)},
         _only(where, _text(where, table, "if")),
         tuple(_templates(where, pattern, _receivers(where, table))),
         _condition(where, pattern, _text(where, table, "condition")),
@@ -81,7 +81,7 @@ def _rule(pattern: Pattern, given: Any, qos: int) -> Rule:
 
 
 def checked_qos(where: str, qos: Any) -> int:
-    """0, 1 or 2. Raises MisuseError."""
+    """Validate a QoS: 0, 1 or 2. Raises MisuseError."""
     if isinstance(qos, bool) or qos not in (0, 1, 2):
         raise MisuseError(f"{where}: qos is {qos!r}; expected 0, 1 or 2")
     return int(qos)
@@ -95,28 +95,30 @@ def _check_keys(where: str, table: Mapping[str, Any], known: tuple[str, ...]) ->
 
 
 def _text(where: str, table: Mapping[str, Any], key: str, *, needed: bool = False) -> str:
-    found = table.get(key, "")
-    if not isinstance(found, str) or (needed and not found):
-        raise MisuseError(f"{where}: {key} must be a text")
-    return found
+    value = table.get(key, "")
+    if not isinstance(value, str) or (needed and not value):
+        raise MisuseError(f"{where}: {key} must be a string")
+    return value
 
 
 def _table(where: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    found = table.get("data", {})
-    if not isinstance(found, Mapping):
+    table_ = table.get("data", {})
+    if not isinstance(table_, Mapping):
         raise MisuseError(f"{where}: data must be a table: datum = where it comes from")
-    yield from cast("Mapping[str, Any]", found).items()
+    yield from cast("Mapping[str, Any]", table_).items()
 
 
 def _datum(where: str, given: Any) -> Datum:
     if isinstance(given, str) and given:
         return Datum(given)
     if not isinstance(given, Mapping):
-        raise MisuseError(f"{where} must be a text or a table, as {{ from = 'celsius' }}")
+        raise MisuseError(f"{where} must be a string or a table, as {{ from = 'celsius' }}")
     table = cast("Mapping[str, Any]", given)
     _check_keys(where, table, _DATUM_KEYS)
     numbers = table.get("scale", 1.0), table.get("offset", 0.0)
-    if not all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers):
+    if not all(
+        isinstance(number, int | float) and not isinstance(number, bool) for number in numbers
+    ):
         raise MisuseError(f"{where}: scale and offset must be numbers")
     scale, offset = map(float, numbers)
     return Datum(_text(where, table, "from"), scale, offset, _text(where, table, "unit"))
@@ -130,24 +132,24 @@ def _only(where: str, text: str) -> Condition:
 
 
 def _receivers(where: str, table: Mapping[str, Any]) -> list[str]:
-    found = table.get("receivers", [])
-    listed: list[Any] = [found] if isinstance(found, str) else found
-    if not isinstance(listed, list) or not all(isinstance(one, str) for one in listed):
+    value = table.get("receivers", [])
+    ids: list[Any] = [value] if isinstance(value, str) else value
+    if not isinstance(ids, list) or not all(isinstance(id, str) for id in ids):
         raise MisuseError(f"{where}: receivers must be a list of ids, as ['{{room}}']")
-    return listed
+    return ids
 
 
 def _templates(where: str, pattern: Pattern, templates: list[str]) -> Iterator[str]:
     for template in templates:
         for name in _LEVEL.findall(template):
             if name not in pattern.names:
-                listed = ", ".join(pattern.names) or "none"
-                raise MisuseError(f"{where} names no level {name!r}; its levels: {listed}")
+                names = ", ".join(pattern.names) or "none"
+                raise MisuseError(f"{where} has no level {name!r}; its levels: {names}")
         yield template
 
 
 def _condition(where: str, pattern: Pattern, text: str) -> str:
-    """The condition of the events; `{room}` in it is the level as a text in quotes."""
+    """The condition template of the events; `{room}` stands for the level as a quoted string."""
     (template,) = _templates(where, pattern, [text])
     try:
         parse_condition(filled(template, dict.fromkeys(pattern.names, '""')), where)

@@ -10,9 +10,9 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.mqtt.broker import Broker, Login
 from minerva_services.bridges.mqtt.connection import Connection, check_library, tls_context
-from minerva_services.bridges.mqtt.geometry import PLACE, Messages
-from minerva_services.bridges.mqtt.making import Making
-from minerva_services.bridges.mqtt.outbox import Outbox
+from minerva_services.bridges.mqtt.event_rule import EventRule
+from minerva_services.bridges.mqtt.geometry import PLACE, MessageGeometry
+from minerva_services.bridges.mqtt.outbox import MqttOutbox
 from minerva_services.bridges.mqtt.publication import publications_of
 from minerva_services.bridges.mqtt.rule import checked_qos, rules_of
 from minerva_services.bridges.mqtt.traffic import Traffic
@@ -26,28 +26,29 @@ if TYPE_CHECKING:
 class Mqtt(Bridge, Device, lockstep=False):
     """Events from the messages of an MQTT broker, and messages from a world's views.
 
-    As a device its geometric system is one of messages: α of a primitive is a publication.
+    As a device its geometric system consists of messages: α of a primitive is a publication.
 
     Args:
         broker: `mqtt://HOST[:PORT]`, or `mqtts://` for TLS.
-        topics: what becomes an event: by topic pattern an event type, or a table, or several.
-        publish: what becomes a message: by primitive a topic, or a table.
+        topics: incoming messages: by topic pattern an event type, a table, or a list of these.
+        publish: outgoing messages: by primitive a topic, or a table.
         draws: the visual event type whose views are published.
-        every: frames from one view to the next; 0 leaves it to a generator to ask for them.
-        user: as whom; the password is in an environment variable or in a file.
+        every: frames between views; 0 leaves requesting them to a generator.
+        user: user name; its password is in an environment variable or a file.
         password_env: the environment variable.
         password_file: the file.
-        ca: a PEM file of the authorities that are trusted; the system's by default.
-        cert: a PEM file with a certificate of our own, for brokers that want one.
-        key: its key, where that is in another file.
-        client: the client id; made up by the broker by default.
-        keeps: whether the broker keeps for this client id what comes with QoS 1 or 2 while the
-            bridge is away.
-        qos: of what is asked for and published, where a table does not say: 0, 1 or 2.
-        status: a topic that says `online` while the bridge is there, and `offline` else.
-        most: events a second, at most; more wait, and are dropped where too many wait. 0: any.
-        people: whether norms take what comes in for sent by people; false: they take it for the
-            bridge's own, as a sensor's.
+        ca: a PEM file of trusted authorities; the system's by default.
+        cert: a PEM file with a client certificate, for brokers that require one.
+        key: its key, if that is in another file.
+        client: the client id; assigned by the broker by default.
+        keeps: whether the broker stores messages of QoS 1 or 2 for this client id while the bridge
+          is disconnected.
+        qos: default QoS of subscriptions and publications: 0, 1 or 2.
+        status: a topic that reads `online` while the bridge is connected, otherwise `offline`.
+        most: maximum events per second; the excess waits, and is dropped if too much waits. 0: no
+          limit.
+        people: whether norms treat incoming events as sent by people; false: as sent by the bridge,
+          like those of a sensor.
 
     """
 
@@ -76,7 +77,7 @@ class Mqtt(Bridge, Device, lockstep=False):
         super().__init__()
         self.people = people
         self._broker = Broker.at(broker)
-        _check(keeps and not client, "keeps needs a client id; give the option client")
+        _check(keeps and not client, "keeps requires the option client")
         _check(every < 0, f"every is {every}; expected a number of frames from 0")
         _check(most < 0, f"most is {most}; expected a number of events a second from 0")
         _check(bool(set(status) & set("+#\0")), f"status is {status!r}; expected a topic")
@@ -89,9 +90,9 @@ class Mqtt(Bridge, Device, lockstep=False):
         self._publications = publications_of(_mapping("publish", publish), qos)
         self.draws = (draws,) if self._publications else ()
         self.every = every
-        self._outbox = Outbox(self.count)
-        self._makings: list[Making] = []
-        self._complained: set[str] = set()
+        self._outbox = MqttOutbox(self.count)
+        self._event_rules: list[EventRule] = []
+        self._reported: set[str] = set()
 
     def generates(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(rule.event for rule in self._rules))
@@ -102,8 +103,8 @@ class Mqtt(Bridge, Device, lockstep=False):
         if self._broker.tls:
             tls_context(self._login)
         self._vocabulary = world.vocabulary
-        self._makings = [
-            Making(rule, world.vocabulary, event_type("mqtt", world, rule.event))
+        self._event_rules = [
+            EventRule(rule, world.vocabulary, event_type("mqtt", world, rule.event))
             for rule in self._rules
         ]
         self._check_publications()
@@ -111,7 +112,7 @@ class Mqtt(Bridge, Device, lockstep=False):
     def _check_publications(self) -> None:
         primitives = self._vocabulary.primitives
         around = {
-            name for one in self._vocabulary.transformations.values() for name in one.fields.names
+            name for kind in self._vocabulary.transformations.values() for name in kind.fields.names
         }
         for symbol, how in self._publications.items():
             near = nearest(symbol, list(primitives))
@@ -119,13 +120,13 @@ class Mqtt(Bridge, Device, lockstep=False):
             known = {*PLACE, *around, *primitives[symbol].fields.names}
             for name in sorted(how.names() - known):
                 near = nearest(name, sorted(known))
-                _check(True, f"publish.{symbol}: nothing has a parameter {name}{near}")
+                _check(True, f"publish.{symbol}: unknown parameter {name}{near}")
 
-    # --- in ---
+    # --- incoming ---
 
     def open(self) -> Traffic:
         return Traffic(
-            self._connect, self._makings, self._outbox, self._most, self.count, self._say
+            self._connect, self._event_rules, self._outbox, self._most, self.count, self._log
         )
 
     def _connect(self, receive: Callable[[MQTTMessage], None]) -> Connection:
@@ -133,18 +134,18 @@ class Mqtt(Bridge, Device, lockstep=False):
             self._broker, self._login, receive, keeps=self._keeps, status=self._status
         )
 
-    # --- out ---
+    # --- outgoing ---
 
     def show(self, view: View) -> None:
-        messages = Messages(self._vocabulary, self._publications, self._complain)
+        messages = MessageGeometry(self._vocabulary, self._publications, self._report_problem)
         interpret(view.scene, messages)
-        self._outbox.put(messages.said)
+        self._outbox.put(messages.messages)
 
-    def _complain(self, problem: str) -> None:
+    def _report_problem(self, problem: str) -> None:
         self.count("unpublished")
-        if problem not in self._complained and len(self._complained) < 10:
-            self._complained.add(problem)
-            self._say(f"mqtt: {problem}; such figures are counted as unpublished")
+        if problem not in self._reported and len(self._reported) < 10:
+            self._reported.add(problem)
+            self._log(f"mqtt: {problem}; such figures are counted as unpublished")
 
 
 def _check(wrong: bool, problem: str) -> None:

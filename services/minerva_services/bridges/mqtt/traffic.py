@@ -1,4 +1,4 @@
-"""What goes through one connection: messages in, which become events, and messages out."""
+"""Traffic of one connection: incoming messages become events, queued messages are sent."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_bus.grammar.events import Event
 from minerva_services.bridges.mqtt.connection import Connection
-from minerva_services.bridges.mqtt.making import Making
-from minerva_services.bridges.mqtt.outbox import Outbox
-from minerva_services.bridges.mqtt.payload import Garbage
+from minerva_services.bridges.mqtt.event_rule import EventRule
+from minerva_services.bridges.mqtt.outbox import MqttOutbox
+from minerva_services.bridges.mqtt.payload import InvalidPayload
 
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage
 
 WAITING: Final = 10_000
-"""Messages that wait for their turn, at most; the oldest are dropped."""
+"""Maximum number of queued messages; the oldest are dropped."""
 
 TURN, SHORT_TURN = 0.2, 0.02
 
 
-class Allowance:
-    """So many a second, and as many at once after a rest; 0: any number."""
+class RateLimiter:
+    """Token bucket of `most` per second with a burst of the same size; 0: unlimited."""
 
     def __init__(self, most: int, clock: Callable[[], float] = time.monotonic) -> None:
         self._most = most
@@ -33,7 +33,7 @@ class Allowance:
         self._at = clock()
 
     def take(self) -> bool:
-        """Take one, if it is allowed."""
+        """Take a token, if one is available."""
         if not self._most:
             return True
         now = self._clock()
@@ -46,33 +46,34 @@ class Allowance:
 
 
 class Traffic:
-    """A source of events by the rules of `makings`, which sends what is in the outbox too."""
+    """A source of events by the given rules, which also sends the outbox."""
 
     def __init__(
         self,
         connect: Callable[[Callable[[MQTTMessage], None]], Connection],
-        makings: Sequence[Making],
-        outbox: Outbox,
+        event_rules: Sequence[EventRule],
+        outbox: MqttOutbox,
         most: int,
         count: Callable[[str], None],
-        say: Callable[[str], None],
+        log: Callable[[str], None],
     ) -> None:
-        """Connects. Raises SourceError."""
-        self._makings = makings
+        """Connect. Raises SourceError."""
+        self._event_rules = event_rules
         self._outbox = outbox
-        self._allowed = Allowance(most)
-        self._count, self._say = count, say
+        self._allowed = RateLimiter(most)
+        self._count, self._log = count, log
         self._waiting: deque[MQTTMessage] = deque()
-        outbox.begin_anew()
+        outbox.reconnected()
         self._connection = connect(self._receive)
         filters: dict[str, int] = {}
-        for making in makings:
-            rule = making.rule
-            filters[rule.pattern.filter] = max(rule.qos, filters.get(rule.pattern.filter, 0))
+        for rule in event_rules:
+            topic_rule = rule.rule
+            pattern = topic_rule.pattern.filter
+            filters[pattern] = max(topic_rule.qos, filters.get(pattern, 0))
         self._connection.subscribe(filters)
 
     def read(self, stop: threading.Event) -> Iterator[Event | None]:
-        """The events that messages become, in their order. Raises SourceError."""
+        """The events of incoming messages, in order. Raises SourceError."""
         while not stop.is_set():
             busy = bool(self._waiting) or self._outbox.used
             self._connection.turn(SHORT_TURN if busy else TURN)
@@ -82,7 +83,7 @@ class Traffic:
             yield None
 
     def close(self) -> None:
-        """Hang up; what still waited to be sent is sent before, if the broker takes it."""
+        """Disconnect, after sending what the broker still accepts."""
         self._outbox.send(self._connection)
         self._connection.close()
 
@@ -94,20 +95,20 @@ class Traffic:
             self._count("dropped")
 
     def _events(self, message: MQTTMessage) -> Iterator[Event]:
-        for making in self._makings:
-            if message.retain and not making.rule.retained:
+        for rule in self._event_rules:
+            if message.retain and not rule.rule.retained:
                 self._count("passed over")
                 continue
             try:
-                made = making(message.topic, bytes(message.payload))
-            except Garbage as garbage:
+                made = rule(message.topic, bytes(message.payload))
+            except InvalidPayload as problem:
                 self._count("garbage")
-                self._say_once(making, f"{message.topic}: {garbage}")
+                self._log_once(rule, f"{message.topic}: {problem}")
                 continue
             if made is not None:
                 yield made
 
-    def _say_once(self, making: Making, what: str) -> None:
-        if not making.complained:
-            making.complained = True
-            self._say(f"mqtt: {what}; such messages are counted as garbage")
+    def _log_once(self, rule: EventRule, what: str) -> None:
+        if not rule.reported:
+            rule.reported = True
+            self._log(f"mqtt: {what}; such messages are counted as garbage")

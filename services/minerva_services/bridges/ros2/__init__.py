@@ -1,4 +1,4 @@
-"""ROS 2 robots over Zenoh, without ROS: what they measure, their motors, and RViz."""
+"""ROS 2 robots over Zenoh, without ROS: sensors, motors, and RViz."""
 
 from minerva_services.bridges.ros2.body import Ros2Robot
 from minerva_services.bridges.ros2.sensors import Ros2

@@ -1,6 +1,6 @@
-"""Carries out one command after another: which velocity when, and when to stop.
+"""Executes commands one after another: which velocity to send when, and when to stop.
 
-Times are seconds of one monotonic clock that is passed in, so there is no clock in here.
+Times are seconds of a monotonic clock passed in by the caller, so this module reads no clock.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.world.poses import Pose
-from minerva_services.bridges.ros2.geometry import Command
-from minerva_services.bridges.ros2.steering import Course, Limits, Velocity, driven, steer
-from minerva_services.bridges.ros2.track import SUDDEN, Track
+from minerva_services.bridges.ros2.geometry import MotorCommand
+from minerva_services.bridges.ros2.steering import CommandPath, MotorLimits, Velocity, driven, steer
+from minerva_services.bridges.ros2.track import SUDDEN, OdometryTrack
 
 _STOPPING: Final = 0.5
-"""Seconds for which a stop is repeated, before others may drive the robot."""
+"""Seconds for which a stop is repeated before other nodes may drive the robot."""
 
 _PROGRESS: Final = 0.005
-"""Metres that a robot must come nearer to be on its way."""
+"""Minimum approach in metres that counts as progress."""
 
 _RIM: Final = 0.2
-"""Metres from a robot's centre at which turning counts as much as driving."""
+"""Distance in metres from the centre at which turning counts as much as driving."""
 
 _REST: Final = (0.01, 1.0)
-"""Metres and degrees that may be missing where the robot is to stand."""
+"""Tolerance in metres and degrees for standing still."""
 
 _DELAY: Final = 0.02
 _LATEST: Final = 0.15
-"""Seconds that odometry is late, at least and at most."""
+"""Latency bounds of odometry in seconds."""
 
 STILL: Final = Velocity()
 
 
 class State(Enum):
-    """How a command is doing."""
+    """Progress of a command."""
 
     DRIVING = "driving"
     DONE = "done"
@@ -46,12 +46,12 @@ class State(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Care:
-    """How exactly and for how long commands are carried out.
+class DriveTolerances:
+    """Precision and time-outs of commands.
 
-    `near` metres and `aligned` degrees are what may be missing when the next command begins; one
-    that comes no nearer for `patience` seconds is blocked. Without odometry for `silence` seconds,
-    or without a command for `dead_man` seconds, the robot stops.
+    The next command begins within `near` metres and `aligned` degrees of the goal; a command
+    without progress for `patience` seconds is blocked. Without odometry for `silence` seconds, or
+    without a command for `dead_man` seconds, the robot stops.
     """
 
     near: float = 0.1
@@ -61,109 +61,122 @@ class Care:
     dead_man: float = 0.5
 
 
-class Driver:
-    """Where a robot should be in the frame of its odometry, and what takes it there.
+@dataclass(slots=True)
+class _Progress:
+    """Best approach to the goal in metres, and the time of the last progress."""
 
-    Any thread may call; each call is short.
+    best: float = math.inf
+    at: float = 0.0
+
+    def stalled_for(self, missing: float, now: float) -> float:
+        """Seconds without progress, given the metres that are missing now."""
+        if missing < self.best - _PROGRESS:
+            self.best, self.at = missing, now
+        return now - self.at
+
+
+class Driver:
+    """The goal in the frame of odometry, and the velocities that lead there.
+
+    Thread-safe; all calls are short.
     """
 
-    def __init__(self, limits: Limits, care: Care) -> None:
-        self.limits, self.care = limits, care
-        self.track = Track(limits.speed, limits.turn)
+    def __init__(self, limits: MotorLimits, tolerances: DriveTolerances) -> None:
+        self.limits, self.tolerances = limits, tolerances
+        self.track = OdometryTrack(limits.speed, limits.turn)
         self.jumps = 0
         self._lock = threading.RLock()
         self._goal: Pose | None = None
-        self._course: Course | None = None
+        self._path: CommandPath | None = None
         self._turns = False
         self._ends = 0.0
-        self._heard = -math.inf
+        self._updated = -math.inf
         self._wanted_until = -math.inf
-        self._best = math.inf
-        self._best_at = 0.0
+        self._progress = _Progress()
         self._sent, self._sent_at = STILL, -math.inf
         self._stopped = False
 
     @property
     def goal(self) -> Pose | None:
-        """Where the robot is believed to be once the command is done; None before odometry."""
+        """Where the robot will be once the command is done; None before odometry."""
         return self._goal
 
     @property
     def offset(self) -> Pose:
-        """Where odometry has the robot, as seen from where it is believed to be."""
+        """The odometry pose relative to where the robot is believed to be."""
         with self._lock:
             goal = self._goal or Pose()
             return goal.seen(self.track.newest or goal)
 
     def set_goal(self, goal: Pose) -> None:
-        """Go on from where a predecessor had brought it."""
+        """Continue from a predecessor's goal."""
         with self._lock:
             self._goal = goal
 
-    def heard(self, time: float, pose: Pose, now: float) -> None:
-        """Odometry has the robot at a pose, at a time of the robot's own clock."""
+    def update(self, time: float, pose: Pose, now: float) -> None:
+        """Process an odometry pose, with its time on the robot's own clock."""
         with self._lock:
             before = self.track.newest
             jumped = self.track.add(time, pose)
             if before is None:
-                self._meet(pose)
+                self._start(pose)
             elif jumped:
                 self.jumps += 1
                 self._carry_over(before, pose)
-            self._heard = now
+            self._updated = now
 
-    def listening(self, now: float) -> bool:
-        """Whether odometry is heard."""
-        return now - self._heard <= self.care.silence
+    def has_odometry(self, now: float) -> bool:
+        """True while odometry arrives."""
+        return now - self._updated <= self.tolerances.silence
 
-    def begin(self, command: Command, seconds: float, now: float) -> None:
-        """Set out on a command, from where the one before should have led."""
+    def begin(self, command: MotorCommand, seconds: float, now: float) -> None:
+        """Start a command where the previous one should have ended."""
         with self._lock:
             assert self._goal is not None
-            self._course = Course(self._goal, command)
-            self._goal = self._course.end
+            self._path = CommandPath(self._goal, command)
+            self._goal = self._path.end
             self._turns = False
             self._ends = now + seconds
-            self._best, self._best_at = math.inf, now
-            self._wanted_until = now + seconds + self.care.dead_man
+            self._progress = _Progress(at=now)
+            self._wanted_until = now + seconds + self.tolerances.dead_man
 
     def state(self, now: float) -> State:
-        """How the command is doing; it stays wanted as long as this is asked."""
+        """Progress of the command; asking keeps it alive."""
         with self._lock:
-            if not self.listening(now):
-                self._best_at = now
+            if not self.has_odometry(now):
+                self._progress.at = now
                 return State.LOST
-            self._wanted_until = max(self._wanted_until, now + self.care.dead_man)
+            self._wanted_until = max(self._wanted_until, now + self.tolerances.dead_man)
             if now < self._ends:
-                self._best_at = now
+                self._progress.at = now
                 return State.DRIVING
-            if self._course is None or self._course.command == Command():
+            if self._path is None or self._path.command == MotorCommand():
                 return State.DONE
             return self._arrival(now)
 
     def give_up(self) -> float:
-        """Want no more of this command; the metres that were not driven, 0 if nearly all were.
+        """Abort the command; the distance not driven in metres, 0 if within tolerance.
 
-        With so much missing the robot is taken to be where it is along its heading.
+        If the shortfall is larger, the robot is assumed to be where it is along its heading.
         """
         with self._lock:
-            course, self._course = self._course, None
+            course, self._path = self._path, None
             goal = self._goal or Pose()
             short = -goal.seen(self.track.newest or goal).x
             forward = course.command.forward if course is not None else 0.0
-            if math.copysign(1.0, forward) * short <= self.care.near:
+            if math.copysign(1.0, forward) * short <= self.tolerances.near:
                 return 0.0
             self._goal = goal.then(Pose(x=-short))
             return abs(short)
 
     def stop(self) -> None:
-        """Want nothing any more."""
+        """Stop permanently."""
         with self._lock:
-            self._course, self._wanted_until = None, -math.inf
+            self._path, self._wanted_until = None, -math.inf
             self._stopped = True
 
     def velocity(self, now: float) -> Velocity | None:
-        """What to tell the motors now; None: nothing, for nobody wants the robot to move."""
+        """The velocity to send now; None if nothing is to be driven."""
         with self._lock:
             if self._stopped:
                 return STILL
@@ -175,52 +188,51 @@ class Driver:
             return self._sent
 
     def _chosen(self, now: float) -> Velocity:
-        if now > self._wanted_until or not self.listening(now) or self._course is None:
+        if now > self._wanted_until or not self.has_odometry(now) or self._path is None:
             return STILL
-        if self._course.command == Command() and self._is_there(now, *_REST):
+        if self._path.command == MotorCommand() and self._is_there(now, *_REST):
             return STILL
         pose = self._pose(now)
-        self._turns = self._turns or self._course.reached(pose)
-        towards = self._course.end if self._turns else self._course.start
+        self._turns = self._turns or self._path.reached(pose)
+        towards = self._path.end if self._turns else self._path.start
         wanted = steer(pose, towards, self.limits)
         elapsed = min(max(0.0, now - self._sent_at), 0.2)
         return self.limits.slewed(self._sent, wanted, elapsed)
 
     def _arrival(self, now: float) -> State:
-        if self._is_there(now, self.care.near, self.care.aligned):
+        if self._is_there(now, self.tolerances.near, self.tolerances.aligned):
             return State.DONE
         missing = self._missing(now)
         far = abs(missing.x) + _RIM * math.radians(abs(missing.angle))
-        if far < self._best - _PROGRESS:
-            self._best, self._best_at = far, now
-        return State.BLOCKED if now - self._best_at > self.care.patience else State.DRIVING
+        stalled = self._progress.stalled_for(far, now)
+        return State.BLOCKED if stalled > self.tolerances.patience else State.DRIVING
 
     def _is_there(self, now: float, near: float, aligned: float) -> bool:
         missing = self._missing(now)
         return abs(missing.x) <= near and abs(missing.angle) <= aligned
 
     def _pose(self, now: float) -> Pose:
-        """Where the robot is: where odometry had it, and what it was told since."""
-        late = min(max(0.0, now - self._heard) + _DELAY, _LATEST)
+        """Estimated pose: the last odometry, extrapolated by the velocity sent since."""
+        late = min(max(0.0, now - self._updated) + _DELAY, _LATEST)
         return driven(self.track.newest or Pose(), self._sent, late)
 
     def _missing(self, now: float) -> Pose:
-        """What is missing to the goal: along its heading, to its left, and of the turn."""
+        """Remaining displacement to the goal: ahead, left, and turn."""
         seen = (self._goal or Pose()).seen(self._pose(now))
         return Pose(-seen.x, -seen.y, -seen.angle)
 
-    def _meet(self, pose: Pose) -> None:
-        """The first odometry: a goal from before it that is not near was of another one."""
+    def _start(self, pose: Pose) -> None:
+        """First odometry: a restored goal that is far away belongs to another odometry frame."""
         missing = pose.seen(self._goal or pose)
-        far = portable.hypot(missing.x, missing.y) > SUDDEN.x + self.care.near
+        far = portable.hypot(missing.x, missing.y) > SUDDEN.x + self.tolerances.near
         if self._goal is None or far:
             self.jumps += far
             self._goal = pose
 
     def _carry_over(self, before: Pose, after: Pose) -> None:
-        """Odometry counts anew from elsewhere, and the robot stands where it stood."""
+        """Odometry restarted elsewhere: keep the robot at its place and shift the goal."""
         if self._goal is not None:
             self._goal = after.then(before.seen(self._goal))
-        if self._course is not None:
-            start = after.then(before.seen(self._course.start))
-            self._course = Course(start, self._course.command)
+        if self._path is not None:
+            start = after.then(before.seen(self._path.start))
+            self._path = CommandPath(start, self._path.command)

@@ -1,6 +1,6 @@
-"""ROS 2 messages from and to CDR, and the hashes of their types."""
+"""ROS 2 messages to and from CDR, and type hashes."""
 
-# rosbags makes the classes of messages as it goes, so nobody can know their types.
+# rosbags creates message classes at run time, so their types are unknown statically.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _VISION: Final = {
 }
 
 
-class Messages:
-    """All message types that are spoken here. Raises MisuseError where rosbags is missing."""
+class MessageTypes:
+    """All supported message types. Raises MisuseError if rosbags is missing."""
 
     def __init__(self) -> None:
         try:
@@ -59,7 +59,7 @@ class Messages:
         return self._store.hash_rihs01(message)
 
     def make(self, message: str, **fields: Any) -> Any:
-        """A message with these fields, which must be all of them."""
+        """A message with these fields; all are required."""
         return self._store.types[message](**fields)
 
     def encode(self, message: str, value: Any) -> bytes:
@@ -70,10 +70,10 @@ class Messages:
         """A message from CDR. Raises GarbageError."""
         try:
             return self._store.deserialize_cdr(data, message)
-        except Exception as error:  # Garbage runs into whatever it runs into.
-            raise GarbageError(f"{len(data)} bytes are no {message}") from error
+        except Exception as error:  # decoders raise many types for invalid bytes
+            raise GarbageError(f"{len(data)} bytes are not a {message}") from error
 
-    # --- parts that many messages have ---
+    # --- parts shared by several messages ---
 
     def time(self, nanoseconds: int) -> Any:
         """A Time."""
@@ -112,13 +112,13 @@ class Messages:
         )  # fmt: skip
 
     def twist(self, speed: float, turn: float) -> Any:
-        """A Twist of a robot in the plane: metres and degrees per second."""
+        """A Twist of a planar robot: metres and degrees per second."""
         return self.make(
             TWIST, linear=self.vector(speed), angular=self.vector(z=math.radians(turn))
         )
 
 
 @cache
-def messages() -> Messages:
-    """The message types, made once."""
-    return Messages()
+def messages() -> MessageTypes:
+    """The message types, created once."""
+    return MessageTypes()

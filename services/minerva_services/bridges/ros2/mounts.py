@@ -1,4 +1,4 @@
-"""How a sensor is mounted, given by a person or told by the robot."""
+"""Sensor mounts, from options or from the robot's transforms."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import math
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Mount
-from minerva_services.bridges.ros_messages import Frames, GarbageError, Mounting
+from minerva_services.bridges.ros_messages import Frames, GarbageError, SensorMount
 
 
 class UnplacedError(GarbageError):
     """A message of a sensor whose mount is not known yet."""
 
 
-def mounting_of(frames: Frames, base: str, frame: str, given: Mount | None) -> Mounting:
-    """How a sensor is mounted: as given, or as its frame's transform says. Raises UnplacedError."""
+def mounting_of(frames: Frames, base: str, frame: str, given: Mount | None) -> SensorMount:
+    """A sensor's mount: as given, or from its frame's transform. Raises UnplacedError."""
     if given is not None:
-        return Mounting(given)
-    found = frames.mounting(base, frame)
-    if found is None:
+        return SensorMount(given)
+    mounting = frames.mounting(base, frame)
+    if mounting is None:
         raise UnplacedError(f"no transform from {frame} to {base}")
-    return found
+    return mounting
 
 
 def mount_of(text: str) -> Mount | None:
-    """A mount from "x, y, degrees"; None from "". Raises MisuseError."""
+    """Parse "x, y, degrees"; None for "". Raises MisuseError."""
     if not text.strip():
         return None
     try:

@@ -1,8 +1,8 @@
-"""How ROS 2 topics are laid out on a Zenoh network: keys, liveliness tokens and attachments.
+"""Layout of ROS 2 topics on a Zenoh network: keys, liveliness tokens and attachments.
 
-There are two layouts. *rmw_zenoh* is that of ROS 2's own middleware for Zenoh [rmw_zenoh,
-docs/design.md], *dds* that of a zenoh-bridge-ros2dds beside a robot that speaks DDS. In both the
-payload is the message in CDR.
+There are two layouts: *rmw_zenoh* is that of ROS 2's own middleware for Zenoh [rmw_zenoh,
+docs/design.md], *dds* that of a zenoh-bridge-ros2dds next to a DDS robot. The payload is the
+message in CDR in both.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ LAYOUTS: Final = ("rmw_zenoh", "dds")
 ENDPOINTS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED: Final = ("tls", "quic")
 NO_HASH: Final = "TypeHashNotSupported"
-"""What ROS 2 Humble, which has no type hashes, writes in place of one."""
+"""Placeholder used by ROS 2 Humble, which has no type hashes."""
 
 GID_BYTES: Final = 16
 _ATTACHMENT: Final = struct.Struct(f"<qqB{GID_BYTES}s")
 _QOS: Final = "::,10:,:,:,,"
-"""Reliable, volatile, the last 10: ROS 2's default, of which only the depth is written."""
+"""Reliable, volatile, depth 10: ROS 2's default, of which only the depth is written."""
 
 _LASTING_QOS: Final = ":1:,1:,:,:,,"
-"""The same, but transient local and the last one only."""
+"""The same, but transient local with depth 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """PEM files for a link over TLS: who has signed the router's certificate, and our own.
+    """PEM files for TLS: the authority of the router's certificate, and our own certificate.
 
-    Raises MisuseError where one is not there, or a certificate is without its key.
+    Raises MisuseError for a missing file or a certificate without key.
     """
 
     authority: str = ""
@@ -47,13 +47,13 @@ class Tls:
             if path and not Path(path).is_file():
                 raise MisuseError(f"ros2: {name} is {path!r}; expected a PEM file")
         if bool(self.certificate) != bool(self.key):
-            raise MisuseError("ros2: certificate and key belong together; give both or neither")
+            raise MisuseError("ros2: certificate and key belong together; set both or neither")
 
     def __bool__(self) -> bool:
         return bool(self.authority or self.certificate)
 
     def settings(self) -> dict[str, str | bool]:
-        """The same as Zenoh has it, under transport/link/tls."""
+        """The settings in Zenoh's format, for transport/link/tls."""
         files = {
             "root_ca_certificate": self.authority,
             "connect_certificate": self.certificate,
@@ -64,12 +64,12 @@ class Tls:
 
 
 @dataclass(frozen=True, slots=True)
-class Network:
-    """Where a robot's Zenoh network is, and how ROS 2 is laid out on it.
+class Ros2Network:
+    """Address of a robot's Zenoh network, and the layout of ROS 2 on it.
 
-    `router` is the endpoint of it (rmw_zenohd, zenohd or zenoh-bridge-ros2dds); `domain`
-    is the ROS domain, of rmw_zenoh; `namespace` stands before all topics that do not begin with /.
-    `tls` is for a link that is secured. Raises MisuseError for what cannot be.
+    `router` is its endpoint (rmw_zenohd, zenohd or zenoh-bridge-ros2dds); `domain` is the ROS
+    domain of rmw_zenoh; `namespace` precedes all topics that do not begin with /. `tls` configures
+    a secured link. Raises MisuseError for invalid values.
     """
 
     router: str
@@ -86,10 +86,10 @@ class Network:
                 f" expected {' or '.join(LAYOUTS)}"
             )
         if self.router.partition("/")[0] not in ENDPOINTS or not self.router.partition("/")[2]:
-            raise MisuseError(f"ros2: {self.router!r} is no endpoint; expected tcp/HOST:7447")
+            raise MisuseError(f"ros2: {self.router!r} is not an endpoint; expected tcp/HOST:7447")
         if self.tls and self.router.partition("/")[0] not in SECURED:
             raise MisuseError(
-                f"ros2: certificates are for tls/ and quic/, and the router is {self.router}"
+                f"ros2: certificates require tls/ or quic/, but the router is {self.router}"
             )
         if not 0 <= self.domain <= 232:
             raise MisuseError(f"ros2: domain is {self.domain}; expected 0 to 232")
@@ -97,7 +97,7 @@ class Network:
             check_name("namespace", self.namespace)
 
     def name(self, topic: str) -> str:
-        """A topic's full name without its first slash. Raises MisuseError."""
+        """A topic's full name without the leading slash. Raises MisuseError."""
         check_name("a topic", topic)
         if topic.startswith("/") or not self.namespace.strip("/"):
             return topic.strip("/")
@@ -112,19 +112,19 @@ class Network:
         return f"{self.domain}/{name}/{dds_type(message)}/{shown}"
 
     def pattern(self, topic: str, message: str) -> str:
-        """The keys on which a topic is heard: of any version of its type."""
+        """The key expression for a topic, for any version of its type."""
         name = self.name(topic)
         return name if self.layout == "dds" else f"{self.domain}/{name}/{dds_type(message)}/*"
 
     def node_token(self, session: str, node: str) -> str:
-        """The liveliness token by which a node is seen in the ROS graph."""
+        """The liveliness token that announces a node in the ROS graph."""
         return f"@ros2_lv/{self.domain}/{session}/0/0/NN/%/%/{node}"
 
     def topic_token(
         self, session: str, node: str, entity: int, kind: Literal["MP", "MS"],
         topic: str, message: str, type_hash: str, *, lasting: bool,
     ) -> str:  # fmt: skip
-        """That of a publisher (MP) or a subscription (MS); `lasting` is transient local."""
+        """The token of a publisher (MP) or subscription (MS); `lasting` means transient local."""
         name = "%" + self.name(topic).replace("/", "%")
         shown = NO_HASH if self.humble else type_hash
         return (
@@ -135,7 +135,7 @@ class Network:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """What comes with each message in rmw_zenoh: its number, its time, and who published it."""
+    """Attachment of a message in rmw_zenoh: sequence number, time and publisher."""
 
     sequence: int
     nanoseconds: int
@@ -147,23 +147,26 @@ class Attachment:
 
     @staticmethod
     def unpacked(data: bytes) -> Attachment:
-        """The same back. Raises MisuseError for other bytes."""
+        """Inverse of `packed`. Raises MisuseError for other bytes."""
         if len(data) != _ATTACHMENT.size or data[16] != GID_BYTES:
-            raise MisuseError(f"{len(data)} bytes are no attachment; expected {_ATTACHMENT.size}")
+            raise MisuseError(
+                f"{len(data)} bytes are not an attachment; expected {_ATTACHMENT.size}"
+            )
         sequence, nanoseconds, _, gid = _ATTACHMENT.unpack(data)
         return Attachment(sequence, nanoseconds, gid)
 
 
 def dds_type(message: str) -> str:
-    """A message type as DDS names it: `sensor_msgs::msg::dds_::LaserScan_`."""
+    """A message type's DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
     package, kind, name = message.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def check_name(what: str, name: str) -> None:
-    """Refuse what cannot name a topic. Raises MisuseError."""
+    """Validate a topic name. Raises MisuseError."""
     parts = name.strip("/").split("/")
     if not all(part and part.replace("_", "a").isalnum() and part.isascii() for part in parts):
         raise MisuseError(
-            f"ros2: {name!r} cannot name {what}; expected letters, digits and _, with / between"
+            f"ros2: {name!r} is not a valid name for {what}; expected letters,"
+            " digits and _, separated by /"
         )

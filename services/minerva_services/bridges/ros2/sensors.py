@@ -1,4 +1,4 @@
-"""What a ROS 2 robot measures, on the world's sensor topics."""
+"""Publishes the sensor readings of a ROS 2 robot on the world's sensor topics."""
 
 from __future__ import annotations
 
@@ -27,50 +27,56 @@ from minerva_services.bridges.ros2.messages import (
     messages,
 )
 from minerva_services.bridges.ros2.mounts import UnplacedError, mount_of, mounting_of
-from minerva_services.bridges.ros2.network import Network, Tls
-from minerva_services.bridges.ros2.session import Session
-from minerva_services.bridges.ros_messages import Frames, GarbageError, Mounting, images, readings
+from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.session import Ros2Session
+from minerva_services.bridges.ros_messages import (
+    Frames,
+    GarbageError,
+    SensorMount,
+    images,
+    readings,
+)
 from minerva_services.bridging import Bridge, Source, SourceError
-from minerva_services.bridging.bridge import Said
+from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
-from minerva_services.sensors.playing import NOT_CORRECTED, checked_offset
+from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
 _WAITING: Final = 100
-"""Messages that wait for their turn, at most; the oldest are dropped."""
+"""Maximum number of queued messages; the oldest are dropped."""
 
 _GLANCE: Final = 0.25
 Make: TypeAlias = Callable[[Any], Reading]
 
 
 class Ros2(Bridge):
-    """Publishes what a ROS 2 robot measures, as it comes: scans, odometry, images, battery.
+    """Publishes the readings of a ROS 2 robot: scans, odometry, images, battery.
 
-    An empty topic is not listened to. Where a sensor is mounted is taken from /tf_static, unless
-    `mount` gives it for the laser.
+    Empty topics are not subscribed to. Mounts come from /tf_static, unless `mount` is given for the
+    laser.
 
     Args:
         router: the endpoint of the robot's Zenoh router or zenoh-bridge-ros2dds.
-        robot: the id of the agent that the sensors are for.
+        robot: the id of the agent that the sensors belong to.
         layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
         domain: the ROS domain, for rmw_zenoh.
-        namespace: what stands before all topics that do not begin with a slash.
+        namespace: prefix of all topics that do not begin with a slash.
         humble: the robot runs ROS 2 Humble, which has no type hashes.
         scan: topic of LaserScan messages, published here on `scan`.
         odometry: topic of Odometry messages, on `odometry`.
         image: topic of Image messages, on `image`.
-        compressed: topic of CompressedImage messages, on `image` too.
+        compressed: topic of CompressedImage messages, also on `image`.
         battery: topic of BatteryState messages, on `battery`.
         detections: topic of Detection3DArray messages, whose classes are markers, on `sightings`.
-        base: the robot's own frame.
+        base: the robot's base frame.
         mount: "x, y, degrees" of the laser on the robot.
-        time_offset: seconds that are added to the times of scans, where the lidar's clock is not
-            that of the odometry.
-        map: topic of OccupancyGrid messages; each is an event of the type `map_event`.
-        map_event: its type, with `cells` as a robot's grid has them (0 unknown, 1 free, 9 an
-            obstacle), and the width of a `cell`, `x`, `y` and `angle` of the corner.
-        authority: for tls/: the certificate of who has signed the router's, a PEM file.
-        certificate: our own, where the router asks for one.
-        key: and its private key.
+        time_offset: seconds added to the times of scans if the lidar's clock differs from that of
+          odometry.
+        map: topic of OccupancyGrid messages; each becomes an event of the type `map_event`.
+        map_event: that type, with `cells` in the codes of a robot's grid (0 unknown, 1 free, 9
+          obstacle), the side of a `cell`, and `x`, `y` and `angle` of the corner.
+        authority: for tls/: PEM file of the authority that signed the router's certificate.
+        certificate: a client certificate, if the router requires one.
+        key: its private key.
 
     """
 
@@ -101,7 +107,7 @@ class Ros2(Bridge):
     ) -> None:
         super().__init__()
         tls = Tls(authority, certificate, key)
-        self._network = Network(router, layout, domain, namespace, humble, tls)
+        self._network = Ros2Network(router, layout, domain, namespace, humble, tls)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
         self._base = base
@@ -120,7 +126,7 @@ class Ros2(Bridge):
     def _makers(
         self, scan: str, odometry: str, image: str, compressed: str, battery: str, detections: str
     ) -> dict[str, tuple[str, str, Make]]:
-        """By message type: the ROS topic, ours, and what makes a reading of a message."""
+        """By message type: the ROS topic, our topic, and the conversion to a reading."""
         robot = self._robot
         table: dict[str, tuple[str, str, Make]] = {
             LASER_SCAN: (scan, "scan", self._scan),
@@ -133,40 +139,40 @@ class Ros2(Bridge):
         return {message: row for message, row in table.items() if row[0]}
 
     def joined(self, world: WorldInfo) -> None:
-        """Raises MisuseError where rosbags is missing, or the world has no event for maps."""
+        """Raises MisuseError if rosbags is missing, or the world has no event for maps."""
         messages()
         if self._map:
             data = {"cells": Cells, "cell": Metres, "x": Metres, "y": Metres, "angle": Degrees}
             self._makes_map = EventFactory("ros2", world, self._map_event, **data)
 
     def generates(self) -> tuple[str, ...]:
-        """The type of the events that maps are."""
+        """The event type of maps."""
         return (self._map_event,) if self._map else ()
 
     def open(self) -> Source:
-        """Raises SourceError where the network does not answer."""
-        session = Session(self._network, "minerva_sensors")
+        """Raises SourceError if the network does not answer."""
+        session = Ros2Session(self._network, "minerva_sensors")
         source = _Listening(session, self)
-        session.subscribe("/tf_static", TRANSFORMS, source.hears(TRANSFORMS), lasting=True)
+        session.subscribe("/tf_static", TRANSFORMS, source.receiver(TRANSFORMS), lasting=True)
         for message, (topic, _, _) in self._wanted.items():
-            session.subscribe(topic, message, source.hears(message))
+            session.subscribe(topic, message, source.receiver(message))
         if self._map:
-            session.subscribe(self._map, GRID, source.hears(GRID), lasting=True)
+            session.subscribe(self._map, GRID, source.receiver(GRID), lasting=True)
         return source
 
     def compensator(self) -> Compensator:
-        """What corrects scans for the robot's motion; scans that it cannot correct are counted."""
+        """Corrects scans for the robot's motion; counts those that it cannot correct."""
         return Compensator(self._time_offset, lambda: self.count(NOT_CORRECTED))
 
-    def reading(self, message: str, data: bytes) -> Said | None:
-        """What a message says; garbage, and what has no known place, is counted."""
+    def reading(self, message: str, data: bytes) -> SourceItem | None:
+        """The reading of a message; invalid and unplaced messages are counted."""
         try:
             value = messages().decode(message, data)
             if message == TRANSFORMS:
-                self._frames.hear(value)
+                self._frames.update(value)
                 return None
             if message == GRID:
-                return self._known(value)
+                return self._map_event_of(value)
             _, topic, make = self._wanted[message]
             return topic, make(value)
         except UnplacedError:
@@ -175,16 +181,16 @@ class Ros2(Bridge):
             self.count("garbage")
         return None
 
-    def _known(self, message: Any) -> Event:
-        known = readings.known_of(message)
-        return self._makes_map(known.cells, known.cell, *known.corner, receivers=(self._robot,))
+    def _map_event_of(self, message: Any) -> Event:
+        grid = readings.grid_of(message)
+        return self._makes_map(grid.cells, grid.cell, *grid.corner, receivers=(self._robot,))
 
     def _scan(self, message: Any) -> Reading:
         return readings.scan_of(message, self._robot, self._mounting(message, self._mount))
 
     def _image(self, make: Callable[..., Reading], message: Any) -> Reading:
         known = self._frames.mounting(self._base, message.header.frame_id)
-        return make(message, self._robot, known or Mounting())
+        return make(message, self._robot, known or SensorMount())
 
     def _sightings(self, message: Any) -> Reading:
         placed = self._frames.matrix(self._base, message.header.frame_id)
@@ -192,26 +198,26 @@ class Ros2(Bridge):
             raise UnplacedError(f"no transform from {message.header.frame_id}")
         return readings.sightings_of(message, self._robot, placed)
 
-    def _mounting(self, message: Any, given: Mount | None) -> Mounting:
+    def _mounting(self, message: Any, given: Mount | None) -> SensorMount:
         return mounting_of(self._frames, self._base, message.header.frame_id, given)
 
 
-def _said(ready: list[Recorded]) -> Iterator[Said]:
+def _items(ready: list[Recorded]) -> Iterator[SourceItem]:
     for recorded in ready:
         yield recorded.topic, recorded.reading
 
 
 class _Listening:
-    """Messages as they come, as many as may wait; Zenoh's threads put them here."""
+    """Incoming messages in a bounded queue, filled by Zenoh's threads."""
 
-    def __init__(self, session: Session, bridge: Ros2) -> None:
+    def __init__(self, session: Ros2Session, bridge: Ros2) -> None:
         self._session = session
         self._bridge = bridge
         self._waiting = deque[tuple[str, bytes]]()
         self._news = threading.Condition()
 
-    def hears(self, message: str) -> Callable[[bytes], None]:
-        """What takes the payloads of a topic."""
+    def receiver(self, message: str) -> Callable[[bytes], None]:
+        """A callback for the payloads of a topic."""
 
         def hear(data: bytes) -> None:
             with self._news:
@@ -223,8 +229,8 @@ class _Listening:
 
         return hear
 
-    def read(self, stop: threading.Event) -> Iterator[Said | None]:
-        """Readings and maps; raises SourceError where the link is lost."""
+    def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
+        """Readings and maps. Raises SourceError if the link is lost."""
         compensator = self._bridge.compensator()
         while not stop.is_set():
             with self._news:
@@ -235,7 +241,7 @@ class _Listening:
             if not waiting and not self._session.connected:
                 raise SourceError(f"{self._bridge.source} is lost")
             if not waiting:
-                yield from _said(compensator.rest())
+                yield from _items(compensator.rest())
                 yield None
             for message, data in waiting:
                 reading = self._bridge.reading(message, data)
@@ -243,7 +249,7 @@ class _Listening:
                     yield reading
                     continue
                 topic, measured = reading
-                yield from _said(compensator.add(Recorded(time.monotonic(), topic, measured)))
+                yield from _items(compensator.add(Recorded(time.monotonic(), topic, measured)))
 
     def close(self) -> None:
         """Leave the network."""

@@ -1,9 +1,9 @@
-"""A session on a robot's Zenoh network: ROS 2 topics are heard and published through it.
+"""A session on a robot's Zenoh network, to subscribe to and publish ROS 2 topics.
 
-This network is another one than the world's own.
+This network is separate from the world's own.
 """
 
-# Zenoh's own stubs leave some types open.
+# Zenoh's stubs leave some types open.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import zenoh
 import zenoh.ext
 
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import GID_BYTES, Attachment, Network
+from minerva_services.bridges.ros2.network import GID_BYTES, Attachment, Ros2Network
 from minerva_services.bridging import SourceError
 
 _PATIENCE_MS: Final = 2000
@@ -31,13 +31,13 @@ _CONFIG: Final[dict[str, Any]] = {
     "connect/timeout_ms": _PATIENCE_MS,
     "connect/exit_on_failure": True,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
-    "timestamping/enabled": True,  # Those who come late ask for what is newest.
+    "timestamping/enabled": True,  # late subscribers query the newest sample
     "transport/link/tx/lease": 3000,
     "transport/shared_memory/enabled": False,
 }
 
 
-class Publisher:
+class TopicPublisher:
     """Publishes messages of one type on one topic."""
 
     def __init__(self, message: str, publisher: Any, gid: bytes, *, attaches: bool) -> None:
@@ -48,23 +48,23 @@ class Publisher:
         self._sequence = 0
 
     def put(self, value: Any) -> None:
-        """Publish a message; where the network is out of reach it is lost."""
+        """Publish a message; it is lost while the network is unreachable."""
         self._sequence += 1
         data = messages().encode(self._message, value)
         if self._attaches:
-            told = Attachment(self._sequence, time.time_ns(), self._gid).packed()
-            self._publisher.put(data, attachment=told)
+            attachment = Attachment(self._sequence, time.time_ns(), self._gid).packed()
+            self._publisher.put(data, attachment=attachment)
         else:
             self._publisher.put(data)
 
 
-class Session:
-    """A ROS 2 node of a name, on a network; closed with `close`.
+class Ros2Session:
+    """A named ROS 2 node on a network; call `close` to leave.
 
-    Raises SourceError where nobody answers.
+    Raises SourceError if the network does not answer.
     """
 
-    def __init__(self, network: Network, node: str) -> None:
+    def __init__(self, network: Ros2Network, node: str) -> None:
         config = zenoh.Config()
         settings = _CONFIG | {"connect/endpoints": [network.router]}
         if network.tls:
@@ -80,22 +80,22 @@ class Session:
         self._id = str(self._session.zid())
         self._declared: list[Any] = []
         if network.layout == "rmw_zenoh":
-            self._show(network.node_token(self._id, node))
+            self._announce_token(network.node_token(self._id, node))
 
     @property
     def connected(self) -> bool:
-        """Whether the link to the network's router is there."""
+        """True while the link to the network's router is up."""
         return bool(list(self._session.info.routers_zid()))
 
     def subscribe(
         self, topic: str, message: str, hear: Callable[[bytes], None], *, lasting: bool = False
     ) -> None:
-        """Hear a topic's payloads, in a thread of Zenoh's; `lasting` asks for those before too.
+        """Subscribe to a topic; Zenoh's threads deliver its payloads. `lasting` includes history.
 
-        Raises SourceError where the session is lost.
+        Raises SourceError if the session is lost.
         """
 
-        def heard(sample: zenoh.Sample) -> None:
+        def on_sample(sample: zenoh.Sample) -> None:
             hear(sample.payload.to_bytes())
 
         pattern = self.network.pattern(topic, message)
@@ -103,13 +103,13 @@ class Session:
         declare = self._session.declare_subscriber
         if lasting:
             declare = partial(zenoh.ext.declare_advanced_subscriber, self._session, history=history)
-        self._declared.append(_declared(topic, declare, pattern, heard))
+        self._declared.append(_declared(topic, declare, pattern, on_sample))
         self._announce("MS", topic, message, lasting=lasting)
 
-    def publisher(self, topic: str, message: str, *, lasting: bool = False) -> Publisher:
-        """A publisher; what is `lasting` comes to those too who subscribe later.
+    def publisher(self, topic: str, message: str, *, lasting: bool = False) -> TopicPublisher:
+        """A publisher; `lasting` also serves late subscribers.
 
-        Raises SourceError where the session is lost.
+        Raises SourceError if the session is lost.
         """
         key = self.network.key(topic, message, messages().hash(message))
         cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
@@ -123,13 +123,13 @@ class Session:
         token = self._announce("MP", topic, message, lasting=lasting)
         gid = hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
         attaches = self.network.layout == "rmw_zenoh"
-        return Publisher(message, declared, gid, attaches=attaches)
+        return TopicPublisher(message, declared, gid, attaches=attaches)
 
     def close(self) -> None:
         """Leave the network."""
         with suppress(zenoh.ZError):
-            for one in reversed(self._declared):
-                one.undeclare()
+            for declaration in reversed(self._declared):
+                declaration.undeclare()
         self._session.close()
 
     def _announce(self, kind: Any, topic: str, message: str, *, lasting: bool) -> str:
@@ -138,16 +138,16 @@ class Session:
             self._id, self._node, entity, kind, topic, message, type_hash, lasting=lasting
         )
         if self.network.layout == "rmw_zenoh":
-            self._show(token)
+            self._announce_token(token)
         return token
 
-    def _show(self, token: str) -> None:
+    def _announce_token(self, token: str) -> None:
         declare = self._session.liveliness().declare_token
         self._declared.append(_declared("a liveliness token", declare, token))
 
 
 def _declared(what: str, declare: Callable[..., Any], *arguments: Any) -> Any:
-    """What Zenoh makes of it. Raises SourceError where the session is lost meanwhile."""
+    """Declare on Zenoh. Raises SourceError if the session was lost meanwhile."""
     try:
         return declare(*arguments)
     except zenoh.ZError as error:

@@ -1,8 +1,8 @@
-"""The velocities that take a robot along a command: pure functions of poses.
+"""Velocities that take a robot along a command: pure functions of poses.
 
-A robot is steered to where its command leads from where odometry has it, never faster than it can
-stop there. How it holds its line is from Kanayama, Kimura, Miyazaki and Noguchi (1990, "A stable
-tracking control method for an autonomous mobile robot").
+The robot is steered from its odometry pose to the end of its command, never faster than it can
+brake. Line tracking follows Kanayama, Kimura, Miyazaki and Noguchi (1990, "A stable tracking
+control method for an autonomous mobile robot").
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.poses import Pose
-from minerva_services.bridges.ros2.geometry import Command
+from minerva_services.bridges.ros2.geometry import MotorCommand
 
 _AHEAD: Final = 8.0
-"""Speed for each metre that is missing, 1/s, where that is less than braking allows."""
+"""Speed per metre of remaining distance, 1/s, where braking allows more."""
 
 _TURNED: Final = 9.0
-"""The same of a turn."""
+"""The same for turns."""
 
 _ASIDE: Final = 12.0
-"""Turn for each metre that is missing to the side, 1/m²."""
+"""Turn per metre of lateral error, 1/m²."""
 
 _FACING: Final = 12.0
-"""Degrees off its line from which a robot turns before it drives."""
+"""Heading error in degrees above which the robot turns before driving."""
 
 _REACHED: Final = 0.015
-"""Metres from a corner at which a robot may turn."""
+"""Distance in metres from a corner at which the robot may turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +41,10 @@ class Velocity:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What a robot's motors may be told, in m/s, degrees/s, m/s² and degrees/s².
+class MotorLimits:
+    """Limits of the motors in m/s, degrees/s, m/s² and degrees/s².
 
-    Raises MisuseError where one is not above 0.
+    Raises MisuseError unless all are above 0.
     """
 
     speed: float
@@ -59,11 +59,11 @@ class Limits:
                 raise MisuseError(f"ros2: {field.name} is {value!r}; expected a number above 0")
 
     def clipped(self, wanted: Velocity) -> Velocity:
-        """The velocity, no faster than allowed."""
+        """The velocity, limited to the maximum."""
         return Velocity(_clip(wanted.speed, self.speed), _clip(wanted.turn, self.turn))
 
     def slewed(self, before: Velocity, wanted: Velocity, seconds: float) -> Velocity:
-        """The velocity nearest to the wanted one that can be had so many seconds after another."""
+        """The velocity closest to the wanted one that is reachable within `seconds`."""
         speed, turn = self.acceleration * seconds, self.turn_acceleration * seconds
         return Velocity(
             before.speed + _clip(wanted.speed - before.speed, speed),
@@ -72,11 +72,11 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """A command from a pose on: a turn in `start`, and then a straight line to `end`."""
+class CommandPath:
+    """A command from a pose: a turn at `start`, then a straight line to `end`."""
 
     start: Pose
-    command: Command
+    command: MotorCommand
 
     @property
     def end(self) -> Pose:
@@ -85,15 +85,15 @@ class Course:
         return turned.then(Pose(x=self.command.forward))
 
     def reached(self, pose: Pose) -> bool:
-        """Whether a robot that comes from behind may turn here."""
+        """True if a robot that arrives from behind may turn here."""
         if not self.command.turn:
             return True
         missing = pose.seen(self.start)
         return abs(missing.x) <= _REACHED
 
 
-def steer(pose: Pose, wanted: Pose, limits: Limits) -> Velocity:
-    """The velocity that brings a robot to a pose and lets it stop there."""
+def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
+    """The velocity towards a pose from which the robot can still stop there."""
     missing = pose.seen(wanted)
     off = missing.angle
     straight = wanted.seen(pose)
@@ -105,13 +105,13 @@ def steer(pose: Pose, wanted: Pose, limits: Limits) -> Velocity:
 
 
 def _braking(missing: float, gain: float, most: float, acceleration: float) -> float:
-    """How fast to go with so much missing: so that it can be stopped in time."""
+    """The fastest speed that still allows stopping within the missing distance."""
     stoppable = math.sqrt(2 * acceleration * abs(missing))
     return math.copysign(min(most, stoppable, gain * abs(missing)), missing)
 
 
 def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
-    """Where a robot is that has gone at a velocity for so long, on an arc of a circle."""
+    """The pose after driving at a constant velocity, along an arc."""
     angle, dist = velocity.turn * seconds, velocity.speed * seconds
     half = math.radians(angle) / 2
     chord = dist * (portable.sin(half) / half if half else 1.0)

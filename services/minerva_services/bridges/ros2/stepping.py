@@ -1,7 +1,7 @@
-"""Commands carried out step by step on a clock of our own: for simulations that go by /clock.
+"""Commands executed step by step on a simulated clock, for simulations driven by /clock.
 
-No time passes for such a robot but what is told here, so a frame waits for it and it for the
-frame: what it measures is of the very pose to which its command has led.
+Such a robot's time advances only as published here, so frame and robot wait for each other: its
+readings belong to exactly the pose reached by its command.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.world.poses import Pose
 from minerva_services.bridges.ros2.driver import STILL, Driver, State
-from minerva_services.bridges.ros2.geometry import Command
-from minerva_services.bridges.ros2.link import say
-from minerva_services.bridges.ros2.steering import Limits, Velocity
+from minerva_services.bridges.ros2.geometry import MotorCommand
+from minerva_services.bridges.ros2.link import log
+from minerva_services.bridges.ros2.steering import MotorLimits, Velocity
 
 NANO: Final = 1_000_000_000
 BEGIN: Final = NANO
-"""Where the clock begins: ROS takes 0 for a clock that is not there."""
+"""Start of the clock; ROS interprets 0 as a missing clock."""
 
 ROUNDING: Final = 1e-6
-"""Metres and degrees below which a robot is where it should be."""
+"""Metres and degrees below which a deviation counts as rounding."""
 
 _STEP: Final = NANO // 50
 _SILENT: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """A velocity, and the nanoseconds of the clock from which and until which it counts."""
+class ClockStep:
+    """A velocity, and the interval of the clock in nanoseconds during which it applies."""
 
     velocity: Velocity
     begin: int
@@ -41,32 +41,32 @@ class Step:
 
 
 class Stepper:
-    """Takes a robot through its commands; `beat` tells it the step, again and again.
+    """Takes a robot through its commands; the link's beat publishes the step repeatedly.
 
-    `measured` is the time, in seconds of the clock, up to which all has been heard that the robot
-    measures; `nudge` makes the step be told at once.
+    `measured` is the time, in seconds of the clock, up to which all readings have arrived; `wake`
+    makes the link publish the step at once.
     """
 
     def __init__(
-        self, driver: Driver, measured: Callable[[], float], nudge: Callable[[], None], where: str
+        self, driver: Driver, measured: Callable[[], float], wake: Callable[[], None], where: str
     ) -> None:
-        self._driver, self._measured, self._nudge, self._where = driver, measured, nudge, where
+        self._driver, self._measured, self._wake, self._where = driver, measured, wake, where
         self._answered = threading.Condition()
-        self.step = Step(STILL, BEGIN, BEGIN)
+        self.step = ClockStep(STILL, BEGIN, BEGIN)
 
     @property
     def now(self) -> float:
-        """Seconds of the clock, to the last bit as those of a message's stamp."""
+        """Seconds of the clock, bit-identical to those of a message's stamp."""
         whole, rest = divmod(self.step.end, NANO)
         return whole + rest * 1e-9
 
-    def heard(self) -> None:
-        """Something has come from the robot."""
+    def notify(self) -> None:
+        """Notify the stepper of an incoming message."""
         with self._answered:
             self._answered.notify()
 
-    def carry_out(self, command: Command, seconds: float) -> float:
-        """Take the robot where a command leads, in `seconds` or more; the metres not driven."""
+    def carry_out(self, command: MotorCommand, seconds: float) -> float:
+        """Execute a command in at least `seconds`; the distance not driven in metres."""
         driver = self._driver
         self._catch_up()
         exact = is_rounding(driver.offset)
@@ -81,29 +81,31 @@ class Stepper:
         return 0.0
 
     def _catch_up(self) -> None:
-        """The robot's time may be ahead: of a predecessor's clock."""
+        """The robot's time may be ahead because of a predecessor's clock."""
         ahead = round(self._driver.track.latest * NANO)
         if ahead > self.step.end:
-            self.step = Step(STILL, ahead, ahead)
+            self.step = ClockStep(STILL, ahead, ahead)
 
     def _advance(self, velocity: Velocity, lasts: int) -> None:
-        """Let time pass, and wait until the robot has told how it is then."""
-        self.step = Step(velocity, self.step.end, self.step.end + lasts)
-        self._nudge()
-        said, since = False, time.monotonic()
+        """Advance the clock, and wait until the robot has reported its state at that time."""
+        self.step = ClockStep(velocity, self.step.end, self.step.end + lasts)
+        self._wake()
+        logged, since = False, time.monotonic()
         with self._answered:
             while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT):
-                if not said and time.monotonic() - since >= _SILENT:
-                    said = True
-                    say(f"no answer to {self.now:.3f} s on the clock from {self._where}; waiting")
-        if said:
-            say(f"{self._where} answers again")
+                if not logged and time.monotonic() - since >= _SILENT:
+                    logged = True
+                    log(f"no response from {self._where} to clock time {self.now:.3f} s; waiting")
+        if logged:
+            log(f"{self._where} responds again")
 
 
-def phases(command: Command, seconds: float, limits: Limits) -> Iterator[tuple[Velocity, int]]:
-    """The constant velocities, each for so many nanoseconds, that make a command: turn, then drive.
+def phases(
+    command: MotorCommand, seconds: float, limits: MotorLimits
+) -> Iterator[tuple[Velocity, int]]:
+    """The constant velocities of a command with durations in nanoseconds: turn, then drive.
 
-    Together they last `seconds`, or as long as the limits of speed and turn ask for.
+    Together they last `seconds`, or longer if the limits of speed and turn require it.
     """
     turn = abs(command.turn) / limits.turn
     drive = abs(command.forward) / limits.speed
@@ -120,7 +122,7 @@ def phases(command: Command, seconds: float, limits: Limits) -> Iterator[tuple[V
 
 
 def is_rounding(pose: Pose) -> bool:
-    """Whether so small a difference is rounding, and the robot where it should be."""
+    """True if a deviation is only rounding."""
     return portable.hypot(pose.x, pose.y) < ROUNDING and abs(pose.angle) < ROUNDING
 
 

@@ -1,4 +1,4 @@
-"""Where odometry has had a robot, at each of its last times."""
+"""History of odometry poses."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from minerva_bus.world.readings import Scan
 
 _KEPT: Final = 500
 SUDDEN: Final = Pose(0.5, 0.0, 45.0)
-"""Metres and degrees by which odometry may be corrected at once, beside what can be driven."""
+"""Jump in metres and degrees, beyond what can be driven, that still counts as a correction."""
 
 _LONGEST: Final = 2.0
-"""Seconds for which a robot may have driven on unheard; it has a dead man's switch too."""
+"""Maximum time in seconds for which a robot may have driven on unobserved."""
 
 
-class Track:
-    """Poses by the robot's own clock, the last few hundred. One that is set back begins anew.
+class OdometryTrack:
+    """The last poses with times of the robot's clock; restarts if the clock is set back.
 
-    `fastest` and `turning` are what the robot can do, in metres and degrees per second.
+    `fastest` and `turning` are the robot's maximum speeds in metres and degrees per second.
     """
 
     def __init__(self, fastest: float, turning: float) -> None:
@@ -35,16 +35,16 @@ class Track:
 
     @property
     def newest(self) -> Pose | None:
-        """The last pose."""
+        """The latest pose."""
         return self._poses[-1] if self._poses else None
 
     @property
     def latest(self) -> float:
-        """The time of the last pose; -inf before it."""
+        """The time of the latest pose; -inf without any."""
         return self._times[-1] if self._times else -math.inf
 
     def add(self, time: float, pose: Pose) -> bool:
-        """Take a pose; whether it has jumped where no robot can have driven."""
+        """Add a pose; True if it is a jump that no robot can have driven."""
         jumped = False
         if self._times:
             elapsed, before = time - self._times[-1], self._poses[-1]
@@ -66,18 +66,18 @@ class Track:
         return portable.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
 
     def covers(self, time: float) -> bool:
-        """Whether the time lies between the first and the last that are known."""
+        """True if the time is within the recorded history."""
         return bool(self._times) and self._times[0] <= time <= self._times[-1]
 
     def corrected(self, scan: Scan) -> Scan:
-        """A scan with the path of the robot during it, if that is known and not in it yet."""
+        """The scan with the robot's path during it, if that is known and still missing."""
         if not needs_path(scan):
             return scan
         known = dict(zip(self._times, self._poses, strict=True))
         return replace(scan, path=path_of(scan, [*known], [*known.values()]))
 
     def at(self, time: float) -> Pose | None:
-        """The pose at a time, between the two around it; outside the nearest one."""
+        """The interpolated pose at a time; outside the history, the nearest."""
         if not self._times:
             return None
         after = bisect_left(self._times, time)

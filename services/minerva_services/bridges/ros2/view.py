@@ -1,4 +1,4 @@
-"""RViz as a window on the world: what a robot knows and means, and a goal that is clicked."""
+"""RViz as a view of the world: a robot's map, path and objective, and clickable goals."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.link import Link, say
+from minerva_services.bridges.ros2.link import NetworkLink, log
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Network, Tls
-from minerva_services.bridges.ros2.session import Publisher, Session
+from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.session import Ros2Session, TopicPublisher
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
 
@@ -30,13 +30,14 @@ Cells = NDArray[np.int16]
 _BEAT: Final = 0.25
 
 
-class Known(PlaneGeometry):
-    """What a picture says that RViz can show.
+class MapPicture(PlaneGeometry):
+    """The parts of a picture that RViz can show.
 
-    PGrid   what a robot knows: 0 unknown, 1 free, 2-9 an obstacle, 10 and more free
-    PPath   the way that it means to go
-    PGoal   where it takes its objective to be
-    Labels of all sorts are places with a name.
+      PGrid   a robot's map: 0 unknown, 1 free, 2-9 obstacle, 10 and above free
+      PPath   its planned path
+      PGoal   where it assumes its objective
+
+    Labels of all kinds are named places.
     """
 
     def __init__(self, vocabulary: Vocabulary) -> None:
@@ -69,14 +70,14 @@ class Known(PlaneGeometry):
 
 
 def occupancy(cells: Cells) -> NDArray[np.int8]:
-    """Cells [along x, along y] as an OccupancyGrid has them: by y, -1, 0 or 100."""
+    """Cells [along x, along y] as OccupancyGrid data: by y, -1, 0 or 100."""
     walls = (cells >= 2) & (cells <= 9)
     values = np.where(cells == 0, -1, np.where(walls, 100, 0))
     return np.ascontiguousarray(values.T, np.int8).ravel()
 
 
 def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
-    """The name of the place nearest to a goal, the first of equals. Raises MisuseError."""
+    """The name of the place nearest to a goal, the first among equals. Raises MisuseError."""
     ordered = sorted(
         (portable.hypot(at.x - goal.x, at.y - goal.y), name) for name, at in places.items()
     )
@@ -89,28 +90,28 @@ def nearest_place(places: dict[str, Pose], goal: Pose, radius: float) -> str:
 
 
 class Ros2View(Device, draws=("ePicture",)):
-    """Publishes what a robot knows for RViz, and makes an objective of a goal that is clicked.
+    """Publishes a robot's knowledge for RViz, and turns a clicked goal into an objective.
 
-    The world's coordinates are those of the map frame. A goal stands for the marker nearest to it.
+    World coordinates are those of the map frame. A goal stands for the marker nearest to it.
 
     Args:
         router: the endpoint of the Zenoh router or zenoh-bridge-ros2dds.
-        robot: the id of the agent; may be left out where there is one only.
+        robot: the id of the agent; optional if there is only one.
         layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
         domain: the ROS domain, for rmw_zenoh.
-        namespace: what stands before all topics that do not begin with a slash.
+        namespace: prefix of all topics that do not begin with a slash.
         humble: ROS 2 Humble, which has no type hashes.
         map: topic of the OccupancyGrid messages.
         plan: topic of the Path messages.
-        objective: topic of PoseStamped messages, where the robot takes its objective to be.
-        goal: topic of PoseStamped messages; each is an order. "": takes no goals.
-        radius: metres from a goal within which its marker must stand.
+        objective: topic of PoseStamped messages: where the robot assumes its objective.
+        goal: topic of PoseStamped messages; each is an order. "": accepts no goals.
+        radius: maximum distance in metres from a goal to its marker.
         event: the type of the order, whose `marker` is the marker's name.
         frame: the map frame.
-        every: frames from one picture to the next.
-        authority: for tls/: the certificate of who has signed the router's, a PEM file.
-        certificate: our own, where the router asks for one.
-        key: and its private key.
+        every: frames between pictures.
+        authority: for tls/: PEM file of the authority that signed the router's certificate.
+        certificate: a client certificate, if the router requires one.
+        key: its private key.
 
     """
 
@@ -137,48 +138,48 @@ class Ros2View(Device, draws=("ePicture",)):
         key: str = "",
     ) -> None:
         tls = Tls(authority, certificate, key)
-        self._network = Network(router, layout, domain, namespace, humble, tls)
+        self._network = Ros2Network(router, layout, domain, namespace, humble, tls)
         self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
         for topic in (*self._out.values(), goal):
             if topic:
                 self._network.name(topic)
         if goal and goal == objective:
-            raise MisuseError("ros2_view: goal and objective are one topic; it would hear itself")
+            raise MisuseError("ros2_view: goal and objective must be different topics")
         self._robot, self._goal, self._radius = robot, goal, radius
         self._event, self._frame = event, frame
         self.every = every
-        self._link: Link | None = None
-        self._publishers: dict[str, Publisher] = {}
-        self._known: Known | None = None
+        self._link: NetworkLink | None = None
+        self._publishers: dict[str, TopicPublisher] = {}
+        self._picture: MapPicture | None = None
         self._counts = {"goals": 0, "garbage": 0}
         self._lock = threading.Lock()
 
     def joined(self, world: WorldInfo) -> None:
-        """Raises MisuseError where rosbags is missing."""
+        """Raises MisuseError if rosbags is missing."""
         messages()
         self._world = world
-        self._link = Link(self._network, "minerva_view", self._declare, lambda: None, _BEAT)
+        self._link = NetworkLink(self._network, "minerva_view", self._declare, lambda: None, _BEAT)
         self._link.start()
 
     def show(self, view: View) -> None:
-        """φ of the picture, published where there is somebody to publish to."""
-        known = Known(self._world.vocabulary)
-        interpret(view.scene, known)
-        mine = self._of_robot(view, known)
+        """Publish φ of the picture on the declared topics."""
+        picture = MapPicture(self._world.vocabulary)
+        interpret(view.scene, picture)
+        own = self._of_robot(view, picture)
         with self._lock:
-            self._known = known
+            self._picture = picture
             publishers = dict(self._publishers)
         header = messages().header(self._frame, time.time_ns())
-        if types.GRID in publishers and mine.grids:
-            publishers[types.GRID].put(_grid_message(header, *mine.grids[0]))
+        if types.GRID in publishers and own.grids:
+            publishers[types.GRID].put(_grid_message(header, *own.grids[0]))
         if types.PATH in publishers:
-            way = mine.ways[0] if mine.ways else []
+            way = own.ways[0] if own.ways else []
             publishers[types.PATH].put(_path_message(header, way))
-        if types.POSE_STAMPED in publishers and mine.goals:
-            publishers[types.POSE_STAMPED].put(_pose_message(header, mine.goals[0]))
+        if types.POSE_STAMPED in publishers and own.goals:
+            publishers[types.POSE_STAMPED].put(_pose_message(header, own.goals[0]))
 
     def report(self) -> dict[str, bool | int | float | str]:
-        """How the link is, and how many goals were orders."""
+        """State of the link, and the number of goals that became orders."""
         state = self._link.state if self._link is not None else "not open yet"
         return {**self._counts, "source": state}
 
@@ -187,27 +188,27 @@ class Ros2View(Device, draws=("ePicture",)):
         if self._link is not None:
             self._link.close()
 
-    def _of_robot(self, view: View, known: Known) -> Known:
+    def _of_robot(self, view: View, picture: MapPicture) -> MapPicture:
         part: Scene | None = view.parts.get(self._robot) if self._robot else None
         if part is None:
-            return known
-        mine = Known(self._world.vocabulary)
-        interpret(part, mine)
-        return mine
+            return picture
+        own = MapPicture(self._world.vocabulary)
+        interpret(part, own)
+        return own
 
-    def _declare(self, session: Session) -> None:
+    def _declare(self, session: Ros2Session) -> None:
         made = {
             message: session.publisher(topic, message, lasting=message == types.GRID)
             for message, topic in self._out.items()
             if topic
         }
         if self._goal:
-            session.subscribe(self._goal, types.POSE_STAMPED, self._hear_goal)
+            session.subscribe(self._goal, types.POSE_STAMPED, self._on_goal)
         with self._lock:
             self._publishers = made
 
-    def _hear_goal(self, data: bytes) -> None:
-        """A goal is an order, or a line that says why not."""
+    def _on_goal(self, data: bytes) -> None:
+        """Turn a goal into an order, or log why it is ignored."""
         try:
             message = messages().decode(types.POSE_STAMPED, data)
             goal = Pose(*place_of(message.pose))
@@ -215,7 +216,7 @@ class Ros2View(Device, draws=("ePicture",)):
             self._counts["garbage"] += 1
             return
         with self._lock:
-            places = dict(self._known.places) if self._known is not None else {}
+            places = dict(self._picture.places) if self._picture is not None else {}
         try:
             if message.header.frame_id.strip("/") != self._frame:
                 raise MisuseError(f"a goal in {message.header.frame_id!r}, not in {self._frame!r}")
@@ -224,7 +225,7 @@ class Ros2View(Device, draws=("ePicture",)):
             receivers = [self._robot] if self._robot else []
             self._world.operator.order(declared(marker=marker, receivers=receivers))
         except (MinervaError, KeyError) as error:
-            say(f"ros2_view: {error}; the goal is passed over")
+            log(f"ros2_view: {error}; goal ignored")
         else:
             self._counts["goals"] += 1
 
@@ -241,7 +242,7 @@ def _grid_message(header: Any, cells: Cells, cell: float, corner: Pose) -> Any:
 
 
 def _path_message(header: Any, way: list[Pose]) -> Any:
-    poses = [_pose_message(header, one) for one in way]
+    poses = [_pose_message(header, pose) for pose in way]
     return messages().make(types.PATH, header=header, poses=poses)
 
 

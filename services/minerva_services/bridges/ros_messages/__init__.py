@@ -1,6 +1,6 @@
-"""Messages of ROS as readings: the same in ROS 1 and ROS 2, from a bag and from a network."""
+"""Conversion of ROS messages to readings, shared by ROS 1 and ROS 2, bags and networks."""
 
 from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import Frames, Mounting
+from minerva_services.bridges.ros_messages.frames import Frames, SensorMount
 
-__all__ = ["Frames", "GarbageError", "Mounting"]
+__all__ = ["Frames", "GarbageError", "SensorMount"]

@@ -1,7 +1,7 @@
-"""What can be wrong with one message."""
+"""Errors of single messages."""
 
 from minerva_bus.errors import MinervaError
 
 
 class GarbageError(MinervaError):
-    """Bytes that are no message of their type, or a message that is no reading."""
+    """Bytes that are not a message of their type, or a message that is not a valid reading."""

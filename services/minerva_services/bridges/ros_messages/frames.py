@@ -1,4 +1,4 @@
-"""Where a robot's sensors are mounted: the tree of its fixed transforms, /tf_static [REP 105]."""
+"""Mounts of a robot's sensors, from the tree of fixed transforms, /tf_static [REP 105]."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ Matrix = NDArray[np.float64]
 BASE: Final = "base_link"
 _OPTICAL: Final = "optical_frame"
 _DIGITS: Final = 6
-"""Of a mount's metres and degrees: what is less is of the arithmetic, and not of the robot."""
+"""Decimals kept of a mount's metres and degrees: smaller digits are rounding noise."""
 
 
 @dataclass(frozen=True, slots=True)
-class Mounting:
-    """A sensor's mount in the plane; `flipped`: it hangs upside down, so left is right."""
+class SensorMount:
+    """A sensor's planar mount; `flipped`: it is mounted upside down, so left is right."""
 
     mount: Mount = CENTRE
     flipped: bool = False
 
 
 class Frames:
-    """Transforms by the frame that they place; a later one replaces an earlier one."""
+    """Transforms by child frame; later ones replace earlier ones."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Matrix]] = {}
 
-    def hear(self, message: Any) -> None:
-        """Take a TFMessage's transforms, those that are finite."""
-        for one in message.transforms:
-            matrix = matrix_of(one.transform)
+    def update(self, message: Any) -> None:
+        """Add the finite transforms of a TFMessage."""
+        for item in message.transforms:
+            matrix = matrix_of(item.transform)
             if np.isfinite(matrix).all():
-                self._parents[_bare(one.child_frame_id)] = _bare(one.header.frame_id), matrix
+                self._parents[_bare(item.child_frame_id)] = _bare(item.header.frame_id), matrix
 
     def matrix(self, base: str, frame: str) -> Matrix | None:
-        """The transform from a frame to the base, 4 x 4; None where they are not connected."""
+        """The transform from a frame to the base, 4 x 4; None if they are not connected."""
         base, frame = _bare(base), _bare(frame)
         above = dict(self._above(base))
         for name, matrix in self._above(frame):
@@ -51,10 +51,10 @@ class Frames:
                 return product(inverse(above[name]), matrix)
         return None
 
-    def mounting(self, base: str, frame: str) -> Mounting | None:
-        """How a sensor of this frame sits on the base; None where that is not known.
+    def mounting(self, base: str, frame: str) -> SensorMount | None:
+        """Mount of a sensor frame on the base; None if unknown.
 
-        An optical frame looks along its z axis, others along x.
+        An optical frame looks along its z axis, all others along x.
         """
         matrix = self.matrix(base, frame)
         if matrix is None:
@@ -62,20 +62,20 @@ class Frames:
         ahead = 2 if _bare(frame).endswith(_OPTICAL) else 0
         angle = np.degrees(portable.atan2(matrix[1, ahead], matrix[0, ahead]))
         numbers = (matrix[0, 3], matrix[1, 3], angle)
-        mount = Mount(*[round(float(one), _DIGITS) + 0.0 for one in numbers])
-        return Mounting(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
+        mount = Mount(*[round(float(number), _DIGITS) + 0.0 for number in numbers])
+        return SensorMount(mount, flipped=bool(not ahead and matrix[2, 2] < 0))
 
-    def on_its_robot(self, frame: str) -> Mounting:
-        """How a sensor sits on the `base_link` above it, or else on the last frame above it."""
+    def on_its_robot(self, frame: str) -> SensorMount:
+        """Mount of a sensor on the `base_link` above it, otherwise on the topmost frame."""
         base = frame
         for base, _ in self._above(_bare(frame)):
             if base.rpartition("/")[2] == BASE:
                 break
-        found = self.mounting(base, frame) if base != _bare(frame) else None
-        return found or Mounting()
+        mounting = self.mounting(base, frame) if base != _bare(frame) else None
+        return mounting or SensorMount()
 
     def _above(self, frame: str) -> Iterator[tuple[str, Matrix]]:
-        """A frame and all that it hangs on, each with the transform to it."""
+        """A frame and its ancestors, each with the transform to it."""
         matrix, seen = np.eye(4), set[str]()
         while frame not in seen:
             yield frame, matrix

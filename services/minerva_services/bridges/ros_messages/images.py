@@ -1,4 +1,4 @@
-"""Images of ROS as readings: sensor_msgs/Image and sensor_msgs/CompressedImage."""
+"""Conversion of ROS images: sensor_msgs/Image and sensor_msgs/CompressedImage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from minerva_bus.world.readings import Image
 from minerva_bus.world.recordings import RecordingError
 from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import Mounting
+from minerva_services.bridges.ros_messages.frames import SensorMount
 from minerva_services.bridges.ros_messages.readings import stamp_of
 
 _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {
@@ -24,21 +24,21 @@ _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {
     "mono8": (0,),
     "8UC1": (0,),
 }
-"""Which channels of a pixel are its red, green and blue, or its grey, by encoding."""
+"""Channels of a pixel that are red, green and blue, or grey, by encoding."""
 
-_CENTRE: Final = Mounting()
+_CENTRE: Final = SensorMount()
 _FOUR: Final = ("rgba8", "bgra8")
 _MOST_PIXELS: Final = 100_000_000
 
 
 def image_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Image:
     """sensor_msgs/Image as rgb8 or mono8. Raises GarbageError."""
     name, width, height = str(message.encoding), int(message.width), int(message.height)
     channels = _CHANNELS.get(name)
     if channels is None:
-        raise GarbageError(f"the encoding {name[:20]!r} is none of {', '.join(_CHANNELS)}")
+        raise GarbageError(f"the encoding {name[:20]!r} is not one of {', '.join(_CHANNELS)}")
     pixels = _pixels(message, width, height, 4 if name in _FOUR else len(channels))
     data = np.ascontiguousarray(pixels[:, :, channels]).tobytes()
     kind = "rgb8" if len(channels) == 3 else "mono8"
@@ -47,10 +47,10 @@ def image_of(
 
 
 def _pixels(message: Any, width: int, height: int, depth: int) -> NDArray[np.uint8]:
-    """The bytes of the pixels without what pads the rows, (height, width, depth)."""
+    """The pixels without row padding, (height, width, depth)."""
     data, step = np.asarray(message.data, np.uint8), int(message.step)
     if not (0 < width * height <= _MOST_PIXELS and step >= width * depth):
-        raise GarbageError(f"{width}×{height} pixels in rows of {step} bytes are no image")
+        raise GarbageError(f"{width}×{height} pixels in rows of {step} bytes are not an image")
     if data.size < step * height:
         raise GarbageError(f"{data.size} bytes are too few for {height} rows of {step}")
     rows = data[: step * height].reshape(height, step)
@@ -58,14 +58,14 @@ def _pixels(message: Any, width: int, height: int, depth: int) -> NDArray[np.uin
 
 
 def file_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Image:
-    """sensor_msgs/CompressedImage, a JPEG or a PNG as it is.
+    """sensor_msgs/CompressedImage: a JPEG or PNG, unchanged.
 
-    Raises GarbageError, and RecordingError without Pillow.
+    Raises GarbageError, and RecordingError if Pillow is missing.
     """
     try:
-        from PIL import Image as Pillow  # late: of the extra ros
+        from PIL import Image as Pillow  # late: optional dependency (extra "ros")
     except ImportError:
         raise RecordingError(
             "compressed images need Pillow; install it with: pip install 'minerva-bus[ros]'"
@@ -75,8 +75,8 @@ def file_of(
     try:
         with Pillow.open(io.BytesIO(data), formats=("JPEG", "PNG")) as opened:
             (width, height), encoding = opened.size, str(opened.format).lower()
-    except Exception as error:  # decoders of damaged files raise nearly anything
+    except Exception as error:  # decoders raise many types for damaged files
         kind = str(message.format)[:20]
-        raise GarbageError(f"{kind!r} of {len(data)} bytes is no JPEG or PNG") from error
+        raise GarbageError(f"{kind!r} of {len(data)} bytes is not a JPEG or PNG") from error
     time = stamp_of(message) if time is None else time
     return Image(robot, data, encoding, width, height, time, mounting.mount)

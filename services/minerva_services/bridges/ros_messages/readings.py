@@ -1,7 +1,7 @@
-"""Readings made of messages: pure functions, units of REP 103 to ours.
+"""Readings from ROS messages: pure functions that convert REP 103 units to ours.
 
-Each takes the message, the id of the robot that carries the sensor, how it is mounted, and the time
-in seconds where that is not the message's own stamp. All raise GarbageError for what is no reading.
+Arguments are the message, the id of the robot that carries the sensor, the mount, and the time in
+seconds if it is not the message's stamp. All raise GarbageError for invalid messages.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from minerva_bus import portable
 from minerva_bus.world.readings import Battery, Odometry, Position, Scan, Sighting, Sightings
 from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import Matrix, Mounting
+from minerva_services.bridges.ros_messages.frames import Matrix, SensorMount
 from minerva_services.bridging.transforms import moved
 
 _FARTHEST: Final = float(np.finfo(np.float32).max)
 _FREE_BELOW: Final = 25
 _OCCUPIED_FROM: Final = 65
-"""Per cent, as nav2 and the map_server take them."""
+"""Percentages, as in nav2 and the map_server."""
 
-_CENTRE: Final = Mounting()
+_CENTRE: Final = SensorMount()
 Place: TypeAlias = tuple[float, float, float]
 """Metres, metres and degrees in a plane."""
 
@@ -35,17 +35,17 @@ def stamp_of(message: Any) -> float:
 
 
 def scan_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Scan:
-    """A LaserScan: what is too near, or no number, hit nothing; nor did what is beyond range."""
+    """A LaserScan; ranges that are too short, too long or not numbers count as no hit."""
     ranges, most = np.asarray(message.ranges, np.float32), float(message.range_max)
     first, step = degrees_of(message.angle_min), degrees_of(message.angle_increment)
     _finite("angles", first, step)
     if math.isnan(most):
-        raise GarbageError("its range_max is no number")
+        raise GarbageError("range_max is not a number")
     most = min(most, _FARTHEST)
     valid = np.isfinite(ranges) & (ranges >= message.range_min)
-    # Beyond the range is what hit nothing [REP 117]; NaN and what is too near are errors.
+    # +inf means beyond range [REP 117]; NaN and ranges below the minimum are errors.
     ranges = np.where(valid, ranges, np.where(np.isposinf(ranges), np.float32(most), 0))
     mount, sign = mounting.mount, -1.0 if mounting.flipped else 1.0
     return Scan(
@@ -56,28 +56,30 @@ def scan_of(
 
 
 def _beam_time(message: Any) -> float:
-    """Seconds from one beam to the next; 0 where the driver does not know them."""
+    """Seconds between beams; 0 if the driver does not know."""
     seconds = float(message.time_increment)
     return seconds if math.isfinite(seconds) else 0.0
 
 
 def degrees_of(radians: float) -> float:
-    """Degrees of an angle that was a float32: the shortest number that is the same float32.
+    """Degrees of a float32 angle: the shortest number with the same float32 value.
 
-    So beams that are 4 degrees apart are just that, and not 3.9999999.
+    Beams 4 degrees apart are then exactly that, and not 3.9999999.
     """
     exact = math.degrees(radians)
     if not math.isfinite(exact):
         return exact
-    told = np.float32(radians)
+    stored = np.float32(radians)
     shorter = (round(exact, digits) for digits in range(10))
-    return next((one for one in shorter if np.float32(math.radians(one)) == told), exact)
+    return next(
+        (degrees for degrees in shorter if np.float32(math.radians(degrees)) == stored), exact
+    )
 
 
 def odometry_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Odometry:
-    """An Odometry: the pose in the frame of odometry, speeds in that of the robot."""
+    """An Odometry: the pose in the odometry frame, speeds in the robot's frame."""
     x, y, angle = place_of(message.pose.pose)
     twist = message.twist.twist
     speed, turn = _finite("twist", twist.linear.x, twist.angular.z)
@@ -93,15 +95,15 @@ def place_of(message: Any) -> Place:
 
 
 def heading_of(orientation: Any) -> float:
-    """Degrees about the vertical of a quaternion."""
+    """Heading in degrees of a quaternion."""
     x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
     return math.degrees(portable.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
 def battery_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Battery:
-    """A BatteryState; some drivers say per cent where the part is meant."""
+    """A BatteryState; drivers that report per cent instead of a fraction are tolerated."""
     (part,) = _finite("percentage", message.percentage)
     volts = float(message.voltage)
     charge = min(part if part <= 1.0 else part / 100.0, 1.0)
@@ -110,14 +112,14 @@ def battery_of(
 
 
 def position_of(
-    message: Any, robot: str, mounting: Mounting = _CENTRE, time: float | None = None
+    message: Any, robot: str, mounting: SensorMount = _CENTRE, time: float | None = None
 ) -> Position:
     """A NavSatFix; the accuracy is one standard deviation, the larger of north and east.
 
-    Altitude and accuracy are None where the message does not have them.
+    Altitude and accuracy are None if the message lacks them.
     """
     if message.status.status < 0:
-        raise GarbageError("it has no fix")
+        raise GarbageError("no fix")
     latitude, longitude = _finite("place", message.latitude, message.longitude)
     altitude = float(message.altitude)
     spread = max(message.position_covariance[0], message.position_covariance[4])
@@ -129,16 +131,18 @@ def position_of(
 
 
 def sightings_of(message: Any, robot: str, placed: Matrix, time: float | None = None) -> Sightings:
-    """A Detection3DArray: each detection's likeliest class is a marker's name, its pose a place.
+    """A Detection3DArray: each detection's most likely class is a marker, its pose a position.
 
     `placed` is the transform from the message's frame to the robot, 4 x 4.
     """
-    seen = [_sighting(one, placed) for one in message.detections if len(one.results)]
+    seen = [
+        _sighting(detection, placed) for detection in message.detections if len(detection.results)
+    ]
     return Sightings(robot, tuple(seen), stamp_of(message) if time is None else time)
 
 
 def _sighting(detection: Any, placed: Matrix) -> Sighting:
-    best = max(detection.results, key=lambda one: one.hypothesis.score)
+    best = max(detection.results, key=lambda result: result.hypothesis.score)
     place = best.pose.pose.position
     x, y, _ = moved(placed, (place.x, place.y, place.z))
     _finite("detection", x, y)
@@ -148,8 +152,8 @@ def _sighting(detection: Any, placed: Matrix) -> Sighting:
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """What an OccupancyGrid says, as a robot's grid has it: 0 unknown, 1 free, 9 an obstacle.
+class MapGrid:
+    """An OccupancyGrid in the codes of a robot's grid: 0 unknown, 1 free, 9 obstacle.
 
     `cells` are (along x, along y), each `cell` metres wide, from the corner at `corner`.
     """
@@ -159,22 +163,22 @@ class Known:
     corner: Place
 
 
-def known_of(message: Any) -> Known:
-    """An OccupancyGrid; between free and occupied is unknown."""
+def grid_of(message: Any) -> MapGrid:
+    """An OccupancyGrid; probabilities between free and occupied are unknown."""
     about, data = message.info, np.asarray(message.data, np.int8)
     width, height, cell = int(about.width), int(about.height), float(about.resolution)
     if not (width and height) or data.size != width * height:
         raise GarbageError(f"an OccupancyGrid of {data.size} cells for {width} × {height}")
     if not (math.isfinite(cell) and cell > 0):
         raise GarbageError(f"an OccupancyGrid whose cells are {cell} m wide")
-    told = data.reshape(height, width).T
-    free, occupied = (told >= 0) & (told < _FREE_BELOW), told >= _OCCUPIED_FROM
+    values = data.reshape(height, width).T
+    free, occupied = (values >= 0) & (values < _FREE_BELOW), values >= _OCCUPIED_FROM
     cells = np.where(occupied, 9, np.where(free, 1, 0)).astype(np.int16)
-    # A cell's width is a float32: 0.05 of it is meant to be that, and not 0.0500000007.
-    return Known(cells, float(str(np.float32(cell))), place_of(about.origin))
+    # The side is a float32: round-trip through its shortest text, 0.05 and not 0.0500000007.
+    return MapGrid(cells, float(str(np.float32(cell))), place_of(about.origin))
 
 
 def _finite(what: str, *numbers: float) -> tuple[float, ...]:
     if not all(map(math.isfinite, numbers)):
-        raise GarbageError(f"its {what} is no finite number")
+        raise GarbageError(f"{what} not finite")
     return tuple(map(float, numbers))

@@ -1,4 +1,4 @@
-"""A bag of ROS 1 (.bag) or ROS 2 (.db3, .mcap, a folder of them) as a recording."""
+"""A bag of ROS 1 (.bag) or ROS 2 (.db3, .mcap, or a folder of them) as a recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import Frames, GarbageError
 from minerva_services.bridges.rosbag.messages import CONVERSIONS
-from minerva_services.sensors.playing import Mounting
+from minerva_services.sensors.playback import MountOverride
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -23,8 +23,8 @@ _OTHERS: Final = "topics passed over"
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
-    """A topic of the bag that is played, and on which topic of the world."""
+class PlayedTopic:
+    """A topic of the bag, and the topic of the world on which it is played."""
 
     connection: Connection
     topic: str
@@ -32,64 +32,69 @@ class Played:
 
 @dataclass(slots=True)
 class Bag:
-    """A bag, opened. `topics` are those of the world by those of the bag that are played.
+    """An open bag. `topics` maps topics of the bag to those of the world.
 
-    Without them it is the first topic, by name, of each kind of reading. Raises RecordingError.
+    Without `topics`, the first topic by name of each kind of reading is played. Raises
+    RecordingError.
     """
 
     path: Path
     pass_over: PassOver
     robot: str = "r1"
-    mounting: Mounting = field(default_factory=Mounting)
+    mounting: MountOverride = field(default_factory=MountOverride)
     topics: Mapping[str, str] = field(default_factory=dict[str, str])
     part: float = 0.0
     _reader: AnyReader = field(init=False)
-    _played: Mapping[int, Played] = field(init=False)
+    _played: Mapping[int, PlayedTopic] = field(init=False)
     _frames: Frames = field(init=False, default_factory=Frames)
 
     def __post_init__(self) -> None:
         self._reader = _opened(self.path)
         try:
-            self._played = {one.connection.id: one for one in self._chosen()}
+            self._played = {topic.connection.id: topic for topic in self._chosen()}
             self._learn_mounts()
         except BaseException:
             self.close()
             raise
 
     def readings(self) -> Iterator[Recorded]:
-        """The readings in the order in which they were recorded. Raises RecordingError."""
-        some = False
+        """The readings in recorded order. Raises RecordingError."""
+        is_empty = True
         for connection, stamp, data in self._messages():
             message = self._decoded(data, connection)
             if message is None:
                 continue
             try:
                 yield self._recorded(message, self._played[connection.id], stamp * _NANO)
-                some = True
-            except (GarbageError, AttributeError, TypeError) as error:  # bags define types, too
-                line = f"{self.path}: a message of {connection.topic} is passed over: {error}"
+                is_empty = False
+            except (
+                GarbageError,
+                AttributeError,
+                TypeError,
+            ) as error:  # bags carry their own type definitions
+                line = f"{self.path}: a message of {connection.topic} skipped: {error}"
                 self.pass_over(_UNUSABLE, line)
-        if not some:
+        if is_empty:
             there = ", ".join(self._names())
-            raise RecordingError(f"{self.path}: has no message that can be played on {there}")
+            raise RecordingError(f"{self.path}: no playable message on {there}")
 
     def close(self) -> None:
         if self._reader.stack is not None:
             self._reader.close()
 
     def _names(self) -> list[str]:
-        return sorted({one.connection.topic for one in self._played.values()})
+        return sorted({topic.connection.topic for topic in self._played.values()})
 
     def _messages(self) -> Iterator[tuple[Connection, int, bytes]]:
-        """The messages that are played, as far as the file can be read."""
-        connections = [one.connection for one in self._played.values()]
+        """The played messages, as far as the file is readable."""
+        connections = [topic.connection for topic in self._played.values()]
         begin = self._reader.start_time
         length = max(1, self._reader.end_time - begin)
         try:
             for connection, stamp, data in self._reader.messages(connections):
                 self.part = min(1.0, max(0.0, (stamp - begin) / length))
                 yield connection, stamp, data
-        except Exception as error:  # readers of damaged files raise nearly anything
+        except Exception as error:  # readers raise many types for damaged files
             self.pass_over(_BROKEN, f"{self.path}: breaks off: {_line(error)}")
 
     def _decoded(self, data: bytes, connection: Connection) -> Any:
@@ -100,27 +105,27 @@ class Bag:
             self.pass_over(_GARBAGE, line)
             return None
 
-    def _recorded(self, message: Any, played: Played, stamp: float) -> Recorded:
+    def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
         header = message.header
         time = header.stamp.sec + header.stamp.nanosec * _NANO or stamp
-        found = self._frames.on_its_robot(header.frame_id)
-        mounting = replace(found, mount=self.mounting.over(found.mount))
+        sensor = self._frames.on_its_robot(header.frame_id)
+        mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
         read = CONVERSIONS[played.connection.msgtype].read
         return Recorded(stamp, played.topic, read(message, self.robot, mounting, time))
 
-    def _chosen(self) -> Iterator[Played]:
-        """The connections that are played. Raises RecordingError."""
-        known = {one.topic: one.msgtype for one in self._reader.connections}
+    def _chosen(self) -> Iterator[PlayedTopic]:
+        """The connections to play. Raises RecordingError."""
+        known = {item.topic: item.msgtype for item in self._reader.connections}
         chosen = self._named(known) if self.topics else self._first_ones(known)
         for connection in self._reader.connections:
             if connection.topic in chosen and connection.msgtype in CONVERSIONS:
-                yield Played(connection, chosen[connection.topic])
+                yield PlayedTopic(connection, chosen[connection.topic])
 
     def _named(self, known: Mapping[str, str]) -> Mapping[str, str]:
         for topic in self.topics:
             if topic not in known:
                 there = ", ".join(sorted(known)) or "none"
-                raise RecordingError(f"{self.path}: has no topic {topic}; there are {there}")
+                raise RecordingError(f"{self.path}: no topic {topic}; available: {there}")
             if known[topic] not in CONVERSIONS:
                 raise RecordingError(
                     f"{self.path}: {topic} is of {known[topic]}; expected one of"
@@ -135,39 +140,39 @@ class Bag:
                 continue
             here = CONVERSIONS[kind].topic
             if here in chosen.values():
-                line = f"{self.path}: {topic} is passed over; the option topics takes it too"
+                line = f"{self.path}: {topic} skipped; add it to the option topics to play it"
                 self.pass_over(_OTHERS, line)
             else:
                 chosen[topic] = here
         if not chosen:
             there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
             raise RecordingError(
-                f"{self.path}: has nothing to play; expected one of {', '.join(CONVERSIONS)};"
-                f" there are {there or 'no topics'}"
+                f"{self.path}: nothing to play; expected one of {', '.join(CONVERSIONS)};"
+                f" available: {there or 'no topics'}"
             )
         return chosen
 
     def _learn_mounts(self) -> None:
-        static = [one for one in self._reader.connections if one.topic.lstrip("/") == _STATIC]
+        static = [item for item in self._reader.connections if item.topic.lstrip("/") == _STATIC]
         if not static:
             return
         try:
             for connection, _, data in self._reader.messages(static):
                 message = self._decoded(data, connection)
                 if message is not None:
-                    self._frames.hear(message)
+                    self._frames.update(message)
         except Exception as error:  # as above
             self.pass_over(_BROKEN, f"{self.path}: /{_STATIC} breaks off: {_line(error)}")
 
 
 def open_bag(path: Path, pass_over: PassOver) -> Bag:
-    """A bag as it is, for whoever wants its readings alone. Raises RecordingError."""
+    """Open a bag with its default topics. Raises RecordingError."""
     return Bag(path, pass_over)
 
 
 def _opened(path: Path) -> AnyReader:
     try:
-        from rosbags.highlevel import AnyReader  # late: of the extra ros
+        from rosbags.highlevel import AnyReader  # late: optional dependency (extra "ros")
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise RecordingError(
@@ -177,12 +182,12 @@ def _opened(path: Path) -> AnyReader:
         reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
         reader.open()
     except Exception as error:  # as above
-        raise RecordingError(f"{path}: is no bag that can be read: {_line(error)}") from None
+        raise RecordingError(f"{path}: not a readable bag: {_line(error)}") from None
     return reader
 
 
 def _line(error: Exception) -> str:
     if isinstance(error, UnicodeError):
-        return "it begins with garbage"
+        return "invalid header"
     said = " ".join(str(error).split())[:200] or type(error).__name__
-    return f"{said}; an index can be made anew (rosbag reindex)" if "index" in said else said
+    return f"{said}; rebuild the index with rosbag reindex" if "index" in said else said

@@ -1,4 +1,4 @@
-"""Which messages of a bag are played, and as what."""
+"""Message types of a bag that can be played, and their conversions."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from minerva_bus.world.readings import Reading
-from minerva_services.bridges.ros_messages import Mounting, images, readings
+from minerva_services.bridges.ros_messages import SensorMount, images, readings
 
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What a type of message becomes, and on which topic unless another is named."""
+    """Conversion of a message type, and its default topic."""
 
     topic: str
-    read: Callable[[Any, str, Mounting, float | None], Reading]
+    read: Callable[[Any, str, SensorMount, float | None], Reading]
 
 
 CONVERSIONS: Final[Mapping[str, Conversion]] = {
@@ -26,4 +26,4 @@ CONVERSIONS: Final[Mapping[str, Conversion]] = {
     "sensor_msgs/msg/BatteryState": Conversion("battery", readings.battery_of),
     "sensor_msgs/msg/NavSatFix": Conversion("position", readings.position_of),
 }
-"""By the type's name; rosbags names those of ROS 1 so too."""
+"""Keyed by type name; rosbags uses the same names for ROS 1."""

@@ -1,4 +1,4 @@
-"""`rosbag`: a bag of ROS 1 or ROS 2, played into a world."""
+"""`rosbag`: plays a bag of ROS 1 or ROS 2 into a world."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Any
 from minerva_bus.errors import MisuseError
 from minerva_services.bridges.rosbag.bag import Bag
 from minerva_services.bridges.rosbag.messages import CONVERSIONS
-from minerva_services.sensors.playing import Mounting, Pace, Playing
+from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
 class Rosbag(Playing, lockstep=False):
     """Plays the sensors of a bag. Raises MisuseError.
 
     Args:
-        file: a .bag, .db3 or .mcap, or the folder of a bag of ROS 2.
-        robot: the id of the agent whose sensors they are.
-        topics: what is played, and as which topic: {"/base_scan" = "scan"}; by default the first
-            topic of each kind, on `scan`, `odometry`, `image`, `battery` and `position`.
-        speed: so many times as fast as it was recorded; 0: as fast as it goes.
-        loop: from its end on again from its beginning.
-        offset: seconds of it that are left out at first.
-        mount_x: metres ahead, where the sensors sit; by default as /tf_static says.
+        file: a .bag, .db3 or .mcap, or the folder of a ROS 2 bag.
+        robot: the id of the agent that carries the sensors.
+        topics: what to play, and as which topic: {"/base_scan" = "scan"}; by default the first
+          topic of each kind, on `scan`, `odometry`, `image`, `battery` and `position`.
+        speed: playback speed relative to the recording; 0: as fast as possible.
+        loop: start over at the end.
+        offset: seconds to skip at the start.
+        mount_x: sensor position, metres ahead of the robot's centre; by default from /tf_static.
         mount_y: metres to the left, likewise.
         mount_angle: degrees, likewise.
-        time_offset: seconds that are added to the times of scans, where the lidar's clock is not
-            that of the odometry.
+        time_offset: seconds added to the times of scans if the lidar's clock differs from that of
+          odometry.
 
     """
 
-    publishes = tuple(sorted({one.topic for one in CONVERSIONS.values()}))
+    publishes = tuple(sorted({conversion.topic for conversion in CONVERSIONS.values()}))
 
     def __init__(
         self,
@@ -46,11 +46,11 @@ class Rosbag(Playing, lockstep=False):
         mount_angle: float | None = None,
         time_offset: float = 0.0,
     ) -> None:
-        super().__init__(file, Pace(speed, loop, offset), time_offset)
+        super().__init__(file, PlaybackPace(speed, loop, offset), time_offset)
         self._robot, self._topics = robot, _checked(topics)
-        self._mounting = Mounting(mount_x, mount_y, mount_angle)
+        self._mounting = MountOverride(mount_x, mount_y, mount_angle)
         if self._topics:
-            # Which topics is up to each world, so these hide the class's.
+            # Topics differ between worlds, so the instance attribute hides the class's.
             self.publishes = tuple(sorted(set(self._topics.values())))
 
     def recording(self) -> Bag:
@@ -60,9 +60,9 @@ class Rosbag(Playing, lockstep=False):
 def _checked(topics: Any) -> Mapping[str, str]:
     if topics is None:
         return {}
-    whole = isinstance(topics, Mapping) and all(
-        isinstance(one, str) and one for pair in topics.items() for one in pair
+    is_valid = isinstance(topics, Mapping) and all(
+        isinstance(name, str) and name for pair in topics.items() for name in pair
     )
-    if not whole:
-        raise MisuseError(f'topics is {topics!r}; expected such as {{"/base_scan" = "scan"}}')
+    if not is_valid:
+        raise MisuseError(f'topics is {topics!r}; expected for example {{"/base_scan" = "scan"}}')
     return dict(topics)

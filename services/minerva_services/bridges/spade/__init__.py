@@ -1,4 +1,4 @@
-"""A bridge to agents of SPADE, and any others that speak FIPA ACL over XMPP."""
+"""A bridge to SPADE agents and other agents that speak FIPA ACL over XMPP."""
 
 from minerva_services.bridges.spade.service import Spade
 

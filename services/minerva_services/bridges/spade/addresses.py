@@ -1,4 +1,4 @@
-"""Which agent has which address: ids of the string, and JIDs of XMPP (RFC 7622)."""
+"""Mapping between agent ids and XMPP addresses (JIDs, RFC 7622)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _JID: Final = re.compile(r"[^@/\s\"&'<>:]+@[^@/\s]+")
 
 
 class Addresses:
-    """JIDs by id, and back. Where a pattern gives them, of the ids that it was asked for."""
+    """JIDs by id and vice versa; a pattern creates JIDs for ids on demand."""
 
     def __init__(self, known: Mapping[str, str], pattern: str = "") -> None:
         self._pattern = pattern
@@ -23,20 +23,20 @@ class Addresses:
             self._add(id, jid)
 
     @staticmethod
-    def of(option: str, given: Any, domain: str) -> Addresses:
-        """Those that an option gives: a table, a list of ids, or a pattern with `{id}` in it.
+    def of(option: str, value: Any, domain: str) -> Addresses:
+        """Parse an option: a table, a list of ids, or a pattern that contains `{id}`.
 
-        A list may be a text with commas; its addresses are `ID@domain`. Raises MisuseError.
+        A list may be a comma-separated string; its addresses are `ID@domain`. Raises MisuseError.
         """
-        if isinstance(given, str) and "{id}" in given:
-            _checked(option, given.replace("{id}", "id"))
-            return Addresses({}, given)
-        if isinstance(given, Mapping):
-            table = cast("Mapping[str, object]", given)
+        if isinstance(value, str) and "{id}" in value:
+            _checked(option, value.replace("{id}", "id"))
+            return Addresses({}, value)
+        if isinstance(value, Mapping):
+            table = cast("Mapping[str, object]", value)
             return Addresses({id: _checked(option, jid) for id, jid in table.items()})
-        ids = _listed(option, given)
+        ids = _listed(option, value)
         if ids and not domain:
-            raise MisuseError(f"spade: {option} has no addresses; give the option domain")
+            raise MisuseError(f"spade: {option} has ids without addresses; set the option domain")
         return Addresses({id: _checked(option, f"{id}@{domain}") for id in ids})
 
     def __iter__(self) -> Iterator[str]:
@@ -45,34 +45,36 @@ class Addresses:
     def __len__(self) -> int:
         return len(self._jids)
 
-    def meet(self, ids: Iterable[str]) -> None:
-        """Agents of these ids are there: those that have no address get one of the pattern."""
+    def add_ids(self, ids: Iterable[str]) -> None:
+        """Create addresses for new ids by the pattern."""
         for id in ids:
             if self._pattern and id not in self._jids:
                 self._add(id, self._pattern.replace("{id}", id))
 
     def jid(self, id: str) -> str:
-        """The JID of an agent; the empty text where it has none."""
+        """The JID of an agent; "" if it has none."""
         return self._jids.get(id, "")
 
     def id(self, jid: str) -> str:
-        """The agent that has a JID, whatever its resource; the empty text where none has."""
+        """The agent with this JID, ignoring its resource; "" if there is none."""
         return self._ids.get(jid.partition("/")[0].lower(), "")
 
     def _add(self, id: str, jid: str) -> None:
         if AGENT_ID.fullmatch(id) is None:
-            raise MisuseError(f"spade: {id!r} is no id of an agent: letters, digits and _ : - only")
+            raise MisuseError(
+                f"spade: {id!r} is not an agent id; expected letters, digits and _ : -"
+            )
         other = self._ids.setdefault(jid.lower(), id)
         if other != id:
             raise MisuseError(f"spade: {jid} is the address of both #{other} and #{id}")
         self._jids[id] = jid
 
 
-def _listed(option: str, given: Any) -> list[str]:
-    if isinstance(given, str):
-        return [one.strip() for one in given.split(",") if one.strip()]
-    ids = list(cast("Iterable[object]", given)) if isinstance(given, list | tuple) else [given]
-    if not all(isinstance(one, str) for one in ids):
+def _listed(option: str, value: Any) -> list[str]:
+    if isinstance(value, str):
+        return [id.strip() for id in value.split(",") if id.strip()]
+    ids = list(cast("Iterable[object]", value)) if isinstance(value, list | tuple) else [value]
+    if not all(isinstance(id, str) for id in ids):
         raise MisuseError(
             f"spade: {option} must be a list of ids, a table of ids and JIDs, or a pattern"
             ' such as "{id}@example.org"'
@@ -82,5 +84,5 @@ def _listed(option: str, given: Any) -> list[str]:
 
 def _checked(option: str, jid: object) -> str:
     if not isinstance(jid, str) or _JID.fullmatch(jid) is None:
-        raise MisuseError(f"spade: {option}: {jid!r} is no address; expected NAME@DOMAIN")
+        raise MisuseError(f"spade: {option}: {jid!r} is not an address; expected NAME@DOMAIN")
     return jid

@@ -1,4 +1,4 @@
-"""The SPADE bridge: messages to agents outside go out over XMPP, and theirs come in."""
+"""The SPADE bridge: messages to external agents are sent over XMPP, and theirs received."""
 
 from __future__ import annotations
 
@@ -12,30 +12,42 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import Device, View, WorldInfo
+from minerva_services.bridges.spade.acl_messages import (
+    Clock,
+    InvalidMessage,
+    Mail,
+    Mailbox,
+    event_of,
+    metadata_of,
+)
 from minerva_services.bridges.spade.addresses import Addresses
-from minerva_services.bridges.spade.mail import Clock, Garbage, Mail, Mailbox, event_of, metadata_of
-from minerva_services.bridges.spade.session import Letter, Server, Session, check_library
+from minerva_services.bridges.spade.session import (
+    XmppMessage,
+    XmppServer,
+    XmppSession,
+    check_library,
+)
 from minerva_services.bridging import Bridge
 from minerva_services.event_factory import event_type
 
 WAITING: Final = 10_000
-"""Messages that wait for the server, at most; more are dropped."""
+"""Maximum number of messages that wait for the server; more are dropped."""
 
 
 class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=False, coupled=True):
-    """Agents outside hear what `AOutside` agents are told, and speak in their names.
+    """Connects `AOutside` agents with the external agents that they represent.
 
-    Each agent inside that shall be heard outside has an account on an XMPP server.
+    Each agent of the world that external agents may address has an account on an XMPP server.
 
     Args:
-        inside: the ids of agents that have accounts: a list, or a table with their JIDs.
-        outside: the JIDs of those that `AOutside` agents stand for: a pattern with `{id}` in it,
-            a list of ids or a table.
-        domain: of the JIDs that are not told.
-        server: `HOST` or `HOST:PORT` of the XMPP server; else it is looked up by the domain.
-        password_env: the environment variable with the accounts' password.
-        password_file: the file that has it.
-        register: make the accounts, where the server lets us.
+        inside: ids of agents with accounts: a list, or a table with their JIDs.
+        outside: JIDs of the agents that `AOutside` agents represent: a pattern with `{id}`, a list
+          of ids or a table.
+        domain: domain of JIDs that are not given.
+        server: `HOST` or `HOST:PORT` of the XMPP server; by default looked up by the domain.
+        password_env: environment variable with the accounts' password.
+        password_file: file with the password.
+        register: create the accounts, if the server permits it.
         verify: whether the server's certificate must be valid.
 
     """
@@ -57,20 +69,20 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         super().__init__()
         self._inside = Addresses.of("inside", inside, domain)
         if not len(self._inside):
-            raise MisuseError("spade: inside names nobody; give ids, or a table of ids and JIDs")
+            raise MisuseError("spade: inside is empty; expected ids, or a table of ids and JIDs")
         pattern = outside or (f"{{id}}@{domain}" if domain else "")
         if not pattern:
-            raise MisuseError('spade: give outside, such as "{id}@example.org", or domain')
+            raise MisuseError('spade: set outside, such as "{id}@example.org", or domain')
         self._outside = Addresses.of("outside", pattern, domain)
-        self._server = Server(*_place(server), verify, register)
+        self._server = XmppServer(*_place(server), verify, register)
         if bool(password_env) == bool(password_file):
-            raise MisuseError("spade: give password_env or password_file")
+            raise MisuseError("spade: set password_env or password_file")
         self._password_env, self._password_file = password_env, password_file
         self.source = f"spade: the XMPP server {server or domain}".rstrip()
-        self._outbox: deque[Letter] = deque()
-        self._sent: int | None = None  # Up to this frame all has been put on its way.
+        self._outbox: deque[XmppMessage] = deque()
+        self._sent: int | None = None  # the last frame whose messages are queued
         self._there: frozenset[str] = frozenset()
-        self._complained: set[str] = set()
+        self._reported: set[str] = set()
 
     def joined(self, world: WorldInfo) -> None:
         check_library()
@@ -78,21 +90,21 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         self._world = world
         self._clock = Clock(0, world.dt)
         if event_type("spade", world, eMessage.name).fields != eMessage.fields:
-            raise MisuseError("spade: the world's eMessage is another one; take in *MESSAGES")
+            raise MisuseError("spade: the world declares a different eMessage; use *MESSAGES")
         if Outside.kind.name not in world.vocabulary.kinds or eMail.name not in world.vocabulary:
             raise MisuseError(
-                f"spade: nobody can be outside of the world {world.world!r}; its vocabulary needs"
+                f"spade: the world {world.world!r} has no external agents; its vocabulary needs"
                 " *MESSAGES and *OUTSIDE of minerva_bus.acl"
             )
 
-    # --- out ---
+    # --- outgoing ---
 
     def show(self, view: View) -> None:
-        """Put what agents outside have been told on its way (α of `PMail`)."""
+        """Queue new messages to external agents (α of `PMail`)."""
         mailbox = Mailbox()
         interpret(view.scene, mailbox)
         self._clock = Clock(view.frame, self._world.dt)
-        self._outside.meet(mailbox.there)
+        self._outside.add_ids(mailbox.there)
         self._there = frozenset(mailbox.there)
         for mail in mailbox.mail:
             if mail.frame > (view.frame - 2 if self._sent is None else self._sent):
@@ -102,60 +114,60 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
     def _post(self, mail: Mail) -> None:
         sender, to = self._inside.jid(mail.sender), self._outside.jid(mail.to)
         if not sender or not to:
-            lacks = f"#{mail.to} has no address" if sender else f"#{mail.sender} is not inside"
-            self._complain("unsent", f"{lacks}, so a message to #{mail.to} is not sent")
+            lacks = f"#{mail.to} has no address" if sender else f"#{mail.sender} has no account"
+            self._report("unsent", f"{lacks}, so a message to #{mail.to} is not sent")
         elif len(self._outbox) >= WAITING:
-            self._complain("dropped", f"{WAITING} messages wait for the server; more are dropped")
+            self._report("dropped", f"{WAITING} messages wait for the server; more are dropped")
         else:
             given = mail.parameters
             metadata = metadata_of(given, (self._inside, self._outside), self._clock)
             self._outbox.append(
-                Letter(sender, to, given["content"], given["conversation_id"], metadata)
+                XmppMessage(sender, to, given["content"], given["conversation_id"], metadata)
             )
             self.count("sent")
 
-    # --- in ---
+    # --- incoming ---
 
-    def open(self) -> Session:
+    def open(self) -> XmppSession:
         passwords = {self._inside.jid(id): self._password() for id in self._inside}
-        return Session(self._server, passwords, self._outbox, self._receive)
+        return XmppSession(self._server, passwords, self._outbox, self._receive)
 
-    def _receive(self, letter: Letter) -> Event | None:
+    def _receive(self, letter: XmppMessage) -> Event | None:
         sender, receiver = self._outside.id(letter.sender), self._inside.id(letter.to)
         if sender not in self._there or not receiver:
-            self._complain("strangers", f"{letter.sender} writes, for whom no AOutside stands")
+            self._report("strangers", f"{letter.sender} has no AOutside agent")
             return None
         known = (self._inside, self._outside)
         try:
             return event_of(
                 letter.body, letter.thread, letter.metadata, sender, receiver, known, self._clock
             )
-        except (Garbage, MinervaError) as garbage:
-            self._complain("garbage", f"{letter.sender}: {garbage}")
+        except (InvalidMessage, MinervaError) as problem:
+            self._report("garbage", f"{letter.sender}: {problem}")
             return None
 
-    def _complain(self, what: str, problem: str) -> None:
-        """Count it, and say it once of its sort."""
+    def _report(self, what: str, problem: str) -> None:
+        """Count a problem, and log the first of its kind."""
         self.count(what)
-        if what not in self._complained:
-            self._complained.add(what)
-            self._say(f"spade: {problem}; further ones are counted as {what!r}")
+        if what not in self._reported:
+            self._reported.add(what)
+            self._log(f"spade: {problem}; further ones are counted as {what!r}")
 
     def _password(self) -> str:
         if self._password_env:
-            found = os.environ.get(self._password_env)
-            if found is None:
-                raise MisuseError(f"spade: the environment has no {self._password_env}; set it")
-            return found
+            password = os.environ.get(self._password_env)
+            if password is None:
+                raise MisuseError(f"spade: environment variable {self._password_env} is not set")
+            return password
         try:
             return Path(self._password_file).read_text(encoding="utf-8").rstrip("\r\n")
         except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "no text in UTF-8"
+            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             raise MisuseError(f"spade: password_file {self._password_file}: {reason}") from None
 
 
 def _place(server: str) -> tuple[str, int]:
-    """Host and port of `HOST[:PORT]`. Raises MisuseError."""
+    """Parse `HOST[:PORT]`. Raises MisuseError."""
     host, colon, port = server.partition(":")
     if colon and not (port.isdecimal() and 0 < int(port) < 65536):
         raise MisuseError(f"spade: server is {server!r}; expected HOST or HOST:PORT")

@@ -1,4 +1,4 @@
-"""Connections of agents of the world to an XMPP server; used in one thread."""
+"""Connections of agents to an XMPP server; used by one thread."""
 
 # slixmpp and SPADE leave most types open.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
@@ -25,17 +25,17 @@ CONNECTED_WITHIN: Final = 15.0
 TURN: Final = 0.05
 GOODBYE: Final = 1.0
 NOTHING: Final = " "
-"""The body of a message without content: one without a body is not told to SPADE's agents."""
+"""Body of a message without content: SPADE does not deliver messages without a body."""
 
 
 def check_library() -> None:
-    """Raises MisuseError where SPADE is not installed."""
-    if find_spec("spade") is None:  # To import it takes seconds, for which no frame shall wait.
-        raise MisuseError("spade: it needs SPADE: pip install 'minerva-bus[spade]'")
+    """Raise MisuseError if SPADE is not installed."""
+    if find_spec("spade") is None:  # importing takes seconds: too long for a frame
+        raise MisuseError("spade: needs SPADE: pip install 'minerva-bus[spade]'")
 
 
-class Server(NamedTuple):
-    """Where the server is (port 0: as DNS says), and how it is spoken to."""
+class XmppServer(NamedTuple):
+    """Address of a server (port 0: by DNS), and its options."""
 
     host: str
     port: int
@@ -43,8 +43,8 @@ class Server(NamedTuple):
     register: bool
 
 
-class Letter(NamedTuple):
-    """A message as it goes through XMPP."""
+class XmppMessage(NamedTuple):
+    """A message as transmitted over XMPP."""
 
     sender: str
     to: str
@@ -53,23 +53,23 @@ class Letter(NamedTuple):
     metadata: Mapping[str, str]
 
 
-class Session:
+class XmppSession:
     """The agents of some JIDs, connected to a server.
 
-    `read` lets `send` put letters on the wire, and gives what `receive` makes of those that come.
-    Raises SourceError, here where the server cannot be reached or refuses somebody.
+    `read` sends queued messages, and yields what `receive` makes of incoming ones. Raises
+    SourceError, also on creation, if the server is unreachable or rejects an account.
     """
 
     def __init__(
         self,
-        server: Server,
+        server: XmppServer,
         passwords: Mapping[str, str],
-        outbox: deque[Letter],
-        receive: Callable[[Letter], Event | None],
+        outbox: deque[XmppMessage],
+        receive: Callable[[XmppMessage], Event | None],
     ) -> None:
         logging.getLogger("slixmpp").setLevel(logging.CRITICAL)
         self._outbox, self._receive = outbox, receive
-        self._inbox: deque[Letter] = deque()
+        self._inbox: deque[XmppMessage] = deque()
         self._wrong = ""
         self._leaves = False
         self._loop = asyncio.new_event_loop()
@@ -85,7 +85,7 @@ class Session:
             raise
 
     def read(self, stop: threading.Event) -> Iterator[Event | None]:
-        """What comes, until `stop` is set. Raises SourceError where the server is lost."""
+        """Incoming messages until `stop` is set. Raises SourceError if the connection is lost."""
         while not stop.is_set():
             while self._outbox:
                 self._send(self._outbox.popleft())
@@ -95,7 +95,7 @@ class Session:
             yield None
 
     def close(self) -> None:
-        """Send what still waits, and hang up."""
+        """Send queued messages and disconnect."""
         self._leaves = True
         if not self._wrong:
             while self._outbox:
@@ -110,18 +110,20 @@ class Session:
         self._loop.close()
         asyncio.set_event_loop(None)
 
-    def _client(self, server: Server, jid: str, password: str) -> Any:
+    def _client(self, server: XmppServer, jid: str, password: str) -> Any:
         from spade.xmpp_client import XMPPClient
 
         client = XMPPClient(jid, password, server.verify, server.register)
         client.add_event_handler("session_start", lambda _: self._ready.add(jid))
-        client.add_event_handler("failed_all_auth", lambda _: self._fail(f"it refuses {jid}"))
+        client.add_event_handler(
+            "failed_all_auth", lambda _: self._fail(f"authentication of {jid} failed")
+        )
         client.add_event_handler("connection_failed", lambda why: self._fail(f"{why}"))
         client.add_event_handler("disconnected", lambda _: self._fail(f"{jid} is disconnected"))
         client.add_event_handler("message", self._on_message)
         return client
 
-    def _connect(self, server: Server) -> None:
+    def _connect(self, server: XmppServer) -> None:
         for client in self._clients.values():
             client.connect(server.host or None, server.port or None)
         until = time.monotonic() + CONNECTED_WITHIN
@@ -129,7 +131,7 @@ class Session:
             self._turn(TURN)
             if time.monotonic() > until:
                 missing = sorted(self._clients.keys() - self._ready)
-                raise SourceError(f"spade: the XMPP server does not let {missing[0]} in")
+                raise SourceError(f"spade: no session for {missing[0]} within the time limit")
 
     def _turn(self, seconds: float) -> None:
         self._loop.run_until_complete(asyncio.sleep(seconds))
@@ -140,7 +142,7 @@ class Session:
         if not self._leaves:
             self._wrong = self._wrong or why
 
-    def _send(self, letter: Letter) -> None:
+    def _send(self, letter: XmppMessage) -> None:
         from spade.message import Message
 
         client = self._clients[letter.sender]
@@ -157,7 +159,7 @@ class Session:
             return
         message: Message = Message.from_node(stanza)  # type: ignore[assignment]
         self._inbox.append(
-            Letter(
+            XmppMessage(
                 str(message.sender),
                 str(message.to),
                 "" if message.body in (None, NOTHING) else message.body,

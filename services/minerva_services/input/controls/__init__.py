@@ -1,6 +1,6 @@
-"""What keys and buttons mean to a world: which of its events they give."""
+"""Bindings of keys and buttons to events of a world."""
 
 from minerva_services.input.controls.binding import Binding, bindings, choices
-from minerva_services.input.controls.wiring import Range, Wiring
+from minerva_services.input.controls.control_map import ControlMap, InputRange
 
-__all__ = ["Binding", "Range", "Wiring", "bindings", "choices"]
+__all__ = ["Binding", "ControlMap", "InputRange", "bindings", "choices"]

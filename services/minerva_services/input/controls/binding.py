@@ -1,4 +1,4 @@
-"""What a key or a button gives: an event, written as `minerva pub` has it."""
+"""The event of a key or button, written as for `minerva pub`."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from minerva_services.event_factory import event_type
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """An event type by name, and its data as words; a word without a name is the only datum."""
+    """An event type by name, and its data as words; an unnamed word is the only datum."""
 
     type: str
     words: tuple[tuple[str, str], ...] = ()
 
     def event(self, service: str, world: WorldInfo, to: tuple[str, ...]) -> Event:
-        """The event in a world, to these receivers. Raises MisuseError, which names the service."""
+        """The event in a world, for these receivers. Raises MisuseError, naming the service."""
         declared = event_type(service, world, self.type)
         data = {name or only_datum(service, declared): shown for name, shown in self.words}
         if len(data) < len(self.words):
             raise MisuseError(f"{service}: {self} does not fit: each datum is given once")
-        kinds = {one.name: one.type.kind for one in declared.fields.all}
+        kinds = {field.name: field.type.kind for field in declared.fields.all}
         values = {
             name: shown if kinds.get(name) == "text" else _value(shown)
             for name, shown in data.items()
@@ -45,17 +45,17 @@ class Binding:
 
 
 def only_datum(service: str, declared: EventType, kind: str = "") -> str:
-    """The name of an event type's only datum, which is of a kind. Raises MisuseError."""
+    """Name of an event type's only datum, which must be of a kind. Raises MisuseError."""
     fields = declared.fields.all
     if len(fields) != 1 or kind not in ("", fields[0].type.kind):
         wanted = f"one {kind} number" if kind == "real" else "one datum"
-        listed = ", ".join(f"{one.name} ({one.type})" for one in fields) or "none"
-        raise MisuseError(f"{service}: {declared.name} must have {wanted}; it has {listed}")
+        data = ", ".join(f"{field.name} ({field.type})" for field in fields) or "none"
+        raise MisuseError(f"{service}: {declared.name} must have {wanted}; it has {data}")
     return fields[0].name
 
 
 def bindings(service: str, option: str, given: Mapping[str, Any] | None) -> dict[str, Binding]:
-    """What an option such as `keys = { w = "eSpeed speed=0.8" }` says. Raises MisuseError."""
+    """Parse an option such as `keys = { w = "eSpeed speed=0.8" }`. Raises MisuseError."""
     if given is None:
         return {}
     if not isinstance(given, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -66,14 +66,16 @@ def bindings(service: str, option: str, given: Mapping[str, Any] | None) -> dict
 
 
 def choices(service: str, type_: str, given: Any) -> list[Binding]:
-    """An event for each of several texts: a list, or one text with commas. Raises MisuseError."""
+    """One event per text: a list, or a comma-separated string. Raises MisuseError."""
     if isinstance(given, str):
-        given = [one.strip() for one in given.split(",") if one.strip()]
-    listed = cast("Iterable[Any]", given) if isinstance(given, list | tuple) else (None,)
-    texts = [one for one in listed if isinstance(one, str) and one]
-    if len(texts) < len(list(listed)):
-        raise MisuseError(f'{service}: markers must be a list of texts such as ["kitchen", "lab"]')
-    return [Binding(type_, (("", one),)) for one in texts]
+        given = [text.strip() for text in given.split(",") if text.strip()]
+    items = cast("Iterable[Any]", given) if isinstance(given, list | tuple) else (None,)
+    texts = [item for item in items if isinstance(item, str) and item]
+    if len(texts) < len(list(items)):
+        raise MisuseError(
+            f'{service}: markers must be a list of strings such as ["kitchen", "lab"]'
+        )
+    return [Binding(type_, (("", text),)) for text in texts]
 
 
 def _read(service: str, where: str, text: Any) -> Binding:
@@ -91,7 +93,7 @@ def _read(service: str, where: str, text: Any) -> Binding:
 
 
 def _value(shown: str) -> Any:
-    """A value as the language writes it; a text may do without its quotes."""
+    """A value in the language's syntax; strings may omit their quotes."""
     try:
         (node,) = parse(f"P<value={shown}>", "value")
         (value,) = node.values

@@ -1,4 +1,4 @@
-"""A gamepad as SDL sees it, by pygame-ce (extra `gamepad`)."""
+"""Access to gamepads through SDL, using pygame-ce (extra `gamepad`)."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from minerva_services.bridging import SourceError
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
-    """How a gamepad is held just now: its axes from -1 to 1, and the buttons that are down."""
+class PadState:
+    """Current state of a gamepad: axes from -1 to 1, and pressed buttons."""
 
     axes: tuple[float, ...]
     buttons: frozenset[int]
 
 
 class Pad(Protocol):
-    """A gamepad that is plugged in."""
+    """A connected gamepad."""
 
     name: str
 
-    def held(self) -> Held | None:
-        """How it is held; None where it was pulled out."""
+    def state(self) -> PadState | None:
+        """Its current state; None if it was unplugged."""
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the gamepad."""
         ...
 
 
 def check_installed() -> None:
-    """Raises MisuseError where the extra is not installed."""
+    """Raise MisuseError if the extra is not installed."""
     if importlib.util.find_spec("pygame") is None:
         raise MisuseError("gamepad needs pygame-ce: pip install 'minerva-bus[gamepad]'")
 
 
 def open_pad(number: int) -> Pad:
-    """The gamepad of a number, from 0. Raises SourceError where there is none."""
+    """Open a gamepad by number, from 0. Raises SourceError if there is none."""
     pygame = _begun()
     pygame.event.pump()
     there = pygame.joystick.get_count()
@@ -50,13 +50,13 @@ def open_pad(number: int) -> Pad:
     try:
         return _Joystick(pygame, pygame.joystick.Joystick(number))
     except pygame.error as error:
-        raise SourceError(f"gamepad {number} cannot be used: {error}") from None
+        raise SourceError(f"gamepad {number} is not usable: {error}") from None
 
 
 def _begun() -> Any:
-    """The pygame package, with what gamepads need: SDL tells of them along with a display's events.
+    """pygame, initialised for gamepads: SDL reports them together with a display's events.
 
-    Where this process has no window, a display that shows nothing does.
+    A process without a window uses a dummy display.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")
@@ -71,31 +71,33 @@ def _begun() -> Any:
 
 
 class _Joystick:
-    """A joystick of SDL's."""
+    """A joystick of SDL."""
 
     def __init__(self, pygame: Any, joystick: Any) -> None:
         self._pygame = pygame
         self._joystick = joystick
         self.name = str(joystick.get_name())
 
-    def held(self) -> Held | None:
+    def state(self) -> PadState | None:
         self._pygame.event.pump()
-        one = self._joystick
+        joystick = self._joystick
         try:
-            if not one.get_init() or not self._attached():
+            if not joystick.get_init() or not self._attached():
                 return None
-            axes = tuple([float(one.get_axis(i)) for i in range(one.get_numaxes())])
-            down = frozenset([i for i in range(one.get_numbuttons()) if one.get_button(i)])
+            axes = tuple([float(joystick.get_axis(i)) for i in range(joystick.get_numaxes())])
+            down = frozenset(
+                [i for i in range(joystick.get_numbuttons()) if joystick.get_button(i)]
+            )
         except self._pygame.error:
             return None
-        return Held(axes, down)
+        return PadState(axes, down)
 
     def _attached(self) -> bool:
-        """SDL keeps a joystick that was pulled out, and only no longer lists it."""
+        """SDL keeps an unplugged joystick and merely stops listing it."""
         joystick = self._pygame.joystick
-        mine = self._joystick.get_instance_id()
+        own = self._joystick.get_instance_id()
         return any(
-            joystick.Joystick(number).get_instance_id() == mine
+            joystick.Joystick(number).get_instance_id() == own
             for number in range(joystick.get_count())
         )
 

@@ -1,4 +1,4 @@
-"""From what a terminal sends to the names of keys."""
+"""Decoding of terminal input to key names."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _SIGNS: Final = {
 _KEY: Final = re.compile(r"\x1b(?:\[[0-9;]*|O)([@-~])|.", re.DOTALL)
 
 
-class Keys:
-    """Takes bytes (UTF-8, with the escape sequences of ECMA-48) and names the keys in them.
+class KeyDecoder:
+    """Decodes bytes (UTF-8 with the escape sequences of ECMA-48) to key names.
 
-    A key that writes a sign has that sign's name; others are `up`, `down`, `left`, `right`,
-    `space`, `enter`, `tab`, `backspace` and `escape`. What is none of these has no name: "".
+    A printable key is named by its character; others are `up`, `down`, `left`, `right`, `space`,
+    `enter`, `tab`, `backspace` and `escape`. Unknown keys have the name "".
     """
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
     def named(self, data: bytes) -> Iterator[str]:
-        """The keys in some bytes."""
-        for found in _KEY.finditer(self._decoder.decode(data)):
-            final, sign = found.group(1), found.group()
+        """The keys in a chunk of bytes."""
+        for match in _KEY.finditer(self._decoder.decode(data)):
+            final, sign = match.group(1), match.group()
             if final is not None:
                 yield _ARROWS.get(final, "")
             else:

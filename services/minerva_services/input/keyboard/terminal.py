@@ -1,4 +1,4 @@
-"""A terminal whose keys are heard one by one, and which is left as it was found."""
+"""A terminal read key by key, whose settings are restored afterwards."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MOST: Final = 1024
 
 
 class Terminal:
-    """The terminal at a path, or the one of standard input; not echoing, and without lines.
+    """The terminal at a path, or that of standard input, without echo and line buffering.
 
-    Ctrl-C still interrupts. Raises SourceError where it is no terminal.
+    Ctrl-C still interrupts. Raises SourceError if it is not a terminal.
     """
 
     def __init__(self, path: str = "") -> None:
@@ -30,8 +30,9 @@ class Terminal:
             self._before = termios.tcgetattr(self._file)
         except (OSError, termios.error) as error:
             raise SourceError(
-                f"{path or 'standard input'} is no terminal ({error.args[-1]}); attach the keyboard"
-                " from one: minerva attach keyboard"
+                f"{path or 'standard input'} is not a terminal ({error.args[-1]});"
+                " attach the keyboard"
+                " from a terminal: minerva attach keyboard"
             ) from None
         self._closed = False
         self._lock = threading.Lock()
@@ -39,7 +40,10 @@ class Terminal:
         tty.setcbreak(self._file, termios.TCSANOW)
 
     def read(self) -> bytes | None:
-        """What was typed, nothing for a tenth of a second without any; None where it is gone."""
+        """Typed bytes, empty after a tenth of a second without any.
+
+        None if the terminal is gone.
+        """
         try:
             if not select.select([self._file], [], [], NAP)[0]:
                 return b""
@@ -48,7 +52,7 @@ class Terminal:
             return None
 
     def close(self) -> None:
-        """Leave it as it was; what was typed and not read is forgotten."""
+        """Restore the terminal; discards unread input."""
         with self._lock:
             if self._closed:
                 return

@@ -26,18 +26,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 NOTHING_HIT: Final = 80.0
-"""Metres from which on a SICK laser means that nothing was hit: it reads about 81.9 then."""
+"""Range in metres from which a SICK laser means no hit: it then reads about 81.9."""
 
 _MOST_BEAMS: Final = 100_000
 
 
 class LineError(ValueError):
-    """A line is not what its first word says."""
+    """A line does not match its keyword."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """Where something is: metres, and degrees counter-clockwise."""
+class LaserPose:
+    """A position in metres and a heading in degrees counter-clockwise."""
 
     x: float
     y: float
@@ -45,10 +45,10 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Wheels:
-    """ODOM: where the wheels believe to be, metres and degrees a second, and when."""
+class OdometryLine:
+    """ODOM: pose, speeds in metres and degrees per second, and times."""
 
-    pose: Pose
+    pose: LaserPose
     speed: float
     turn: float
     time: float
@@ -56,10 +56,10 @@ class Wheels:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Beams:
-    """A laser line: ranges in metres at `first` + i·`step` degrees, where the laser was, when.
+class LaserLine:
+    """A laser line: ranges in metres at `first` + i·`step` degrees, the laser's pose, and times.
 
-    `robot` is where the robot was, if the line has it for certain.
+    `robot` is the robot's pose, if the line states it.
     """
 
     ranges: NDArray[np.float32]
@@ -68,23 +68,23 @@ class Beams:
     range_max: float
     time: float
     stamp: float
-    laser: Pose | None = None
-    robot: Pose | None = None
+    laser: LaserPose | None = None
+    robot: LaserPose | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """PARAM: a setting of the robot that was logged."""
+    """PARAM: a logged setting of the robot."""
 
     name: str
     value: str
 
 
-Line: TypeAlias = Wheels | Beams | Parameter
+LogLine: TypeAlias = OdometryLine | LaserLine | Parameter
 
 
-def read_line(line: str) -> Line | None:
-    """What a line says; None where it is a comment or a message of another kind.
+def read_line(line: str) -> LogLine | None:
+    """Parse a line; None for comments and other messages.
 
     Raises LineError.
     """
@@ -94,21 +94,21 @@ def read_line(line: str) -> Line | None:
     read = _READERS.get(words[0])
     if read is None:
         if not words[0].isascii() or not words[0].replace("_", "").isalnum():
-            raise LineError("no message of CARMEN")
+            raise LineError("not a CARMEN message")
         return None
     return read(_Words(words))
 
 
 def angles_of(beams: int) -> tuple[float, float]:
-    """The first angle and the step, in degrees, of a SICK laser that looks 180° wide ahead.
+    """First angle and step, in degrees, of a SICK laser with a 180° field of view.
 
-    An even number of beams lacks the last one of the 180°, as CARMEN takes it.
+    An even number of beams lacks the last beam of the 180°, by CARMEN's convention.
     """
     return -90.0, 180.0 / max(1, beams - beams % 2)
 
 
 class _Words:
-    """The words of a line, taken one after another."""
+    """The words of a line, read sequentially."""
 
     def __init__(self, words: Sequence[str]) -> None:
         self._words = words
@@ -116,7 +116,7 @@ class _Words:
 
     def text(self) -> str:
         if self._at >= len(self._words):
-            raise LineError(f"it breaks off after {len(self._words)} words")
+            raise LineError(f"line ends after {len(self._words)} words")
         self._at += 1
         return self._words[self._at - 1]
 
@@ -125,29 +125,32 @@ class _Words:
         try:
             number = float(word)
         except ValueError:
-            raise LineError(f"{word[:20]!r} is no number") from None
+            raise LineError(f"{word[:20]!r} is not a number") from None
         if not math.isfinite(number):
-            raise LineError(f"{word[:20]!r} is no finite number")
+            raise LineError(f"{word[:20]!r} is not finite")
         return number
 
     def count(self) -> int:
         word = self.text()
         if not word.isdecimal() or int(word) > _MOST_BEAMS:
-            raise LineError(f"{word[:20]!r} is no number of beams")
+            raise LineError(f"{word[:20]!r} is not a number of beams")
         return int(word)
 
     def ranges(self) -> NDArray[np.float32]:
-        """So many ranges as the next word says, also infinite ones; `nan` is 0, no hit."""
+        """The ranges announced by the next word, including infinite ones.
+
+        `nan` becomes 0, no hit.
+        """
         words = [self.text() for _ in range(self.count())]
         try:
             ranges = np.array([float(word) for word in words], np.float32)
         except ValueError as error:
-            raise LineError(f"a range is no number: {str(error)[-30:]}") from None
+            raise LineError(f"invalid range: {str(error)[-30:]}") from None
         ranges[np.isnan(ranges)] = 0.0
         return ranges
 
-    def pose(self) -> Pose:
-        return Pose(self.number(), self.number(), math.degrees(self.number()))
+    def pose(self) -> LaserPose:
+        return LaserPose(self.number(), self.number(), math.degrees(self.number()))
 
     def times(self) -> tuple[float, float]:
         """When the message was sent, and when it was logged."""
@@ -155,18 +158,18 @@ class _Words:
         return sent, self.number()
 
 
-def _wheels(words: _Words) -> Wheels:
+def _wheels(words: _Words) -> OdometryLine:
     pose, speed, turn, _ = words.pose(), words.number(), words.number(), words.number()
-    return Wheels(pose, speed, math.degrees(turn), *words.times())
+    return OdometryLine(pose, speed, math.degrees(turn), *words.times())
 
 
-def _front_laser(words: _Words) -> Beams:
+def _front_laser(words: _Words) -> LaserLine:
     ranges = words.ranges()
     if not len(ranges):
-        raise LineError("it has no beams")
-    laser, _ = words.pose(), words.pose()  # the second is never corrected in some logs
+        raise LineError("no beams")
+    laser, _ = words.pose(), words.pose()  # some logs never correct the second pose
     first, step = angles_of(len(ranges))
-    return Beams(ranges, first, step, NOTHING_HIT, *words.times(), laser)
+    return LaserLine(ranges, first, step, NOTHING_HIT, *words.times(), laser)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,22 +186,22 @@ def _laser(words: _Words) -> _Laser:
     range_max, *_ = words.number(), words.number(), words.number()
     ranges, _ = words.ranges(), words.ranges()
     if not len(ranges):
-        raise LineError("it has no beams")
+        raise LineError("no beams")
     range_max = min(range_max, NOTHING_HIT) if range_max > 0 else NOTHING_HIT
     return _Laser(ranges, math.degrees(first), math.degrees(step), range_max)
 
 
-def _raw_laser(words: _Words) -> Beams:
+def _raw_laser(words: _Words) -> LaserLine:
     laser = _laser(words)
-    return Beams(laser.ranges, laser.first, laser.step, laser.range_max, *words.times())
+    return LaserLine(laser.ranges, laser.first, laser.step, laser.range_max, *words.times())
 
 
-def _robot_laser(words: _Words) -> Beams:
+def _robot_laser(words: _Words) -> LaserLine:
     laser, pose, robot = _laser(words), words.pose(), words.pose()
     for _ in range(5):
         words.number()
     made = (laser.ranges, laser.first, laser.step, laser.range_max)
-    return Beams(*made, *words.times(), pose, robot)
+    return LaserLine(*made, *words.times(), pose, robot)
 
 
 def _parameter(words: _Words) -> Parameter:

@@ -16,14 +16,14 @@ from minerva_bus import portable
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.sensors.carmen.lines import (
-    Beams,
+    LaserLine,
+    LaserPose,
     LineError,
+    OdometryLine,
     Parameter,
-    Pose,
-    Wheels,
     read_line,
 )
-from minerva_services.sensors.playing import Mounting
+from minerva_services.sensors.playback import MountOverride
 
 _LONGEST: Final = 1 << 20
 _GZIP: Final = b"\x1f\x8b"
@@ -32,8 +32,8 @@ _PASSED_OVER, _TIMELESS, _BROKEN = "lines passed over", "lines without a time", 
 
 
 @dataclass(frozen=True, slots=True)
-class Topics:
-    """Where the readings of a log go; "" leaves them out."""
+class LogTopics:
+    """Topics for the readings of a log; "" omits them."""
 
     scan: str = "scan"
     odometry: str = "odometry"
@@ -43,17 +43,17 @@ class Topics:
 
 @dataclass(slots=True)
 class CarmenLog:
-    """A log file, plain or gzipped; `range_max` in metres, 0: as the log says.
+    """A log file, plain or gzipped; `range_max` in metres, 0: as logged.
 
-    An ODOM line with the time 0 says where a correction has put the robot, not what its wheels
-    measured: it is passed over, unless there is a topic for corrections.
+    An ODOM line with time 0 states where a correction has put the robot, not what its wheels
+    measured. It is skipped, unless there is a topic for corrections.
     """
 
     path: Path
     pass_over: PassOver
     robot: str = "r1"
-    mounting: Mounting = field(default_factory=Mounting)
-    topics: Topics = field(default_factory=Topics)
+    mounting: MountOverride = field(default_factory=MountOverride)
+    topics: LogTopics = field(default_factory=LogTopics)
     range_max: float = 0.0
     _raw: BufferedReader | None = None
     _size: int = 1
@@ -66,19 +66,19 @@ class CarmenLog:
 
     def readings(self) -> Iterator[Recorded]:
         """The readings in the order of the lines. Raises RecordingError."""
-        self._offset, some = 0.0, False
-        for number, line in self._lines():
+        self._offset, is_empty = 0.0, True
+        for number, text in self._lines():
             try:
-                said = read_line(line)
+                line = read_line(text)
             except LineError as error:
-                self.pass_over(_PASSED_OVER, f"{self.path}: line {number} is passed over: {error}")
+                self.pass_over(_PASSED_OVER, f"{self.path}: line {number} skipped: {error}")
                 continue
-            for one in self._said(said, number):
-                some, self._stamp = True, one.stamp
-                yield one
-        if not some:
+            for reading in self._converted(line, number):
+                is_empty, self._stamp = False, reading.stamp
+                yield reading
+        if is_empty:
             raise RecordingError(
-                f"{self.path}: has no reading; expected a CARMEN log with lines such as FLASER"
+                f"{self.path}: no readings; expected a CARMEN log with lines such as FLASER"
             )
 
     def close(self) -> None:
@@ -87,7 +87,7 @@ class CarmenLog:
             self._raw = None
 
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """The lines with their numbers from 1, as far as the file can be read."""
+        """The lines with their numbers from 1, as far as the file is readable."""
         number = 0
         try:
             with self._opened() as file:
@@ -96,7 +96,7 @@ class CarmenLog:
                     yield number, line.decode("utf-8", "replace")
         except (OSError, EOFError, zlib.error) as error:
             if not number:
-                raise RecordingError(f"{self.path}: cannot be read: {error}") from None
+                raise RecordingError(f"{self.path}: cannot read: {error}") from None
             self.pass_over(_BROKEN, f"{self.path}: breaks off after line {number}: {error}")
 
     def _opened(self) -> BufferedIOBase:
@@ -107,43 +107,45 @@ class CarmenLog:
         self._raw.seek(0)
         return gzip.open(self._raw) if packed else self._raw
 
-    def _said(self, said: Wheels | Beams | Parameter | None, number: int) -> Iterator[Recorded]:
-        match said:
-            case Wheels(time=0.0) if self.topics.correction:
-                yield Recorded(self._stamp, self.topics.correction, self._odometry(said))
-            case Wheels(time=0.0):
+    def _converted(
+        self, line: OdometryLine | LaserLine | Parameter | None, number: int
+    ) -> Iterator[Recorded]:
+        match line:
+            case OdometryLine(time=0.0) if self.topics.correction:
+                yield Recorded(self._stamp, self.topics.correction, self._odometry(line))
+            case OdometryLine(time=0.0):
                 self.pass_over(_TIMELESS, f"{self.path}: line {number} is ODOM without a time")
-            case Wheels() if self.topics.odometry:
-                yield Recorded(said.stamp, self.topics.odometry, self._odometry(said))
-            case Beams():
-                yield from self._measured(said)
+            case OdometryLine() if self.topics.odometry:
+                yield Recorded(line.stamp, self.topics.odometry, self._odometry(line))
+            case LaserLine():
+                yield from self._measured(line)
             case Parameter(name, value) if name == _FRONT_LASER:
                 self._offset = _number(value)
             case _:
                 pass
 
-    def _odometry(self, said: Wheels) -> Odometry:
-        at = said.pose
-        return Odometry(self.robot, at.x, at.y, at.angle, said.speed, said.turn, said.time)
+    def _odometry(self, line: OdometryLine) -> Odometry:
+        at = line.pose
+        return Odometry(self.robot, at.x, at.y, at.angle, line.speed, line.turn, line.time)
 
-    def _measured(self, said: Beams) -> Iterator[Recorded]:
-        """The scan, and before it where the robot was."""
-        mount = self.mounting.over(_mount(said, self._offset))
-        if said.laser is not None and self.topics.pose:
-            at = _carrier(said.laser, mount)
-            pose = Odometry(self.robot, at.x, at.y, at.angle, 0.0, 0.0, said.time)
-            yield Recorded(said.stamp, self.topics.pose, pose)
+    def _measured(self, line: LaserLine) -> Iterator[Recorded]:
+        """The scan, preceded by the robot's pose."""
+        mount = self.mounting.over(_mount(line, self._offset))
+        if line.laser is not None and self.topics.pose:
+            at = _carrier(line.laser, mount)
+            pose = Odometry(self.robot, at.x, at.y, at.angle, 0.0, 0.0, line.time)
+            yield Recorded(line.stamp, self.topics.pose, pose)
         if self.topics.scan:
-            yield Recorded(said.stamp, self.topics.scan, self._scan(said, mount))
+            yield Recorded(line.stamp, self.topics.scan, self._scan(line, mount))
 
-    def _scan(self, said: Beams, mount: Mount) -> Scan:
+    def _scan(self, line: LaserLine, mount: Mount) -> Scan:
         return Scan(
             self.robot,
-            said.ranges,
-            said.first,
-            said.step,
-            self.range_max or said.range_max,
-            said.time,
+            line.ranges,
+            line.first,
+            line.step,
+            self.range_max or line.range_max,
+            line.time,
             mount.x,
             mount.y,
             mount.angle,
@@ -151,29 +153,29 @@ class CarmenLog:
 
 
 def open_log(path: Path, pass_over: PassOver) -> CarmenLog:
-    """A log as it is, for whoever wants its readings alone, also where it was corrected."""
-    return CarmenLog(path, pass_over, topics=Topics(correction="correction"))
+    """Open a log for its readings alone, including corrections."""
+    return CarmenLog(path, pass_over, topics=LogTopics(correction="correction"))
 
 
-def _mount(said: Beams, offset: float) -> Mount:
-    """Where the laser sits: so far ahead as a parameter says, or as both poses of a line say."""
-    if said.laser is None or said.robot is None:
+def _mount(line: LaserLine, offset: float) -> Mount:
+    """The laser's mount: from a parameter, or from both poses of a line."""
+    if line.laser is None or line.robot is None:
         return Mount(offset)
-    turn = math.radians(said.robot.angle)
-    east, north = said.laser.x - said.robot.x, said.laser.y - said.robot.y
+    turn = math.radians(line.robot.angle)
+    east, north = line.laser.x - line.robot.x, line.laser.y - line.robot.y
     ahead = portable.cos(turn) * east + portable.sin(turn) * north
     left = portable.cos(turn) * north - portable.sin(turn) * east
-    angle = (said.laser.angle - said.robot.angle + 180.0) % 360.0 - 180.0
-    return Mount(*[round(one, 6) + 0.0 for one in (ahead, left, angle)])
+    angle = (line.laser.angle - line.robot.angle + 180.0) % 360.0 - 180.0
+    return Mount(*[round(value, 6) + 0.0 for value in (ahead, left, angle)])
 
 
-def _carrier(laser: Pose, mount: Mount) -> Pose:
-    """Where the robot is whose laser is there."""
+def _carrier(laser: LaserPose, mount: Mount) -> LaserPose:
+    """The robot's pose for a pose of its laser."""
     angle = laser.angle - mount.angle
     cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
     x = laser.x - (cos * mount.x - sin * mount.y)
     y = laser.y - (sin * mount.x + cos * mount.y)
-    return Pose(x, y, angle)
+    return LaserPose(x, y, angle)
 
 
 def _number(word: str) -> float:

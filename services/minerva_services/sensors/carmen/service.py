@@ -1,12 +1,12 @@
-"""`carmen`: a CARMEN log, played into a world."""
+"""`carmen`: plays a CARMEN log into a world."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from minerva_bus.errors import MisuseError
-from minerva_services.sensors.carmen.log import CarmenLog, Topics
-from minerva_services.sensors.playing import Mounting, Pace, Playing
+from minerva_services.sensors.carmen.log import CarmenLog, LogTopics
+from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 
 class Carmen(Playing, lockstep=False):
@@ -14,15 +14,15 @@ class Carmen(Playing, lockstep=False):
 
     Args:
         file: the log, plain or gzipped.
-        robot: the id of the agent whose sensors they are.
+        robot: the id of the agent that carries the sensors.
         scan: the topic of the scans (FLASER, RAWLASER1, ROBOTLASER1); "": none.
-        odometry: the topic of what the wheels say (ODOM), an `Odometry` each; "": none.
-        pose: the topic of where the robot was, an `Odometry` before each scan; "": none.
-        range_max: metres from which on nothing was hit; 0: as the log says, 80 m at most.
-        speed: so many times as fast as it was recorded; 0: as fast as it goes.
-        loop: from its end on again from its beginning.
-        offset: seconds of it that are left out at first.
-        mount_x: metres ahead, where the laser sits; by default as the log says.
+        odometry: the topic of wheel odometry (ODOM), an `Odometry` each; "": none.
+        pose: the topic of the robot's poses, an `Odometry` before each scan; "": none.
+        range_max: range in metres from which nothing was hit; 0: as logged, at most 80 m.
+        speed: playback speed relative to the recording; 0: as fast as possible.
+        loop: start over at the end.
+        offset: seconds to skip at the start.
+        mount_x: laser position, metres ahead of the robot's centre; by default as logged.
         mount_y: metres to the left, likewise.
         mount_angle: degrees, likewise.
 
@@ -43,14 +43,14 @@ class Carmen(Playing, lockstep=False):
         mount_y: float | None = None,
         mount_angle: float | None = None,
     ) -> None:
-        super().__init__(file, Pace(speed, loop, offset))
+        super().__init__(file, PlaybackPace(speed, loop, offset))
         if not 0 <= range_max < float("inf"):
             raise MisuseError(f"range_max is {range_max}; expected metres, or 0 for the log's own")
-        self._topics = Topics(scan, odometry, pose)
+        self._topics = LogTopics(scan, odometry, pose)
         self._robot, self._range_max = robot, range_max
-        self._mounting = Mounting(mount_x, mount_y, mount_angle)
-        # Which topics is up to each world, so these hide the class's.
-        self.publishes = tuple(dict.fromkeys(one for one in (scan, odometry, pose) if one))
+        self._mounting = MountOverride(mount_x, mount_y, mount_angle)
+        # Topics differ between worlds, so the instance attribute hides the class's.
+        self.publishes = tuple(dict.fromkeys(topic for topic in (scan, odometry, pose) if topic))
 
     def recording(self) -> CarmenLog:
         return CarmenLog(

@@ -1,4 +1,4 @@
-"""Receivers of satellite navigation that speak NMEA 0183, on a serial line."""
+"""Satellite navigation receivers that speak NMEA 0183, on a serial line."""
 
 from minerva_services.sensors.nmea.service import Nmea
 

@@ -1,4 +1,4 @@
-"""The bridge to a receiver of satellite navigation: its options, and positions."""
+"""The bridge to a satellite navigation receiver: options and positions."""
 
 from __future__ import annotations
 
@@ -9,26 +9,31 @@ from typing import ClassVar, Final
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Position
 from minerva_services.bridging import Bridge
-from minerva_services.sensors.nmea.sentences import Fix, Useless, read_fix
-from minerva_services.sensors.serial_line import Lines, SerialLine, check_installed, open_line
+from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
+from minerva_services.sensors.serial_line import (
+    LineSplitter,
+    SerialLine,
+    check_installed,
+    open_line,
+)
 
 DAY: Final = 86_400.0
 LONGEST: Final = 256
-"""Bytes of a line; the standard allows 82."""
+"""Maximum length of a line in bytes; the standard allows 82."""
 
 
 class Nmea(Bridge):
     """Publishes each fix of a receiver that speaks NMEA 0183 as a Position.
 
-    Fixes come from GGA sentences; from RMC sentences only until the first GGA has come, for they
-    have neither height nor accuracy: both are None then.
-    Times are seconds since the midnight (UTC) before the first fix, by the receiver's own clock.
+    Fixes come from GGA sentences; from RMC sentences only until the first GGA arrives, because they
+    lack altitude and accuracy, which are then None. Times are seconds since the midnight (UTC)
+    before the first fix, by the receiver's clock.
 
     Args:
         port: the device, such as /dev/ttyACM0, or socket://HOST:PORT.
-        baud: of the line; older receivers have 4800.
-        error: metres, how exact the receiver is under the best of skies; times the dilution of
-            precision it makes the accuracy.
+        baud: rate of the line; older receivers use 4800.
+        error: the receiver's error in metres under ideal conditions; multiplied by the dilution of
+          precision it gives the accuracy.
         robot: the id of the agent that carries it.
         topic: the sensor topic of the positions.
 
@@ -55,7 +60,7 @@ class Nmea(Bridge):
         self._days, self._second = 0.0, 0.0
 
     def open(self) -> NmeaSource:
-        """Raises SourceError where the line cannot be opened."""
+        """Raises SourceError if the line cannot be opened."""
         return NmeaSource(self, open_line(self._port, self._baud))
 
     def position(self, fix: Fix) -> tuple[str, Position]:
@@ -74,7 +79,7 @@ class Nmea(Bridge):
 
 
 class NmeaSource:
-    """A receiver that talks."""
+    """A receiver on an open line."""
 
     def __init__(self, bridge: Nmea, line: SerialLine) -> None:
         self._bridge = bridge
@@ -82,8 +87,8 @@ class NmeaSource:
         self._gga = False
 
     def read(self, stop: threading.Event) -> Iterator[tuple[str, Position] | None]:
-        """Positions, as sentences come."""
-        lines = Lines(self._bridge.count, LONGEST)
+        """Positions as sentences arrive."""
+        lines = LineSplitter(self._bridge.count, LONGEST)
         while not stop.is_set():
             for line in lines.feed(self._line.read()):
                 fix = self._fix(line)
@@ -92,14 +97,14 @@ class NmeaSource:
             yield None
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Close the line."""
         self._line.close()
 
     def _fix(self, line: str) -> Fix | None:
         try:
             fix = read_fix(line)
-        except Useless as why:
-            self._bridge.count(str(why))
+        except SkippedSentence as reason:
+            self._bridge.count(str(reason))
             return None
         self._gga |= fix.sentence == "GGA"
         if self._gga and fix.sentence == "RMC":

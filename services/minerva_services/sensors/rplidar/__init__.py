@@ -1,4 +1,4 @@
-"""RPLIDAR laser scanners of SLAMTEC's A series, on a serial line."""
+"""SLAMTEC RPLIDAR A-series laser scanners, on a serial line."""
 
 from minerva_services.sensors.rplidar.service import Rplidar
 

@@ -1,4 +1,4 @@
-"""A lidar on a line: asked who and how it is, turned on, read, turned off."""
+"""A lidar on a serial line: identification, start, reading, stop."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from minerva_services.sensors.rplidar.packets import Count, ExpressPackets, Pack
 from minerva_services.sensors.serial_line import SerialLine
 
 ANSWERS_WITHIN: Final = 1.0
-RESTS: Final = 0.02
-"""Seconds that it needs after STOP; chapter 4 asks for 10 ms at most."""
+STOP_SECONDS: Final = 0.02
+"""Pause in seconds after STOP; chapter 4 requires at least 10 ms."""
 
 BOOTS_WITHIN: Final = 5.0
 SPEAKS_WITHIN: Final = 4.0
-"""Seconds in which a scan that was asked for must begin and go on: a motor needs one or two."""
+"""Time in seconds within which a scan must start and continue: motors need one or two."""
 
 LONGEST_PREAMBLE: Final = 4096
 
 
 class Lidar:
-    """An RPLIDAR that is not scanning yet. Raises SourceError where no such thing answers."""
+    """An idle RPLIDAR. Raises SourceError if none answers."""
 
     def __init__(self, line: SerialLine) -> None:
         self._line = line
@@ -36,18 +36,19 @@ class Lidar:
             self.health = self._health()
         if self.health.status == "error":
             raise SourceError(
-                f"the lidar at {line.port} protects itself ({self.health}); take off its power,"
-                " see that it can turn, and plug it in again"
+                f"the lidar at {line.port} is in protection mode ({self.health});"
+                " disconnect its power,"
+                " check that it can rotate freely, and reconnect it"
             )
 
     def quiet(self) -> None:
-        """Stop whatever it does, and forget what it said."""
+        """Stop scanning and discard pending input."""
         self._line.write(p.request(p.STOP))
-        time.sleep(RESTS)
+        time.sleep(STOP_SECONDS)
         self._line.forget()
 
     def scan(self, express: bool, count: Count) -> Packets:
-        """Let it turn and scan; what understands the bytes that come from now on."""
+        """Start motor and scan; the result decodes the bytes that follow."""
         self._line.set_dtr(False)
         self._line.write(p.motor(p.PWM))
         if express:
@@ -57,26 +58,26 @@ class Lidar:
         return StandardPackets(count)
 
     def read(self, stop: threading.Event) -> Iterator[bytes]:
-        """What comes, now and then nothing. Raises SourceError where nothing comes for long."""
+        """Incoming data, possibly empty. Raises SourceError if nothing arrives for long."""
         heard = time.monotonic()
         while not stop.is_set():
             data = self._line.read()
             if data:
                 heard = time.monotonic()
             elif time.monotonic() - heard > SPEAKS_WITHIN:
-                raise SourceError(f"the lidar at {self._line.port} has fallen silent")
+                raise SourceError(f"the lidar at {self._line.port} stopped sending")
             yield data
 
     def rest(self) -> None:
-        """Stop scanning and turning. Raises SourceError where the line is lost."""
+        """Stop scan and motor. Raises SourceError if the line is lost."""
         self._line.write(p.request(p.STOP) + p.motor(0))
         self._line.set_dtr(True)
 
-    def _health(self) -> p.Health:
+    def _health(self) -> p.LidarHealth:
         return p.read_health(self._ask(p.GET_HEALTH, p.HEALTH))
 
     def _reset(self) -> None:
-        """Start it anew, and wait until it answers; while it boots it may say anything."""
+        """Reset the device and wait until it answers; its output during boot is undefined."""
         self._line.write(p.request(p.RESET))
         until = time.monotonic() + BOOTS_WITHIN
         while True:
@@ -92,17 +93,17 @@ class Lidar:
         self._expect(p.request(command), wanted)
         answer = self._line.read_exactly(wanted.size, ANSWERS_WITHIN)
         if len(answer) < wanted.size:
-            raise SourceError(f"the lidar at {self._line.port} broke off in an answer")
+            raise SourceError(f"the lidar at {self._line.port} sent an incomplete answer")
         return answer
 
     def _expect(self, request: bytes, wanted: p.Descriptor) -> None:
-        """Send a request, and read on until the descriptor of its response has been read."""
+        """Send a request, and read until the descriptor of its response."""
         self._line.write(request)
-        until, found, passed = time.monotonic() + ANSWERS_WITHIN, b"", 0
-        while time.monotonic() < until and passed < LONGEST_PREAMBLE:
-            more = p.DESCRIPTOR_SIZE - len(found)
-            found += self._line.read_exactly(more, until - time.monotonic())
-            descriptor = p.read_descriptor(found)
+        until, window, skipped = time.monotonic() + ANSWERS_WITHIN, b"", 0
+        while time.monotonic() < until and skipped < LONGEST_PREAMBLE:
+            more = p.DESCRIPTOR_SIZE - len(window)
+            window += self._line.read_exactly(more, until - time.monotonic())
+            descriptor = p.read_descriptor(window)
             if descriptor == wanted:
                 return
             if descriptor is not None:
@@ -110,9 +111,9 @@ class Lidar:
                     f"the lidar at {self._line.port} answers with data of type"
                     f" 0x{descriptor.type:02x}, not 0x{wanted.type:02x}; try the other mode"
                 )
-            if len(found) == p.DESCRIPTOR_SIZE:
-                found, passed = found[1:], passed + 1
-        what = "what it says makes no sense" if passed else "nothing answers"
+            if len(window) == p.DESCRIPTOR_SIZE:
+                window, skipped = window[1:], skipped + 1
+        what = "unintelligible answer" if skipped else "no answer"
         raise SourceError(
             f"{self._line.port}: {what} (is it an RPLIDAR, and are port and baud right?)"
         )

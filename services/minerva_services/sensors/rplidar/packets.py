@@ -1,7 +1,7 @@
-"""From the bytes of a scan to measurements, with what is damaged left out and counted.
+"""Decoding of scan data to measurements; damaged packets are skipped and counted.
 
-Formats: chapter 4, "Start scan" (figure 4-5) and "Start express scan" (figures 4-12, 4-13). How the
-angles of an express scan are recovered: ibid., "Data processing of the express scan data".
+Formats: chapter 4, "Start scan" (figure 4-5) and "Start express scan" (figures 4-12, 4-13). Angles
+of an express scan: ibid., "Data processing of the express scan data".
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from minerva_services.sensors.rplidar.protocol import CAPSULES, SAMPLES, checksu
 Count: TypeAlias = Callable[[str], None]
 
 IN_A_ROW: Final = 8
-"""Samples of a standard scan that must be right before it is taken to be in step again."""
+"""Consecutive valid samples of a standard scan required to resynchronise."""
 
 WIDEST: Final = 90.0
-"""Degrees that a capsule spans at most; more, and capsules between two have been lost."""
+"""Maximum span of a capsule in degrees; a larger one means that capsules were lost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
     """Measurements in the order of time, each of shape (n,).
 
-    `angles` are degrees clockwise from the lidar's front, as it turns; `distances` metres, 0 where
-    nothing was measured; `starts` is true where a new turn begins.
+    `angles` are degrees clockwise from the lidar's front, in its direction of rotation; `distances`
+    metres, 0 for no measurement; `starts` marks the first sample of a revolution.
     """
 
     angles: NDArray[np.float64]
@@ -42,10 +42,9 @@ NOTHING: Final = Samples(np.empty(0), np.empty(0), np.empty(0, np.bool_))
 
 
 class Packets:
-    """Takes bytes as they come, in whatever parts, and gives the samples in them.
+    """Decodes a byte stream, in chunks of any size, to samples.
 
-    `count` is told of each thing that goes wrong. After damage the next packet is looked for, byte
-    by byte.
+    Errors are counted by `count`. After damage, the next packet is searched byte by byte.
     """
 
     def __init__(self, count: Count) -> None:
@@ -55,20 +54,20 @@ class Packets:
     def feed(self, data: bytes) -> Iterator[Samples]:
         """The samples that are complete now."""
         self._bytes += data
-        while (found := self._next()) is not None:
-            if len(found.angles):
-                yield found
+        while (samples := self._next()) is not None:
+            if len(samples.angles):
+                yield samples
 
     @abstractmethod
     def _next(self) -> Samples | None:
-        """What comes next, maybe nothing for now; None where more bytes are needed."""
+        """The next samples, possibly empty; None if more bytes are needed."""
 
 
 class StandardPackets(Packets):
-    """The five bytes of each sample of a standard scan.
+    """The five-byte samples of a standard scan.
 
-    Each has but two checks, S against its inverse and a bit that is 1. So after a failure some in a
-    row must be right.
+    Each has only two check bits, S against its inverse and a constant 1. After a failure, several
+    consecutive samples must therefore be valid.
     """
 
     def __init__(self, count: Count) -> None:
@@ -104,9 +103,9 @@ def _standard(rows: NDArray[np.uint8]) -> Samples:
 class ExpressPackets(Packets):
     """The capsules of an express scan: 32 samples each, with a checksum.
 
-    The angles in one depend on where the next begins, so it is given when that one is there. The
-    angular compensations are read as numbers without a sign, as the vendor's own driver does,
-    although the document calls their topmost bit one.
+    A capsule's angles depend on the start of the next one, so it is emitted when that has arrived.
+    Angular compensations are read as unsigned numbers, like the vendor's own driver does, although
+    the document describes their top bit as a sign.
     """
 
     def __init__(self, count: Count) -> None:
@@ -127,7 +126,7 @@ class ExpressPackets(Packets):
         return self._between(before, capsule) if before else NOTHING
 
     def _find(self) -> bool:
-        """Go to the next two bytes that may begin a capsule; whether there is a whole one."""
+        """Advance to the next possible start of a capsule; True if a complete one follows."""
         data, at = self._bytes, 0
         while at + 1 < len(data) and (data[at] >> 4, data[at + 1] >> 4) != (0xA, 0x5):
             at += 1
@@ -149,15 +148,15 @@ class ExpressPackets(Packets):
 
 
 def _start(capsule: bytes) -> float:
-    """Degrees at which a capsule begins; its topmost bit, S, only says that a scan has begun."""
+    """Start angle of a capsule in degrees; the top bit S only marks the start of a scan."""
     return ((capsule[2] | capsule[3] << 8) & 0x7FFF) / 64.0
 
 
 def _express(capsule: bytes, first: float, width: float) -> tuple[NDArray[np.float64], ...]:
-    """Raw angles, angles and distances of a capsule that begins at an angle and is so wide.
+    """Raw angles, angles and distances of a capsule with this start angle and width.
 
-    θ_k = ω_i + AngleDiff(ω_i, ω_{i+1})/32 · k − dθ_k, degrees; the raw angle is θ_k + dθ_k. A turn
-    begins with a sample whose raw angle is smaller than the one before.
+    θ_k = ω_i + AngleDiff(ω_i, ω_{i+1})/32 · k − dθ_k, degrees; the raw angle is θ_k + dθ_k. A
+    revolution begins with a sample whose raw angle is smaller than its predecessor's.
     """
     cabins = np.frombuffer(capsule, np.uint8, offset=4).reshape(16, 5).astype(np.uint16)
     words = np.stack([cabins[:, 0] | cabins[:, 1] << 8, cabins[:, 2] | cabins[:, 3] << 8], axis=1)

@@ -1,8 +1,8 @@
-"""What is said on the line: requests, the descriptors of their responses, info and health.
+"""The serial protocol: requests, response descriptors, device info and health.
 
 Source: SLAMTEC, "RPLIDAR: Interface Protocol and Application Notes" (A series, rev. 1.x and 2.x),
-chapters 2 and 4; "chapter" and "figure" in this package are those of this document. All numbers
-are little-endian.
+chapters 2 and 4; "chapter" and "figure" in this package refer to this document. All numbers are
+little-endian.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ GET_INFO, GET_HEALTH = 0x50, 0x52
 SET_MOTOR_PWM: Final = 0xF0
 
 PWM: Final = 660
-"""Duty of the motor where the adapter sets it; an A1's is switched by DTR and ignores this."""
+"""PWM duty of the motor where the adapter controls it; an A1 is switched by DTR instead."""
 
 EXPRESS_SINCE: Final = (1, 17)
-"""The first firmware with EXPRESS_SCAN."""
+"""First firmware with EXPRESS_SCAN."""
 
 
 @dataclass(frozen=True, slots=True)
 class Descriptor:
-    """A response descriptor (figure 2-7): bytes in a data packet, whether many come, their type."""
+    """A response descriptor (figure 2-7): packet size, whether several follow, data type."""
 
     size: int
-    many: bool
+    is_multiple: bool
     type: int
 
 
@@ -47,8 +47,8 @@ CAPSULES: Final = Descriptor(84, True, 0x82)
 
 
 @dataclass(frozen=True, slots=True)
-class Info:
-    """What a device says of itself (GET_INFO)."""
+class LidarInfo:
+    """Identification of a device (GET_INFO)."""
 
     model: int
     firmware: tuple[int, int]
@@ -64,8 +64,8 @@ HEALTHS: Final = ("good", "warning", "error")
 
 
 @dataclass(frozen=True, slots=True)
-class Health:
-    """How a device is (GET_HEALTH): `status` is one of `HEALTHS`."""
+class LidarHealth:
+    """Health of a device (GET_HEALTH): `status` is one of `HEALTHS`."""
 
     status: str
     code: int
@@ -75,7 +75,7 @@ class Health:
 
 
 def request(command: int, payload: bytes = b"") -> bytes:
-    """A request packet (figure 2-4); with a payload there are its size and a checksum too."""
+    """A request packet (figure 2-4); with a payload, also its size and a checksum."""
     if not payload:
         return bytes((START, command))
     packet = bytes((START, command, len(payload))) + payload
@@ -83,36 +83,36 @@ def request(command: int, payload: bytes = b"") -> bytes:
 
 
 def checksum(data: bytes) -> int:
-    """All bytes, combined by exclusive or."""
+    """XOR of all bytes."""
     return reduce(xor, data, 0)
 
 
 def motor(pwm: int) -> bytes:
-    """The request that sets the motor's duty, 0 to 1023."""
+    """The request that sets the motor's PWM duty, 0 to 1023."""
     return request(SET_MOTOR_PWM, struct.pack("<H", pwm))
 
 
 EXPRESS: Final = request(EXPRESS_SCAN, bytes(5))
-"""Express scan in its first working mode, which all of the series have."""
+"""Express scan in its first working mode, which all models of the series support."""
 
 
 def read_descriptor(data: bytes) -> Descriptor | None:
-    """The descriptor at the beginning of 7 bytes; None where they are none."""
+    """Parse a descriptor from 7 bytes; None if invalid."""
     if len(data) < DESCRIPTOR_SIZE or not data.startswith(ANSWER):
         return None
     size, kind = struct.unpack_from("<IB", data, 2)
     return Descriptor(size & 0x3FFFFFFF, size >> 30 == 1, kind)
 
 
-def read_info(data: bytes) -> Info:
-    """The 20 bytes of GET_INFO."""
+def read_info(data: bytes) -> LidarInfo:
+    """Parse the 20 bytes of GET_INFO."""
     model, minor, major, hardware = data[:4]
-    return Info(model, (major, minor), hardware, data[4:].hex().upper())
+    return LidarInfo(model, (major, minor), hardware, data[4:].hex().upper())
 
 
-def read_health(data: bytes) -> Health:
-    """The 3 bytes of GET_HEALTH. Raises SourceError where the status is none."""
+def read_health(data: bytes) -> LidarHealth:
+    """Parse the 3 bytes of GET_HEALTH. Raises SourceError for an unknown status."""
     status, code = struct.unpack("<BH", data)
     if status >= len(HEALTHS):
-        raise SourceError(f"the lidar says that its health is {status}, which means nothing")
-    return Health(HEALTHS[status], code)
+        raise SourceError(f"the lidar reports an unknown health status {status}")
+    return LidarHealth(HEALTHS[status], code)

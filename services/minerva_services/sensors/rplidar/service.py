@@ -1,4 +1,4 @@
-"""The bridge to an RPLIDAR: its options, and scans of its turns."""
+"""The bridge to an RPLIDAR: options, and scans of its revolutions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from minerva_services.bridging import Bridge, SourceError
 from minerva_services.sensors.rplidar.lidar import Lidar
 from minerva_services.sensors.rplidar.packets import Samples
 from minerva_services.sensors.rplidar.protocol import EXPRESS_SINCE
-from minerva_services.sensors.rplidar.turns import Turns, ranges
+from minerva_services.sensors.rplidar.revolutions import RevolutionBuffer, ranges
 from minerva_services.sensors.serial_line import SerialLine, check_installed, open_line
 
 MODES: Final = ("auto", "express", "standard")
@@ -25,20 +25,20 @@ MOST_BEAMS: Final = 7200
 
 
 class Rplidar(Bridge):
-    """Publishes each turn of an RPLIDAR of the A series as a Scan.
+    """Publishes each revolution of an A-series RPLIDAR as a Scan.
 
-    Beam 0 points where the lidar's front does, the others follow counter-clockwise in equal steps.
+    Beam 0 points to the lidar's front, the others follow counter-clockwise in equal steps.
 
     Args:
         port: the device, such as /dev/ttyUSB0, or socket://HOST:PORT.
         baud: 115200 for A1 and A2M8; 256000 for A2M7, A2M12 and A3.
-        mode: "express" (firmware 1.17 or later), "standard", or "auto": what it can.
-        beams: of a scan.
-        range_max: metres; what is measured beyond counts as nothing.
+        mode: "express" (firmware 1.17 or later), "standard", or "auto": express if supported.
+        beams: number of beams of a scan.
+        range_max: in metres; longer measurements count as no hit.
         robot: the id of the agent that carries it.
         mount_x: metres ahead of the robot's centre.
         mount_y: metres to the left of it.
-        mount_angle: degrees by which its front is turned, counter-clockwise.
+        mount_angle: rotation of its front in degrees, counter-clockwise.
         topic: the sensor topic of the scans.
 
     """
@@ -81,15 +81,15 @@ class Rplidar(Bridge):
             mount_angle,
         )
         self._born = time.monotonic()
-        self._said = ""
+        self._logged = ""
         self._health = ""
 
     def open(self) -> LidarSource:
-        """Raises SourceError where no lidar answers, or it protects itself."""
+        """Raises SourceError if no lidar answers, or it is in protection mode."""
         line = open_line(self._port, self._baud)
         try:
             lidar = Lidar(line)
-            self._tell(lidar)
+            self._log_identity(lidar)
             express = self._mode == "express" or (
                 self._mode == "auto" and lidar.info.firmware >= EXPRESS_SINCE
             )
@@ -99,24 +99,26 @@ class Rplidar(Bridge):
             raise
 
     def scan(self, turn: Samples) -> tuple[str, Scan]:
-        """A turn as a scan, with its topic; a lidar has no clock, so its time is that of ours."""
-        found = ranges(turn, len(self._scan.ranges))
-        return self._topic, replace(self._scan, ranges=found, time=time.monotonic() - self._born)
+        """A revolution as a scan, with its topic; the lidar has no clock, so ours is used."""
+        distances = ranges(turn, len(self._scan.ranges))
+        return self._topic, replace(
+            self._scan, ranges=distances, time=time.monotonic() - self._born
+        )
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         return {**super().report(), **({"health": self._health} if self._health else {})}
 
-    def _tell(self, lidar: Lidar) -> None:
-        """Say once which lidar it is, and again where its health has changed."""
+    def _log_identity(self, lidar: Lidar) -> None:
+        """Log the lidar's identification once, and again when its health changes."""
         self._health = str(lidar.health)
-        said = f"{self.source}: {lidar.info}; health {self._health}"
-        if said != self._said:
-            self._say(said)
-        self._said = said
+        line = f"{self.source}: {lidar.info}; health {self._health}"
+        if line != self._logged:
+            self._log(line)
+        self._logged = line
 
 
 class LidarSource:
-    """A lidar that scans."""
+    """A lidar that is scanning."""
 
     def __init__(self, bridge: Rplidar, line: SerialLine, lidar: Lidar, express: bool) -> None:
         self._bridge = bridge
@@ -125,8 +127,8 @@ class LidarSource:
         self._packets = lidar.scan(express, bridge.count)
 
     def read(self, stop: threading.Event) -> Iterator[tuple[str, Scan] | None]:
-        """Scans, as turns end."""
-        turns = Turns(self._bridge.count)
+        """Scans, one per completed revolution."""
+        turns = RevolutionBuffer(self._bridge.count)
         for data in self._lidar.read(stop):
             for samples in self._packets.feed(data):
                 for turn in turns.add(samples):
@@ -134,7 +136,7 @@ class LidarSource:
             yield None
 
     def close(self) -> None:
-        """Let it rest, if it can be told to."""
+        """Stop the lidar if it is still reachable."""
         with suppress(SourceError):
             self._lidar.rest()
         self._line.close()

@@ -1,6 +1,6 @@
-"""Serial lines of bridges: opened by their path, read in what parts they come, lost and found."""
+"""Serial lines for bridges: opening, reading, and error handling."""
 
 from minerva_services.sensors.serial_line.line import SerialLine, check_installed, open_line
-from minerva_services.sensors.serial_line.lines import Lines
+from minerva_services.sensors.serial_line.splitter import LineSplitter
 
-__all__ = ["Lines", "SerialLine", "check_installed", "open_line"]
+__all__ = ["LineSplitter", "SerialLine", "check_installed", "open_line"]

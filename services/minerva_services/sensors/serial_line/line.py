@@ -1,4 +1,4 @@
-"""A serial line, on pyserial (extra `serial`), with errors that a bridge can live with."""
+"""A serial line, using pyserial (extra `serial`), with errors that bridges can handle."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from minerva_bus.errors import MisuseError
 from minerva_services.bridging import SourceError
 
 NAP: Final = 0.1
-"""Seconds that a read waits for the first byte."""
+"""Time-out in seconds of a read for its first byte."""
 
 WRITE_WITHIN: Final = 2.0
 MOST: Final = 4096
 
 
 def check_installed(service: str) -> None:
-    """Raises MisuseError where the extra is not installed."""
+    """Raise MisuseError if the extra is not installed."""
     try:
         import serial  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
@@ -25,14 +25,14 @@ def check_installed(service: str) -> None:
 
 
 class SerialLine:
-    """An open line. Its methods raise SourceError when it is lost: pulled out, or hung up."""
+    """An open line. Its methods raise SourceError when it is lost: unplugged or disconnected."""
 
     def __init__(self, port: str, device: Any) -> None:
         self.port = port
         self._device = device
 
     def read(self) -> bytes:
-        """What has come; nothing where nothing has come for a tenth of a second."""
+        """Available bytes; empty if none arrive within a tenth of a second."""
         try:
             first = self._device.read(1)
             waiting = min(self._device.in_waiting, MOST) if first else 0
@@ -41,14 +41,14 @@ class SerialLine:
             raise self._lost(error) from None
 
     def read_exactly(self, count: int, within: float) -> bytes:
-        """So many bytes, or fewer where they have not come in so many seconds."""
-        until, found = time.monotonic() + within, b""
-        while len(found) < count and time.monotonic() < until:
+        """Up to `count` bytes; fewer on time-out."""
+        until, data = time.monotonic() + within, b""
+        while len(data) < count and time.monotonic() < until:
             try:
-                found += self._device.read(count - len(found))
+                data += self._device.read(count - len(data))
             except OSError as error:
                 raise self._lost(error) from None
-        return found
+        return data
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -59,19 +59,19 @@ class SerialLine:
             raise self._lost(error) from None
 
     def forget(self) -> None:
-        """Drop what has come and was not read."""
+        """Discard unread input."""
         try:
             self._device.reset_input_buffer()
         except OSError as error:
             raise self._lost(error) from None
 
     def set_dtr(self, on: bool) -> None:
-        """Set the line DTR; whatever has no such line, as a pseudo terminal, goes on without."""
+        """Set DTR; devices without this signal, such as pseudo terminals, are tolerated."""
         with suppress(OSError):
             self._device.dtr = on
 
     def close(self) -> None:
-        """Let go of it; also where it is lost already."""
+        """Close the line; also after it is lost."""
         with suppress(OSError):
             self._device.close()
 
@@ -80,9 +80,9 @@ class SerialLine:
 
 
 def open_line(port: str, baud: int) -> SerialLine:
-    """Open a device, such as /dev/ttyUSB0, or socket://HOST:PORT; for ourselves alone.
+    """Open a device, such as /dev/ttyUSB0, or socket://HOST:PORT, exclusively.
 
-    Raises SourceError where it is not there, or another process has it.
+    Raises SourceError if it is missing or used by another process.
     """
     import serial
 
@@ -91,12 +91,12 @@ def open_line(port: str, baud: int) -> SerialLine:
             port, baudrate=baud, timeout=NAP, write_timeout=WRITE_WITHIN, exclusive=True
         )
     except (OSError, ValueError) as error:
-        raise SourceError(f"{port} cannot be opened: {_reason(error)}") from None
+        raise SourceError(f"cannot open {port}: {_reason(error)}") from None
     return SerialLine(port, device)
 
 
 def _reason(error: Exception) -> str:
-    """What is the matter, in words of people."""
+    """A short explanation of an error."""
     text = str(error)
     for sign, reason in _REASONS.items():
         if sign in text:
@@ -106,9 +106,9 @@ def _reason(error: Exception) -> str:
 
 _REASONS: Final = {
     "exclusively lock": "another process uses it",
-    "No such file": "it is not there (is it plugged in?)",
-    "Permission denied": "permission denied (are you in its group, often dialout?)",
-    "Inappropriate ioctl": "it is no serial line",
-    "Input/output error": "it was pulled out",
-    "returned no data": "it was pulled out, or another process reads it",
+    "No such file": "no such device (is it plugged in?)",
+    "Permission denied": "permission denied (is the user in its group, often dialout?)",
+    "Inappropriate ioctl": "not a serial line",
+    "Input/output error": "unplugged",
+    "returned no data": "unplugged, or another process reads it",
 }

@@ -1,4 +1,4 @@
-"""Cameras that see markers: videos, devices and streams, or images that others publish."""
+"""Cameras that recognise markers: videos, devices, streams, or images of other members."""
 
 from minerva_services.sensors.vision.markers import Markers
 from minerva_services.sensors.vision.service import Vision

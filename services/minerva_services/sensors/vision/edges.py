@@ -1,11 +1,11 @@
-"""Corners of a marker's square, to a small part of a pixel, from the lines of its four sides.
+"""Sub-pixel corners of a marker's square, from line fits of its four sides.
 
-The corner refinement of OpenCV for ArUco moves corners inwards, by 0.1 to 0.7 pixels, so a marker
-seems smaller and farther off than it is; the one for AprilTags is exact, but does not detect
-markers that the other detects. So markers are detected by the former, and their sides fitted here,
-as AprilTag does (Wang and Olson, "AprilTag 2", IROS 2016): at many places of each side the edge is
-where the intensity changes most across it, a line is fitted to these, and corners are where two
-lines meet.
+OpenCV's corner refinement for ArUco moves corners inwards by 0.1 to 0.7 pixels, so a marker appears
+smaller and farther away than it is; the one for AprilTags is exact, but misses markers that the
+other detects. Markers are therefore detected by the former, and their sides fitted here, as
+AprilTag does (Wang and Olson, "AprilTag 2", IROS 2016): at many positions of each side the edge is
+located where the intensity changes most across it, a line is fitted, and corners are the
+intersections of lines.
 """
 
 from __future__ import annotations
@@ -18,25 +18,24 @@ from numpy.typing import NDArray
 Reals: TypeAlias = NDArray[np.float64]
 
 _ALONG: Final = np.linspace(0.12, 0.88, 48)
-"""Parts of a side at which the edge is looked for; not at the corners, where two edges meet."""
+"""Positions along a side at which the edge is sampled; not at the corners, where edges meet."""
 
 _STEPS: Final = 12
 _MAX_REACH: Final = 4.0
-"""Pixels to each side of an edge that are looked at, at most."""
+"""Maximum search distance in pixels on each side of an edge."""
 
 _CELLS: Final = 8
-"""Cells of most markers' sides; an edge is looked for within less than one of them."""
+"""Typical number of cells per side; the search stays within one cell."""
 
 _ROUNDS: Final = 3
 _MAX_SHIFT: Final = 2.0
-"""Pixels by which a corner may move; where it would move farther, the sides are no lines."""
+"""Maximum correction of a corner in pixels; a larger one means that the sides are not lines."""
 
 
 def refined(image: NDArray[np.uint8], corners: Reals) -> Reals:
-    """The corners of a dark square on a bright ground, (4, 2) in pixels, clockwise as seen.
+    """Refined corners of a dark square on a bright background, (4, 2) in pixels, clockwise.
 
-    Integer coordinates are the middles of pixels. Corners are returned as they were where a side
-    has no clear edge.
+    Integer coordinates are pixel centres. Returns the input if a side has no clear edge.
     """
     quad = corners
     for _ in range(_ROUNDS):
@@ -54,7 +53,9 @@ def _lines(image: NDArray[np.uint8], quad: Reals, reach: float) -> Reals:
     ends = np.roll(quad, -1, 0)
     along = ends - quad
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)  # outwards of a clockwise square
+    normals = np.stack(
+        [along[:, 1], -along[:, 0]], axis=1
+    )  # outward, because the square is clockwise
     middles = quad[:, None] + _ALONG[:, None] * (ends - quad)[:, None]
     steps = np.linspace(-reach, reach, 2 * _STEPS + 1)
     samples = _bilinear(image, middles[:, :, None] + steps[:, None] * normals[:, None, None])
@@ -68,7 +69,7 @@ def _lines(image: NDArray[np.uint8], quad: Reals, reach: float) -> Reals:
 
 
 def _line(points: Reals, weights: Reals) -> Reals:
-    """The line that fits points best, by total least squares; nan where none does."""
+    """Total least squares line through weighted points; nan if too few have weight."""
     if np.count_nonzero(weights) < len(weights) // 2:
         return np.full(3, np.nan)
     middle = np.average(points, axis=0, weights=weights)
@@ -79,7 +80,7 @@ def _line(points: Reals, weights: Reals) -> Reals:
 
 
 def _meeting(lines: Reals) -> Reals:
-    """Where each side's line meets the one before it: the corners, (4, 2)."""
+    """Intersections of each side with the previous one: the corners, (4, 2)."""
     first, second = np.roll(lines, 1, 0), lines
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -89,7 +90,7 @@ def _meeting(lines: Reals) -> Reals:
 
 
 def _bilinear(image: NDArray[np.uint8], at: Reals) -> Reals:
-    """Intensities at points (..., 2) of x and y, those outside as at the border."""
+    """Bilinear intensities at points (..., 2) of x and y, clamped at the border."""
     high, wide = image.shape
     x, y = np.clip(at[..., 0], 0, wide - 1.001), np.clip(at[..., 1], 0, high - 1.001)
     column, row = x.astype(np.intp), y.astype(np.intp)

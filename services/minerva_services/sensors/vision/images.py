@@ -1,4 +1,4 @@
-"""Images of others, and those in files, as rows of grey pixels."""
+"""Decoding of image readings and files to grey pixels."""
 
 from __future__ import annotations
 
@@ -8,47 +8,47 @@ from typing import Any, Final, cast
 import numpy as np
 
 from minerva_bus.world.readings import Image
-from minerva_services.sensors.vision.detecting import Grey
+from minerva_services.sensors.vision.detection import Grey
 from minerva_services.sensors.vision.library import opencv
 
 SUFFIXES: Final = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
 
 class NoImage(Exception):
-    """Some bytes are no image."""
+    """Bytes that are not an image."""
 
 
 def is_image(path: Path) -> bool:
-    """Whether a file is called like one of an image."""
+    """True if a file has the suffix of an image."""
     return path.suffix.lower() in SUFFIXES
 
 
 def grey_of(image: Image) -> Grey:
-    """The pixels of a reading. Raises NoImage."""
+    """The grey pixels of a reading. Raises NoImage."""
     if image.encoding in ("jpeg", "png"):
         return decoded(image.data)
     depth = 3 if image.encoding == "rgb8" else 1
     pixels = np.frombuffer(image.data, np.uint8)
     if pixels.size != image.width * image.height * depth:
-        raise NoImage(f"{pixels.size} bytes are no {image.encoding} of its size")
+        raise NoImage(f"{pixels.size} bytes do not match a {image.encoding} image of this size")
     rows = pixels.reshape(image.height, image.width, depth)
     return grey(rows[:, :, ::-1] if depth == 3 else rows)
 
 
 def decoded(data: bytes) -> Grey:
-    """The pixels of a file's bytes. Raises NoImage."""
+    """Decode a file's bytes. Raises NoImage."""
     cv2 = opencv()
     try:
-        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if data else None
     except cv2.error:
-        found = None
-    if found is None:
-        raise NoImage("it cannot be read as an image")
-    return found
+        pixels = None
+    if pixels is None:
+        raise NoImage("not a readable image")
+    return pixels
 
 
 def grey(pixels: Any) -> Grey:
-    """Pixels of OpenCV's, (height, width) or (height, width, 1 or 3: blue, green, red), as grey."""
+    """OpenCV pixels, (height, width) or (height, width, 1 or 3: blue, green, red), as grey."""
     cv2 = opencv()
     if pixels.ndim == 2:
         return cast("Grey", pixels)

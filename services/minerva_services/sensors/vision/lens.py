@@ -1,4 +1,4 @@
-"""How a camera maps directions to pixels: its calibration."""
+"""Camera calibration: the mapping of directions to pixels."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _SAME_ASPECT: Final = 0.01
 
 
 class WrongSize(Exception):
-    """An image is none of the calibrated camera's."""
+    """An image does not match the calibrated camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Focal lengths and centre in pixels, of images of a size, and the distortion (OpenCV's).
+    """Focal lengths and centre in pixels, image size, and distortion (OpenCV's model).
 
-    A centre of 0 is the image's; a size of 0 is any, for which the numbers hold as they are.
+    A centre of 0 means the image's centre; a size of 0 means any, without scaling.
     """
 
     fx: float
@@ -73,22 +73,22 @@ class Lens:
 
 
 def read_lens(path: str) -> Lens:
-    """The lens of a calibration file of OpenCV (YAML, JSON, XML) or ROS. Raises MisuseError."""
+    """Read a calibration file of OpenCV (YAML, JSON, XML) or ROS. Raises MisuseError."""
     try:
         text = Path(path).read_text(encoding="utf-8") if _is_small(path) else ""
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "no text"
+        reason = error.strerror if isinstance(error, OSError) else "not text"
         raise MisuseError(f"vision: calibration {path}: {reason}") from None
     cv2 = opencv()
     try:
         stored = cv2.FileStorage(_for_opencv(text), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         matrix = _numbers(stored, _MATRIX)
         distortion = _numbers(stored, _DISTORTION)
-        size = [_number(stored.getNode(f"image_{one}")) for one in ("width", "height")]
+        size = [_number(stored.getNode(f"image_{side}")) for side in ("width", "height")]
     except (cv2.error, SystemError, ValueError, TypeError) as error:
-        raise MisuseError(f"vision: {path} is no calibration file of OpenCV or ROS") from error
+        raise MisuseError(f"vision: {path} is not a calibration file of OpenCV or ROS") from error
     if len(matrix) != 9:
-        raise MisuseError(f"vision: {path} has no camera_matrix of 3×3 numbers")
+        raise MisuseError(f"vision: {path} lacks a camera_matrix of 3×3 numbers")
     return Lens(matrix[0], matrix[4], matrix[2], matrix[5], distortion, int(size[0]), int(size[1]))
 
 
@@ -97,7 +97,7 @@ def _is_small(path: str) -> bool:
 
 
 def _for_opencv(text: str) -> str:
-    """A text with the first line that OpenCV wants of YAML."""
+    """The text with the header line that OpenCV requires for YAML."""
     begin = text.lstrip()
     if begin.startswith(("%YAML", "{", "<")):
         return begin
@@ -115,7 +115,7 @@ def _numbers(stored: Any, names: tuple[str, ...]) -> tuple[float, ...]:
 def _flat(node: Any) -> list[float]:
     data = node.getNode("data") if node.isMap() else node
     if data.isSeq():
-        return [one for i in range(data.size()) for one in _flat(data.at(i))]
+        return [number for i in range(data.size()) for number in _flat(data.at(i))]
     return [_number(data)]
 
 
@@ -123,5 +123,5 @@ def _number(node: Any) -> float:
     if node.empty():
         return 0.0
     if not (node.isReal() or node.isInt()):
-        raise ValueError("no number")
+        raise ValueError("not a number")
     return float(node.real())

@@ -1,4 +1,4 @@
-"""OpenCV, which is an extra."""
+"""Access to OpenCV, an optional dependency."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _QUIET = {
 
 @cache
 def opencv() -> Any:
-    """The module cv2, which says nothing by itself and reads no image above 64 megapixels.
+    """The module cv2, silenced and limited to images of 64 megapixels.
 
-    Raises MisuseError where it is not installed.
+    Raises MisuseError if it is not installed.
     """
     for name, value in _QUIET.items():
         os.environ.setdefault(name, value)
@@ -30,7 +30,7 @@ def opencv() -> Any:
             "vision: markers need OpenCV: pip install 'minerva-bus[vision]'"
         ) from None
     library: Any = cv2
-    # Said once more, for where somebody else has imported it before; 5 has another name for it.
+    # Set again in case cv2 was imported earlier; version 5 has another name for it.
     quieten = getattr(library, "setLogLevel", None) or library.utils.logging.setLogLevel
     quieten(0)
     return library

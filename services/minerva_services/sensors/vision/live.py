@@ -1,4 +1,4 @@
-"""Cameras and streams: always the newest image, read in a thread that may be stuck."""
+"""Cameras and streams: always the newest image, read in a thread that may block."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from minerva_bus.world.readings import Sightings
 from minerva_services.bridging import SourceError
 from minerva_services.sensors.vision.images import grey
 from minerva_services.sensors.vision.library import opencv
-from minerva_services.sensors.vision.video import Sees
+from minerva_services.sensors.vision.video import MarkerFinder
 
 PATIENCE: Final = 5.0
-"""Seconds without an image after which a camera or a stream is lost."""
+"""Time without an image, in seconds, after which a camera or stream counts as lost."""
 
 _TURN: Final = 0.2
 
 
-class Live:
-    """What a device (`0`, `/dev/video0`) or a stream (`rtsp://`, `http://`) shows of markers.
+class LiveCamera:
+    """Marker sightings of a device (`0`, `/dev/video0`) or a stream (`rtsp://`, `http://`).
 
-    Its thread reads what comes and keeps the newest image; what nobody had the time to look at is
+    Its thread keeps the newest image; images that arrive while the previous one is processed are
     counted as skipped.
     """
 
@@ -30,12 +30,12 @@ class Live:
         self,
         address: str,
         topic: str,
-        sees: Sees,
+        find: MarkerFinder,
         count: Callable[[str], None],
         size: tuple[int, int] = (0, 0),
     ) -> None:
-        """Begin to open it: `read` says how that went."""
-        self._address, self._topic, self._sees, self._count = address, topic, sees, count
+        """Start opening the camera; `opened` and `read` report the result."""
+        self._address, self._topic, self._find, self._count = address, topic, find, count
         self._size = size
         self._news = threading.Condition()
         self._newest: Any = None
@@ -46,7 +46,7 @@ class Live:
         threading.Thread(target=self._grab, daemon=True).start()
 
     def read(self, stop: threading.Event) -> Iterator[tuple[str, Sightings] | None]:
-        """What each image shows. Raises SourceError where the camera fails or falls silent."""
+        """Sightings of each image. Raises SourceError if the camera fails or sends nothing."""
         heard = time.monotonic()
         while not stop.is_set():
             taken = self._next()
@@ -56,18 +56,18 @@ class Live:
                 yield None
                 continue
             heard = time.monotonic()
-            seen = self._sees(grey(taken[0]), taken[1])
+            seen = self._find(grey(taken[0]), taken[1])
             if seen is not None:
                 yield self._topic, seen
 
     def opened(self) -> None:
-        """Wait until it is open. Raises SourceError where it cannot be opened."""
+        """Wait until it is open. Raises SourceError if it cannot be opened."""
         in_time = self._opened.wait(2 * PATIENCE)
         if self._failed or not in_time:
-            raise self._lost(self._failed or "it does not answer")
+            raise self._lost(self._failed or "no response")
 
     def close(self) -> None:
-        """Let go of it; its thread does so as soon as it can."""
+        """Close asynchronously; the thread may still be blocked in a read."""
         self._closed.set()
 
     def _next(self) -> tuple[Any, float] | None:
@@ -81,23 +81,23 @@ class Live:
     def _lost(self, why: str) -> SourceError:
         return SourceError(f"vision: {shown(self._address)}: {why}")
 
-    # --- in a thread of its own ---
+    # --- in its own thread ---
 
     def _grab(self) -> None:
         camera: Any = None
         try:
             camera = self._camera()
             if not camera.isOpened():
-                self._fail("it cannot be opened")
+                self._fail("cannot open")
                 return
             self._opened.set()
             while not self._closed.is_set():
                 there, pixels = camera.read()
                 if not there:
-                    self._fail("no more images come")
+                    self._fail("no more images")
                     return
                 self._put(pixels)
-        except Exception as error:  # OpenCV may raise whatever its backends do.
+        except Exception as error:  # backends of OpenCV raise many types
             self._fail(str(error))
         finally:
             self._opened.set()
@@ -131,6 +131,6 @@ class Live:
 
 
 def shown(address: str) -> str:
-    """An address without a password that may stand in it."""
+    """An address without a password that it may contain."""
     scheme, separator, rest = address.partition("://")
     return scheme + separator + rest.rpartition("@")[2] if separator else address

@@ -1,4 +1,4 @@
-"""Markers in images that somebody publishes: from images to sightings, in step with the world."""
+"""Marker recognition in images published by other members, in lockstep with the world."""
 
 from __future__ import annotations
 
@@ -10,29 +10,34 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Image, Sightings
 from minerva_bus.world.services import Generator, Tick, WorldInfo
-from minerva_services.sensors.vision.eye import Eye, Look, WrongSize, names_of
 from minerva_services.sensors.vision.images import NoImage, grey_of
+from minerva_services.sensors.vision.locator import (
+    MarkerLocator,
+    VisionOptions,
+    WrongSize,
+    names_of,
+)
 
 
 class Markers(Generator):
-    """Sees markers (ArUco, AprilTag) in the images of a topic and publishes `Sightings`.
+    """Recognises markers (ArUco, AprilTag) in the images of a topic and publishes `Sightings`.
 
-    In step: a frame waits until its images have been looked at. Robot and mount are those of the
+    In lockstep: a frame waits until its images are processed. Robot and mount are those of the
     image.
 
     Args:
-        dictionary: that the markers are of, as `6X6_250` or `APRILTAG_36h11`.
-        size: metres, the side of a marker's black square.
+        dictionary: the markers' dictionary, such as `6X6_250` or `APRILTAG_36h11`.
+        size: side of a marker's black square in metres.
         names: the world's names of markers by their numbers; by default the numbers.
         calibration: a calibration file of OpenCV or ROS.
-        fx: pixels, the focal length, in place of a file.
-        fy: pixels; 0: as fx.
-        cx: pixels, the optical centre; 0: the middle of the image.
-        cy: pixels, likewise.
+        fx: focal length in pixels, instead of a file.
+        fy: in pixels; 0: as fx.
+        cx: optical centre in pixels; 0: the image's centre.
+        cy: in pixels, likewise.
         images: the topic of the images.
-        topic: where the sightings go.
-        takes: of images that come faster than frames, "newest" counts, or "all" of them.
-        nth: of images that come freely, only every n-th counts.
+        topic: the topic of the sightings.
+        takes: of images that arrive faster than frames, use the "newest" or "all".
+        nth: of images that arrive asynchronously, use only every n-th.
 
     """
 
@@ -51,15 +56,17 @@ class Markers(Generator):
         takes: str = "newest",
         nth: int = 1,
     ) -> None:
-        self._look = Look(dictionary, size, names_of(names), calibration, fx, fy, cx, cy)
+        self._options = VisionOptions(
+            dictionary, size, names_of(names), calibration, fx, fy, cx, cy
+        )
         self.takes, self.nth = takes, nth
-        # Which topics is up to each world, so these hide the class's.
+        # Topics differ between worlds, so the instance attributes hide the class's.
         self.topics = (images,)
         self.publishes = (topic,)
         self._counts: Counter[str] = Counter()
 
     def joined(self, world: WorldInfo) -> None:
-        self._eye = Eye(self._look, self._count)
+        self._locator = MarkerLocator(self._options, self._count)
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         for image in tick.readings:
@@ -69,7 +76,7 @@ class Markers(Generator):
                 )
             self._count("images")
             try:
-                seen = self._eye.sees(grey_of(image), image.mount)
+                seen = self._locator.locate(grey_of(image), image.mount)
             except (NoImage, WrongSize) as problem:
                 self._count("wrong size" if isinstance(problem, WrongSize) else "garbage")
                 continue

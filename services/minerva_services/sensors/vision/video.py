@@ -1,4 +1,4 @@
-"""Videos and folders of images, as recordings of what they show of markers."""
+"""Videos and folders of images, as recordings of marker sightings."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from typing import Any, Final, TypeAlias
 
 from minerva_bus.world.readings import Sightings
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
-from minerva_services.sensors.vision.detecting import Grey
+from minerva_services.sensors.vision.detection import Grey
 from minerva_services.sensors.vision.images import NoImage, decoded, grey, is_image
 from minerva_services.sensors.vision.library import opencv
 
 FOLDER_RATE: Final = 10.0
 
-Sees: TypeAlias = Callable[[Grey, float], Sightings | None]
-"""What an image shows, made at so many seconds; None for one that cannot be used."""
+MarkerFinder: TypeAlias = Callable[[Grey, float], Sightings | None]
+"""The sightings of an image at a time in seconds; None if it cannot be used."""
 
 
-class Pictures:
-    """An image, or a folder of them in the order of their names, `fps` a second."""
+class ImageFolder:
+    """An image, or a folder of them in the order of names, at `fps` images per second."""
 
     def __init__(
-        self, path: Path, topic: str, sees: Sees, pass_over: PassOver, fps: float = 0.0
+        self, path: Path, topic: str, find: MarkerFinder, pass_over: PassOver, fps: float = 0.0
     ) -> None:
-        """Raises RecordingError where there is none."""
-        self._topic, self._sees, self._pass_over = topic, sees, pass_over
+        """Raises RecordingError if there is no image."""
+        self._topic, self._find, self._pass_over = topic, find, pass_over
         self._fps = fps or FOLDER_RATE
         self._done = 0
         self._shown: tuple[tuple[int, int], Sightings | None] | None = None
         self._paths = sorted(filter(is_image, path.iterdir())) if path.is_dir() else [path]
         if not self._paths:
-            raise RecordingError(f"there is no image in {path}; expected .jpg or .png files")
+            raise RecordingError(f"no image in {path}; expected .jpg or .png files")
 
     @property
     def is_still(self) -> bool:
-        """Whether it is one image alone."""
+        """True for a single image."""
         return len(self._paths) == 1
 
     @property
@@ -60,25 +60,25 @@ class Pictures:
         return None
 
     def _looked_at(self, path: Path, time: float) -> Sightings | None:
-        """What an image shows; a still that has not changed is not looked at again."""
+        """Sightings of an image; an unchanged still is not processed again."""
         if len(self._paths) > 1:
-            return self._sees(decoded(path.read_bytes()), time)
+            return self._find(decoded(path.read_bytes()), time)
         about = path.stat()
         state = about.st_mtime_ns, about.st_size
         if self._shown is None or self._shown[0] != state:
-            self._shown = state, self._sees(decoded(path.read_bytes()), time)
+            self._shown = state, self._find(decoded(path.read_bytes()), time)
         return self._shown[1]
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Nothing to close."""
 
 
 class Video:
-    """A video file, at its own rate or at `fps` images a second."""
+    """A video file, at its own rate or at `fps` images per second."""
 
-    def __init__(self, path: Path, topic: str, sees: Sees, fps: float = 0.0) -> None:
-        """Raises RecordingError where it is none."""
-        self._path, self._topic, self._sees, self._fps = path, topic, sees, fps
+    def __init__(self, path: Path, topic: str, find: MarkerFinder, fps: float = 0.0) -> None:
+        """Raises RecordingError if it is not a video."""
+        self._path, self._topic, self._find, self._fps = path, topic, find, fps
         self._number = 0
         self._open()
 
@@ -86,7 +86,7 @@ class Video:
         cv2 = opencv()
         self._video: Any = cv2.VideoCapture(str(self._path), cv2.CAP_FFMPEG)
         if not self._video.isOpened():
-            raise RecordingError(f"{self._path} is no video that can be read")
+            raise RecordingError(f"{self._path} is not a readable video")
         self._count = max(1, int(self._video.get(cv2.CAP_PROP_FRAME_COUNT)))
         own = float(self._video.get(cv2.CAP_PROP_FPS))
         self._rate = self._fps or (own if 0 < own < 1000 else FOLDER_RATE)
@@ -106,11 +106,11 @@ class Video:
                 break
             time = self._number / self._rate
             self._number += 1
-            seen = self._sees(grey(pixels), time)
+            seen = self._find(grey(pixels), time)
             if seen is not None:
                 yield Recorded(time, self._topic, seen)
         if not self._number:
-            raise RecordingError(f"{self._path}: no image of it can be read")
+            raise RecordingError(f"{self._path}: contains no readable image")
 
     def close(self) -> None:
         self._video.release()

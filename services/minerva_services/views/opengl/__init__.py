@@ -1,4 +1,4 @@
-"""A world in three dimensions, in an OpenGL window: the paper's figure 3."""
+"""A 3D view of a world in an OpenGL window: the paper's figure 3."""
 
 from minerva_services.views.opengl.service import OpenGL
 

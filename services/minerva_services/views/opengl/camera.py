@@ -1,4 +1,4 @@
-"""Where the eye is: from metres of the world to pixels of the picture, and back."""
+"""The camera: projection from metres to pixels, and back."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Floats = NDArray[np.float64]
 _FLATTEST, _STEEPEST = 8.0, 90.0
 _NEAREST, _FARTHEST = 0.2, 1e6
 _DEPTH = 100.0
-"""How much nearer and farther than the target something may be and still be seen."""
+"""Depth range of the projection as a multiple of the distance to the target."""
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
-    """An eye that circles about a target (metres) and looks at it.
+class OrbitCamera:
+    """A camera that orbits a target (metres) and looks at it.
 
-    `azimuth` is where the eye stands, seen from the target: degrees counter-clockwise from the x
-    axis. -90 has x to the right and y away, as on a map. `elevation` is how high it stands: at 90
-    degrees it looks straight down. `field` is the vertical field of view, degrees.
+    `azimuth` is the camera's direction as seen from the target, in degrees counter-clockwise from
+    the x axis; -90 has x to the right and y ahead, as on a map. `elevation` is its height angle; 90
+    degrees looks straight down. `field` is the vertical field of view in degrees.
     """
 
     target: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -33,7 +33,7 @@ class Camera:
 
     @property
     def axes(self) -> Floats:
-        """Unit vectors to the right, up and forward as the eye sees them, (3, 3)."""
+        """Unit vectors to the right, up and forward of the camera, (3, 3)."""
         a, e = math.radians(self.azimuth), math.radians(self.elevation)
         right = (-math.sin(a), math.cos(a), 0.0)
         up = (-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e))
@@ -42,7 +42,7 @@ class Camera:
 
     @property
     def eye(self) -> Floats:
-        """Where the eye is, metres (3,)."""
+        """Position of the camera in metres, (3,)."""
         return np.array(self.target) - self.distance * self.axes[2]
 
     @property
@@ -50,11 +50,11 @@ class Camera:
         return math.tan(math.radians(self.field) / 2)
 
     def metre(self, height: int) -> float:
-        """Pixels of a metre across, a metre away from the eye, in a picture of this height."""
+        """Pixels per metre at a distance of one metre, for a picture of this height."""
         return height / 2 / self._slope
 
     def matrix(self, aspect: float) -> Floats:
-        """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width by height."""
+        """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width / height."""
         axes, near, far = self.axes, self.distance / _DEPTH, self.distance * _DEPTH
         look = np.eye(4)
         look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
@@ -66,7 +66,7 @@ class Camera:
         return lens @ look
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
-        """Pixels (n, 2) of points (n, 3), y down; not a number for what is behind the eye."""
+        """Pixels (n, 2) of points (n, 3), y down; NaN behind the camera."""
         seen = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes.T
         depth = self.depths(points)
         half = self.metre(height)
@@ -75,14 +75,14 @@ class Camera:
         )
 
     def depths(self, points: Floats) -> Floats:
-        """How far before the eye points (n, 3) are, metres; not a number for what is behind it."""
+        """Depth in metres of points (n, 3) in front of the camera; NaN behind it."""
         depth = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes[2]
         return np.where(depth > 1e-9, depth, np.nan)
 
     def ground(
         self, x: float, y: float, width: int, height: int, z: float = 0.0
     ) -> tuple[float, float] | None:
-        """Where a pixel's ray meets the level `z`, metres; None where it meets it nowhere."""
+        """Where a pixel's ray meets the level `z`, in metres, or None."""
         half = self.metre(height)
         ray = np.array([(x - width / 2) / half, (height / 2 - y) / half, 1.0]) @ self.axes
         rise = z - self.eye[2]
@@ -91,36 +91,36 @@ class Camera:
         met = self.eye + ray * (rise / ray[2])
         return float(met[0]), float(met[1])
 
-    def orbited(self, azimuth: float, elevation: float) -> Camera:
-        """Turned about its target by so many degrees."""
+    def orbited(self, azimuth: float, elevation: float) -> OrbitCamera:
+        """Rotated around its target, in degrees."""
         turned = math.remainder(self.azimuth + azimuth, 360.0)
         raised = min(max(self.elevation + elevation, _FLATTEST), _STEEPEST)
         return replace(self, azimuth=turned, elevation=raised)
 
-    def panned(self, x: float, y: float, height: int) -> Camera:
-        """Moved along the ground, so that what is at the target goes by (x, y) pixels, y down."""
+    def panned(self, x: float, y: float, height: int) -> OrbitCamera:
+        """Moved along the ground such that the target shifts by (x, y) pixels, y down."""
         metre = self.distance / self.metre(height)
         right, up, _ = self.axes
         ahead = np.array([-right[1], right[0], 0.0])
         steep = max(float(np.hypot(up[0], up[1])), 0.2)
         moved = np.array(self.target) - right * (x * metre) + ahead * (y * metre / steep)
-        return self.aimed(*(float(one) for one in moved))
+        return self.aimed(*(float(coordinate) for coordinate in moved))
 
-    def zoomed(self, factor: float) -> Camera:
-        """So many times nearer to its target."""
+    def zoomed(self, factor: float) -> OrbitCamera:
+        """Closer to its target by a factor."""
         distance = min(max(self.distance / factor, _NEAREST), _FARTHEST)
         return replace(self, distance=distance)
 
-    def aimed(self, x: float, y: float, z: float = 0.0) -> Camera:
-        """With its target at (x, y, z), seen from the same side and distance."""
+    def aimed(self, x: float, y: float, z: float = 0.0) -> OrbitCamera:
+        """Aimed at (x, y, z) from the same direction and distance."""
         return replace(self, target=(x, y, z))
 
-    def fitted(self, points: Floats, aspect: float, margin: float = 0.06) -> Camera:
-        """As near as it can be with all points (n, 3) in the picture, turned as it is.
+    def fitted(self, points: Floats, aspect: float, margin: float = 0.06) -> OrbitCamera:
+        """As close as possible with all points (n, 3) in the picture, in the same direction.
 
-        Each point bounds how near the eye may be, once from the left and once from the right (from
-        below, from above); the eye is put sideways where the two bounds are equal. It comes to no
-        point nearer than half of their spread.
+        Each point limits the distance from both sides (left and right, below and above); the camera
+        is shifted sideways to where both limits are equal. It stays at least half the points'
+        spread away from any point.
         """
         spread = float(np.linalg.norm(np.ptp(points, axis=0)))
         right, up, depth = (np.asarray(points, np.float64) @ self.axes.T).T
@@ -132,11 +132,13 @@ class Camera:
         forward = self.axes[2]
         distance = max(-eye[2] / forward[2], _NEAREST)
         met = eye + forward * distance
-        return replace(self, target=tuple(float(one) for one in met), distance=float(distance))
+        return replace(
+            self, target=tuple(float(coordinate) for coordinate in met), distance=float(distance)
+        )
 
 
 def _bounded(offset: Floats, depth: Floats, slope: float) -> tuple[float, float]:
-    """How far behind the origin the eye must be at least, and how far sideways then."""
-    one = float(np.max(offset / slope - depth))
-    other = float(np.max(-offset / slope - depth))
-    return (one + other) / 2, slope * (one - other) / 2
+    """Minimum distance behind the origin, and the sideways shift at that distance."""
+    left = float(np.max(offset / slope - depth))
+    right = float(np.max(-offset / slope - depth))
+    return (left + right) / 2, slope * (left - right) / 2

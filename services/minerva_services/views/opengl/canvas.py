@@ -1,4 +1,4 @@
-"""What is drawn on: a window of pygame's, or memory alone, through OpenGL."""
+"""Render targets: pygame's window or memory, through OpenGL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SOFTWARE = "llvmpipe", "softpipe", "swrast"
 
 
 def without_window() -> moderngl.Context:
-    """OpenGL without a screen. Raises MisuseError where there is no driver for it."""
+    """An OpenGL context without a screen. Raises MisuseError if there is no driver."""
     why = ""
     backends: tuple[dict[str, Any], ...] = {"backend": "egl"}, {}
     for options in backends:
@@ -30,7 +30,7 @@ def without_window() -> moderngl.Context:
 
 
 def in_window() -> moderngl.Context:
-    """OpenGL in the window that pygame has opened. Raises MisuseError."""
+    """An OpenGL context in pygame's window. Raises MisuseError."""
     try:
         return moderngl.create_context(require=_VERSION)
     except Exception as error:
@@ -38,7 +38,7 @@ def in_window() -> moderngl.Context:
 
 
 def ask_for_opengl() -> int:
-    """What a window needs for OpenGL 3.3, told to pygame; the flags of its display."""
+    """Request OpenGL 3.3 from pygame; returns the display flags."""
     import pygame
 
     begin("opengl")
@@ -51,7 +51,7 @@ def ask_for_opengl() -> int:
     return pygame.OPENGL | pygame.DOUBLEBUF
 
 
-class Canvas:
+class RenderTarget:
     """A picture in the graphics card's memory."""
 
     def __init__(self, gl: moderngl.Context, size: tuple[int, int]) -> None:
@@ -61,50 +61,50 @@ class Canvas:
         self.resize(size)
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Begin anew with another size in pixels."""
+        """Reallocate with another size in pixels."""
         self.release()
         self.size = size
-        colors = self._kept(self._gl.renderbuffer(size, 4))
-        self._finished = self._kept(self._gl.framebuffer(colors))
-        self._plain = self._kept(self._gl.framebuffer(colors, self._depth(0)))
+        colors = self._owned(self._gl.renderbuffer(size, 4))
+        self._finished = self._owned(self._gl.framebuffer(colors))
+        self._plain = self._owned(self._gl.framebuffer(colors, self._depth(0)))
         samples = min(_SAMPLES, self._gl.max_samples)
-        several = self._kept(self._gl.renderbuffer(size, 4, samples=samples))
-        self._fine = self._kept(self._gl.framebuffer(several, self._depth(samples)))
+        several = self._owned(self._gl.renderbuffer(size, 4, samples=samples))
+        self._fine = self._owned(self._gl.framebuffer(several, self._depth(samples)))
         self._drawn = self._plain
 
     def begin(self, *, smooth: bool) -> None:
-        """Draw on it from now on; smooth edges take four times the work."""
+        """Start drawing; smooth edges take four times the work."""
         self._drawn = self._fine if smooth else self._plain
         self._drawn.use()
         self._drawn.clear(depth=1.0)
 
     def finish(self) -> None:
-        """Edges are made smooth; what is drawn after that stays as it is."""
+        """Resolve smooth edges; later drawing is not smoothed."""
         if self._drawn is self._fine:
             self._gl.copy_framebuffer(self._finished, self._fine)
         self._finished.use()
 
     def to(self, screen: moderngl.Framebuffer) -> None:
-        """Copy it to a window."""
+        """Copy the picture to a window."""
         self._gl.copy_framebuffer(screen, self._finished)
 
     def _depth(self, samples: int) -> moderngl.Renderbuffer:
-        return self._kept(self._gl.depth_renderbuffer(self.size, samples=samples))
+        return self._owned(self._gl.depth_renderbuffer(self.size, samples=samples))
 
-    def _kept(self, made: Any) -> Any:
-        self._made.append(made)
-        return made
+    def _owned(self, resource: Any) -> Any:
+        self._made.append(resource)
+        return resource
 
     def pixels(self) -> Pixels:
-        """Red, green and blue of shape (height, width, 3), the topmost row first."""
+        """RGB pixels of shape (height, width, 3), top row first."""
         width, height = self.size
         data = np.frombuffer(self._finished.read(components=3, alignment=1), np.uint8)
         return np.ascontiguousarray(data.reshape(height, width, 3)[::-1])
 
     def release(self) -> None:
-        """Give its memory back."""
-        for one in reversed(self._made):
-            one.release()
+        """Free the memory."""
+        for resource in reversed(self._made):
+            resource.release()
         self._made = []
 
 
@@ -114,5 +114,5 @@ def _line(error: Exception) -> str:
 
 def _no_driver(why: str) -> MisuseError:
     return MisuseError(
-        f"opengl: there is no driver for OpenGL 3.3 ({why}); on Debian, apt install {_PACKAGES}"
+        f"opengl: no driver for OpenGL 3.3 ({why}); on Debian: apt install {_PACKAGES}"
     )

@@ -1,4 +1,4 @@
-"""Discs in the picture: all of them are one call, as copies of one drum."""
+"""Discs as instanced drums: one draw call for all of them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Discs
 from minerva_services.views.opengl import shaders
-from minerva_services.views.opengl.gpu import Growing, fitting, program
+from minerva_services.views.opengl.gpu import GrowingBuffer, fitting, program
 from minerva_services.views.opengl.solids import Single, drum
 
 _SHAPE = "2f 3f 2f", ("way", "edge", "facing")
 _COPY = "4f 2f 4f1 /i", ("stand", "size", "paint")
 _RECORD = np.dtype([("stand", "f4", 4), ("size", "f4", 2), ("paint", "u1", 4)])
 _FINEST = ((300, (40, True)), (3000, (16, True)), (1 << 62, (6, False)))
-"""Up to how many discs, in how many segments, and whether their edges are rounded."""
+"""Level of detail: maximum number of discs, segments per disc, and whether edges are rounded."""
 _LAYER = 0.04
-"""By how much of its height a disc stands higher than the one that it lies over."""
+"""Extra height of a disc that overlaps another, as a fraction of its height."""
 _MOST = 12
 _COMPARED = 400
 
@@ -29,7 +29,7 @@ class Drums:
 
     def __init__(self, gl: moderngl.Context) -> None:
         self._gl = gl
-        self._copies = Growing(gl)
+        self._copies = GrowingBuffer(gl)
         self._bright = program(gl, shaders.DRUM_VERTEX, shaders.DRUM_FRAGMENT)
         self._dark = program(gl, shaders.DRUM_SHADOW, shaders.NOTHING)
         self._arrays: dict[tuple[int, bool, int, int], moderngl.VertexArray] = {}
@@ -37,19 +37,19 @@ class Drums:
         self.count = 0
 
     def take(self, batches: Sequence[Discs]) -> None:
-        """Take a picture's discs."""
+        """Set the discs of a picture."""
         self.count = sum(map(len, batches))
         self._shape = next(shape for most, shape in _FINEST if self.count <= most)
         self._copies.write(instances(batches))
 
     def cast(self) -> None:
-        """Draw what casts shadows: of the simplest drums, only the lids."""
+        """Draw shadow casters; of the simplest drums, only the lids."""
         segments, rounded = self._shape
         sides = 0 if rounded else 2 * segments
         self._draw(self._dark, sides)
 
     def draw(self) -> None:
-        """Draw them all."""
+        """Draw all discs."""
         self._draw(self._bright, 0)
 
     def _draw(self, by: moderngl.Program, first: int) -> None:
@@ -72,9 +72,9 @@ class Drums:
 
 
 def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
-    """A record for each disc: where it stands, how large it is, its colour, whether it has a mark.
+    """One record per disc: position, size, colour, and whether it has a heading mark.
 
-    What comes later in the string lies over what comes before, so it stands a little higher.
+    Discs later in the string lie over earlier ones, so they are slightly taller.
     """
     made = np.zeros(sum(map(len, batches)), _RECORD)
     start = 0
@@ -91,7 +91,7 @@ def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
 
 
 def _layers(x: Single, y: Single, radius: Single) -> NDArray[np.float64]:
-    """How many discs each lies over, at most so many; for a crowd, only which comes later."""
+    """How many discs each one overlaps, up to a limit; for crowds, only the order counts."""
     order = np.arange(len(x))
     if len(x) > _COMPARED:
         return _MOST * order / len(x)

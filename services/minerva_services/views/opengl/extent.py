@@ -1,4 +1,4 @@
-"""How large a picture is, and so how high things lie and how large pins are in it."""
+"""Bounding box of a picture, from which levels and sizes of pins follow."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from minerva_services.views.opengl.solids import placed
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
-    """An upright box, metres."""
+class SceneBox:
+    """An axis-aligned box in metres, on the ground."""
 
     left: float
     bottom: float
@@ -25,7 +25,7 @@ class Extent:
 
     @property
     def corners(self) -> Floats:
-        """Its corners (8, 3)."""
+        """Its corners, (8, 3)."""
         return np.array(
             [
                 (x, y, z)
@@ -37,17 +37,17 @@ class Extent:
 
     @property
     def span(self) -> float:
-        """Half of its ground's diagonal."""
+        """Half the diagonal of its base."""
         return max(np.hypot(self.right - self.left, self.top - self.bottom) / 2, 1e-3)
 
     @property
     def middle(self) -> tuple[float, float]:
-        """The middle of its ground."""
+        """Centre of its base."""
         return (self.left + self.right) / 2, (self.bottom + self.top) / 2
 
-    def around(self, other: Extent) -> Extent:
-        """The smallest box around both."""
-        return Extent(
+    def around(self, other: SceneBox) -> SceneBox:
+        """The smallest box that contains both."""
+        return SceneBox(
             min(self.left, other.left),
             min(self.bottom, other.bottom),
             max(self.right, other.right),
@@ -56,35 +56,33 @@ class Extent:
         )
 
 
-def extent_of(picture: Picture, before: Extent | None = None) -> Extent:
-    """The box around a picture: its walls, or else its matrices; without them, all it shows.
+def extent_of(picture: Picture, before: SceneBox | None = None) -> SceneBox:
+    """The box around a picture: its walls, otherwise its matrices, otherwise everything.
 
-    Without matrices it only grows from `before`, so that a moving world does not jump.
+    Without matrices it only grows from `before`, so that the view of a moving world does not jump.
     """
-    tiles = [one for one in picture.of(Tiles) if one.cells.size]
-    solid = [one for one in tiles if walled(one).any()]
-    opaque = [one for one in tiles if one.form.opacity >= 1.0]
+    tiles = [matrix for matrix in picture.of(Tiles) if matrix.cells.size]
+    solid = [matrix for matrix in tiles if walled(matrix).any()]
+    opaque = [matrix for matrix in tiles if matrix.form.opacity >= 1.0]
     around = solid or opaque or tiles
     if around:
-        points = np.concatenate([_corners(one) for one in around])
-        return _box(points, max(one.form.height for one in around))
+        points = np.concatenate([_corners(matrix) for matrix in around])
+        return _box(points, max(matrix.form.height for matrix in around))
     points = np.concatenate([np.zeros((0, 2)), *_points(picture)])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
-        return before or Extent(-1.0, -1.0, 1.0, 1.0, 0.0)
+        return before or SceneBox(-1.0, -1.0, 1.0, 1.0, 0.0)
     height = max((float(d.height.max()) for d in picture.of(Discs) if len(d)), default=0.0)
-    found = _box(points, height)
-    room = max(0.05 * found.span, _largest(picture))
-    found = Extent(
-        found.left - room, found.bottom - room, found.right + room, found.top + room, height
-    )
-    return _grown(found, before)
+    box = _box(points, height)
+    room = max(0.05 * box.span, _largest(picture))
+    box = SceneBox(box.left - room, box.bottom - room, box.right + room, box.top + room, height)
+    return _grown(box, before)
 
 
-def _grown(found: Extent, before: Extent | None) -> Extent:
-    if before is None or before.around(found) == before:
-        return before or found
-    return before.around(found)
+def _grown(box: SceneBox, before: SceneBox | None) -> SceneBox:
+    if before is None or before.around(box) == before:
+        return before or box
+    return before.around(box)
 
 
 def _largest(picture: Picture) -> float:
@@ -92,13 +90,13 @@ def _largest(picture: Picture) -> float:
 
 
 def _points(picture: Picture) -> list[Floats]:
-    found = [one.points for one in picture.of(Polyline)]
-    found += [np.column_stack([one.x, one.y]) for one in picture.of(Discs) + picture.of(Texts)]
-    return found
+    points = [line.points for line in picture.of(Polyline)]
+    points += [np.column_stack([item.x, item.y]) for item in picture.of(Discs) + picture.of(Texts)]
+    return points
 
 
 def _corners(tiles: Tiles) -> Floats:
-    """The corners (4, 2) of the walls or, where a matrix has none, of all of it."""
+    """Corners (4, 2) of the walls, or of the whole matrix if it has none."""
     (low_row, high_row), (low, high) = _reach(walled(tiles))
     x = np.array([low_row, low_row, high_row, high_row]) * tiles.cell
     y = np.array([low, high, low, high]) * tiles.cell
@@ -112,6 +110,6 @@ def _reach(mask: Cells) -> tuple[tuple[int, int], tuple[int, int]]:
     return (int(rows[0]), int(rows[-1]) + 1), (int(columns[0]), int(columns[-1]) + 1)
 
 
-def _box(points: Floats, height: float) -> Extent:
+def _box(points: Floats, height: float) -> SceneBox:
     (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-    return Extent(float(left), float(bottom), float(right), float(top), float(height))
+    return SceneBox(float(left), float(bottom), float(right), float(top), float(height))

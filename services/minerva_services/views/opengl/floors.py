@@ -1,4 +1,4 @@
-"""Matrices in the picture: floors, the walls that stand on them, and what lies over them."""
+"""Matrices in the picture: floors, the walls on them, and transparent overlays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Tiles, rgb
 from minerva_services.views.opengl import shaders
-from minerva_services.views.opengl.gpu import COLORS, OPENNESS, Kept, Uploaded, program
+from minerva_services.views.opengl.gpu import COLORS, OPENNESS, GpuCache, Uploaded, program
 from minerva_services.views.opengl.painting import lidded, open_floor, painted, walled
 from minerva_services.views.opengl.solids import Mesh, tops, upright
 
@@ -21,12 +21,12 @@ _CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 
 
 @dataclass(slots=True, eq=False)
-class Floor:
-    """One matrix on the graphics card. It keeps its cells, so that they keep their identity."""
+class FloorMesh:
+    """A matrix on the graphics card; it references its cells, which keeps their identity valid."""
 
     tiles: Tiles
     opaque: bool
-    """Whether nothing shines through."""
+    """Whether it hides what is below."""
     colors: moderngl.Texture
     openness: moderngl.Texture
     tops: Uploaded
@@ -35,18 +35,18 @@ class Floor:
     slab: Uploaded
 
     def release(self) -> None:
-        """Give its memory back."""
-        for one in (self.colors, self.openness, self.tops, self.lids, self.sides, self.slab):
-            one.release()
+        """Free the memory."""
+        for resource in (self.colors, self.openness, self.tops, self.lids, self.sides, self.slab):
+            resource.release()
 
 
-class Floors:
-    """All matrices of a picture, in its order."""
+class FloorMeshes:
+    """All matrices of a picture, in order."""
 
     def __init__(self, gl: moderngl.Context) -> None:
         self._gl = gl
-        self._kept: Kept[object, Tiles, Floor] = Kept(self._make, Floor.release)
-        self._shown: list[Floor] = []
+        self._cache: GpuCache[object, Tiles, FloorMesh] = GpuCache(self._make, FloorMesh.release)
+        self._shown: list[FloorMesh] = []
         self._lit = program(gl, shaders.TILES_VERTEX, shaders.TILES_FRAGMENT)
         self._clear = program(gl, shaders.OVERLAY_VERTEX, shaders.OVERLAY_FRAGMENT)
         self._draped = program(gl, shaders.DRAPED_VERTEX, shaders.OVERLAY_FRAGMENT)
@@ -59,18 +59,20 @@ class Floors:
 
     @property
     def lies_deep(self) -> bool:
-        """Whether there is a floor, with sides that reach below the level 0."""
+        """True if a floor has sides that reach below level 0."""
         return any(floor.opaque for floor in self._shown)
 
     def take(self, tiles: list[Tiles], lift: float, depth: float) -> None:
-        """Take a picture's matrices; each lies `lift` metres over the one before."""
+        """Set the matrices of a picture, each `lift` metres above the previous one."""
         if depth != self.depth:
-            self._kept.of(())
+            self._cache.of(())
         self.lift, self.depth = lift, depth
-        self._shown = self._kept.of((_identity(one), one) for one in tiles if one.cells.size)
+        self._shown = self._cache.of(
+            (_identity(matrix), matrix) for matrix in tiles if matrix.cells.size
+        )
 
     def cast(self) -> None:
-        """Draw what casts shadows."""
+        """Draw shadow casters."""
         for floor in self._shown:
             floor.tops.draw(self._dark)
             floor.lids.draw(self._dark)
@@ -86,7 +88,7 @@ class Floors:
             self._lay(floor, rank * self.lift, self._lit)
 
     def overlay(self) -> None:
-        """Draw what shines through, on the floor and on top of the walls."""
+        """Draw transparent matrices on the floor and on top of walls."""
         for rank, floor in enumerate(self._shown):
             if floor.opaque:
                 continue
@@ -97,13 +99,13 @@ class Floors:
                 if other is not floor:
                     other.tops.draw(self._draped)
 
-    def _lay(self, floor: Floor, level: float, by: moderngl.Program) -> None:
+    def _lay(self, floor: FloorMesh, level: float, by: moderngl.Program) -> None:
         _set(by, "lying", _lying(floor.tiles))
         by["level"] = level
         floor.colors.use(COLORS)
         self._sheet.draw(by)
 
-    def _wall(self, floor: Floor) -> None:
+    def _wall(self, floor: FloorMesh) -> None:
         form = floor.tiles.form
         last = form.colors[-1][1]
         base = next((color for _, color in form.colors if color), "#dddddd")
@@ -113,7 +115,7 @@ class Floors:
             floor.sides.draw(self._standing)
             self._paint(form.colors[0][1], _lighter(last), (0.0, form.height))
             floor.lids.draw(self._standing)
-        self._paint(base, tuple(0.93 * one for one in _share(base)), (-self.depth, 0.0))
+        self._paint(base, tuple(0.93 * channel for channel in _share(base)), (-self.depth, 0.0))
         floor.slab.draw(self._standing)
 
     def _paint(self, top: str, side: tuple[float, ...], rise: tuple[float, float]) -> None:
@@ -121,14 +123,14 @@ class Floors:
         self._standing["side_color"] = side
         self._standing["rise"] = rise
 
-    def _make(self, tiles: Tiles) -> Floor:
+    def _make(self, tiles: Tiles) -> FloorMesh:
         wall = walled(tiles)
         lid = lidded(tiles, wall)
         where, height = (tiles.cell, tiles.pose), tiles.form.height
         colors = painted(tiles)
         opaque = bool((colors[..., 3] == 255).all())
         ground = np.full(wall.shape, opaque)
-        return Floor(
+        return FloorMesh(
             tiles,
             opaque,
             self._texture(colors, smooth=False),
@@ -166,7 +168,7 @@ def _lying(tiles: Tiles) -> NDArray[np.float64]:
 
 
 def _set(by: moderngl.Program, name: str, matrix: NDArray[np.floating[Any]]) -> None:
-    """Set a matrix, column by column, as OpenGL has them."""
+    """Set a matrix in column-major order, as OpenGL expects."""
     cast("moderngl.Uniform", by[name]).write(matrix.T.astype(np.float32).tobytes())
 
 
@@ -175,8 +177,8 @@ def _identity(tiles: Tiles) -> object:
 
 
 def _share(color: str) -> tuple[float, ...]:
-    return tuple(one / 255 for one in rgb(color))
+    return tuple(channel / 255 for channel in rgb(color))
 
 
 def _lighter(color: str) -> tuple[float, ...]:
-    return tuple(one + (1 - one) * _SIDES_LIGHTER for one in _share(color))
+    return tuple(channel + (1 - channel) * _SIDES_LIGHTER for channel in _share(color))

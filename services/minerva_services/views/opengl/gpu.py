@@ -1,4 +1,4 @@
-"""What all programs on the graphics card share, and things kept there while they are drawn."""
+"""Shared GPU code: programs, meshes, growing buffers and a cache."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Thing = TypeVar("Thing")
 Made = TypeVar("Made")
 
 FRAME = 0
-"""The binding of the uniform block that all programs read."""
+"""Binding of the uniform block that all programs read."""
 SHADE, COLORS, OPENNESS, LETTERS = range(4)
-"""Where textures are bound."""
+"""Texture units."""
 _UNITS = {"shade": SHADE, "colors": COLORS, "openness": OPENNESS, "letters": LETTERS}
 
 
 def program(gl: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """A program whose uniform block and textures are those that all share."""
+    """A program bound to the shared uniform block and texture units."""
     made = gl.program(vertex_shader=vertex, fragment_shader=fragment)
     for name in made:
-        found = made[name]
-        if isinstance(found, moderngl.UniformBlock):
-            found.binding = FRAME
+        uniform = made[name]
+        if isinstance(uniform, moderngl.UniformBlock):
+            uniform.binding = FRAME
         elif name in _UNITS:
             made[name] = _UNITS[name]
     return made
@@ -57,13 +57,13 @@ class Uploaded:
         array.render(moderngl.TRIANGLES)
 
     def release(self) -> None:
-        """Give its memory back."""
-        for one in (*self._arrays.values(), self.vertices, self.triangles):
-            one.release()
+        """Free the memory."""
+        for resource in (*self._arrays.values(), self.vertices, self.triangles):
+            resource.release()
 
 
 def fitting(by: moderngl.Program, layout: str, names: Iterable[str]) -> tuple[str, ...]:
-    """A buffer's layout and names, with padding for what a program does not read."""
+    """A buffer's layout and names, with padding for attributes that the program does not use."""
     parts = layout.split()
     per, parts = (parts.pop(), parts) if parts[-1].startswith("/") else ("", parts)
     used = [name in by for name in names]
@@ -76,14 +76,14 @@ def fitting(by: moderngl.Program, layout: str, names: Iterable[str]) -> tuple[st
     return " ".join([*padded, *([per] if per else [])]), *read
 
 
-class Growing:
-    """A buffer that is written anew for every picture, and grows where it must."""
+class GrowingBuffer:
+    """A buffer that is rewritten for every picture and grows as needed."""
 
     def __init__(self, gl: moderngl.Context) -> None:
         self.buffer = gl.buffer(reserve=4096, dynamic=True)
 
     def write(self, numbers: np.ndarray) -> None:
-        """Write numbers from the buffer's beginning on."""
+        """Write numbers from the start of the buffer."""
         data = np.ascontiguousarray(numbers)
         if data.nbytes > self.buffer.size:
             self.buffer.orphan(2 * data.nbytes)
@@ -91,15 +91,15 @@ class Growing:
             self.buffer.write(data)
 
 
-class Kept(Generic[Key, Thing, Made]):
-    """What was made of things, for as long as each picture has them."""
+class GpuCache(Generic[Key, Thing, Made]):
+    """GPU resources of things, kept while each picture contains them."""
 
     def __init__(self, make: Callable[[Thing], Made], drop: Callable[[Made], None]) -> None:
         self._make, self._drop = make, drop
         self._known: dict[Key, Made] = {}
 
     def of(self, things: Iterable[tuple[Key, Thing]]) -> list[Made]:
-        """What is made of each, in order; what no longer comes is dropped."""
+        """The resources in order; those no longer needed are dropped."""
         before, self._known = self._known, {}
         for key, thing in things:
             if key not in self._known:

@@ -1,4 +1,4 @@
-"""The sun, and the depth of the world as the sun sees it."""
+"""Sunlight and its shadow map."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ROOM = 1.03
 
 
 def sun_matrix(corners: Floats) -> Floats:
-    """From (x, y, z, 1) to the sun's picture of all corners (n, 3), 0 to 1, as (4, 4)."""
+    """From (x, y, z, 1) to the shadow map of all corners (n, 3), 0 to 1, as (4, 4)."""
     right = np.cross([0.0, 0.0, 1.0], TO_SUN)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(TO_SUN, right), -TO_SUN])
@@ -28,7 +28,7 @@ def sun_matrix(corners: Floats) -> Floats:
 
 
 class Shade:
-    """What the sun sees: where it does not shine is in shadow."""
+    """The shadow map: depth of the scene as seen from the sun."""
 
     def __init__(self, gl: moderngl.Context) -> None:
         self.depth = gl.depth_texture((_SIDE, _SIDE))
@@ -38,9 +38,9 @@ class Shade:
         self._target = gl.framebuffer(depth_attachment=self.depth)
 
     def begin(self) -> None:
-        """What is drawn from now on casts shadows."""
+        """Start drawing shadow casters."""
         self._target.scissor = None  # pyright: ignore[reportAttributeAccessIssue]
         self._target.use()
         self._target.clear(depth=1.0)
-        # The outermost pixels stay empty: what lies beyond the sun's picture is lit.
+        # Keep the outermost pixels empty, so that everything beyond the map is lit.
         self._target.scissor = 1, 1, _SIDE - 2, _SIDE - 2

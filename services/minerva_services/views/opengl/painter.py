@@ -1,4 +1,4 @@
-"""The geometric system of three dimensions: a view in an OpenGL window."""
+"""The geometric system of the 3D view: draws in an OpenGL window."""
 
 from __future__ import annotations
 
@@ -9,40 +9,45 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from minerva_services.views.opengl.camera import Camera, Floats
-from minerva_services.views.opengl.canvas import Canvas, ask_for_opengl, in_window, without_window
-from minerva_services.views.opengl.extent import Extent, extent_of
-from minerva_services.views.opengl.signs import PADDING, Signs
-from minerva_services.views.opengl.stage import Stage
+from minerva_services.views.opengl.camera import Floats, OrbitCamera
+from minerva_services.views.opengl.canvas import (
+    RenderTarget,
+    ask_for_opengl,
+    in_window,
+    without_window,
+)
+from minerva_services.views.opengl.extent import SceneBox, extent_of
+from minerva_services.views.opengl.gl_scene import GLScene
+from minerva_services.views.opengl.text_plates import PADDING, TextPlates
 from minerva_services.views.window.painter import Box, Pixels, Sight
 from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window, quiet
 
 _DEGREES = 0.3
-"""By which the camera turns when the mouse moves by a pixel."""
+"""Camera rotation per pixel of mouse movement, in degrees."""
 _WHEEL = 1.15
 _MOVING = "right or shift drag", "move along the floor"
 
 
 class GLPainter:
-    """Draws sights with OpenGL; only the process's main thread may use it.
+    """Draws with OpenGL; must be called from the process's main thread.
 
-    The camera shows the whole world until it is moved by hand.
+    The camera shows the whole world until the user moves it.
     """
 
     def __init__(self, azimuth: float, elevation: float, zoom: float) -> None:
-        self._from = Camera(azimuth=azimuth, elevation=elevation)
+        self._initial_camera = OrbitCamera(azimuth=azimuth, elevation=elevation)
         self._zoom = zoom
-        self.camera = self._from
+        self.camera = self._initial_camera
         self._moved = False
-        self._extent: Extent | None = None
+        self._extent: SceneBox | None = None
         self._sight: Sight | None = None
         self._boxes: list[Box] = []
         self._window = False
         self._gl: moderngl.Context | None = None
 
     def open(self, title: str, size: tuple[int, int]) -> None:
-        """Open a window of so many pixels. Raises MisuseError."""
+        """Open a window of this size in pixels. Raises MisuseError."""
         quiet()
         import pygame
 
@@ -52,19 +57,19 @@ class GLPainter:
         pygame.display.flip()
 
     def offscreen(self, size: tuple[int, int]) -> None:
-        """Draw without a window. Raises MisuseError where there is no driver."""
+        """Draw without a window. Raises MisuseError if there is no driver."""
         quiet()
         self._begin(without_window(), size)
 
     def _begin(self, gl: moderngl.Context, size: tuple[int, int]) -> None:
         self._gl = gl
-        self._canvas = Canvas(gl, size)
-        self._stage = Stage(gl)
-        self._signs = Signs(gl)
+        self._canvas = RenderTarget(gl, size)
+        self._scene = GLScene(gl)
+        self._signs = TextPlates(gl)
         self._signs.resized(size[1])
 
     def resized(self, size: tuple[int, int]) -> None:
-        """The window has another size."""
+        """Handle a changed window size."""
         if self._gl is not None and size != self._canvas.size:
             with self._used():
                 self._canvas.resize(size)
@@ -72,28 +77,28 @@ class GLPainter:
             self._refit()
 
     def draw(self, sight: Sight) -> None:
-        """Draw, and show it where there is a window."""
+        """Draw, and present it in the window if there is one."""
         with self._used():
             self._draw(sight)
 
     def pixels(self) -> Pixels:
-        """What was drawn last: red, green and blue of shape (height, width, 3)."""
+        """The last picture: RGB of shape (height, width, 3)."""
         with self._used():
             return self._canvas.pixels()
 
     def project(self, x: Floats, y: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
-        """Where places (m) are in the picture: pixels from the left, the top, and per metre."""
+        """Pixels from left and top of positions (m), and pixels per metre there."""
         places = np.stack(np.broadcast_arrays(x, y, height), axis=-1).reshape(-1, 3)
         at = self.camera.project(places, *self._canvas.size)
         per_metre = self.camera.metre(self._canvas.size[1]) / self.camera.depths(places)
         return at[:, 0], at[:, 1], per_metre
 
     def labels(self) -> Sequence[Box]:
-        """Where the texts and their pins are."""
+        """Boxes of the texts and their pins."""
         return self._boxes
 
     def drag(self, dx: float, dy: float, button: int) -> bool:
-        """Turn about the target with the left button, or move along the ground with another."""
+        """Rotate around the target with the left button, or move along the ground with another."""
         self._moved = True
         if button == 1 and not _shift_held():
             self.camera = self.camera.orbited(-_DEGREES * dx, _DEGREES * dy)
@@ -102,7 +107,7 @@ class GLPainter:
         return True
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
-        """Come nearer by so many steps; what is at the pixel stays there."""
+        """Zoom in by steps; the point under the mouse stays in place."""
         self._moved = True
         before = self.camera.ground(*at, *self._canvas.size)
         self.camera = self.camera.zoomed(_WHEEL**steps)
@@ -128,7 +133,7 @@ class GLPainter:
     # --- drawing ---
 
     def _used(self) -> AbstractContextManager[Any]:
-        """The context to draw in: without windows, there may be others in this process."""
+        """The context to draw in: without a window, the process may have several."""
         assert self._gl is not None
         return nullcontext() if self._window else self._gl
 
@@ -139,10 +144,10 @@ class GLPainter:
         spot = spot_of(sight.picture, sight.selected)
         if sight.follows and spot is not None:
             self.camera = self.camera.aimed(spot.x, spot.y)
-        self._stage.mark(spot)
-        self._stage.beam(sight.beams)
-        self._canvas.begin(smooth=not (self._canvas.slow and self._stage.crowded))
-        self._stage.draw(self.camera, self._canvas.size)
+        self._scene.mark(spot)
+        self._scene.beam(sight.beams)
+        self._canvas.begin(smooth=not (self._canvas.slow and self._scene.crowded))
+        self._scene.draw(self.camera, self._canvas.size)
         self._canvas.finish()
         self._write(sight)
         if self._window:
@@ -153,19 +158,19 @@ class GLPainter:
         if extent != self._extent:
             self._extent = extent
             self._refit()
-        self._stage.take(sight.picture, extent)
-        self._stage.shadows(self.camera, self._canvas.size)
+        self._scene.take(sight.picture, extent)
+        self._scene.shadows(self.camera, self._canvas.size)
 
     def _refit(self) -> None:
         if not self._moved and self._extent is not None:
             width, height = self._canvas.size
-            fitted = self._from.fitted(self._extent.corners, width / height)
+            fitted = self._initial_camera.fitted(self._extent.corners, width / height)
             self.camera = fitted.zoomed(self._zoom)
 
     def _write(self, sight: Sight) -> None:
         signs, (_, height) = self._signs, self._canvas.size
         signs.begin()
-        self._boxes = self._stage.pins.write(signs, self.camera, self._canvas.size)
+        self._boxes = self._scene.pins.write(signs, self.camera, self._canvas.size)
         top = float(PADDING)
         if sight.caption:
             plate = signs.table([(sight.caption, sight.subtitle)])

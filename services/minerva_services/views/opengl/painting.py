@@ -1,53 +1,43 @@
-"""Colours of cells, and which of them are walls."""
+"""Cell colours, and which cells are walls."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.grammar.forms import Raster
 from minerva_bus.semantics.picture import Tiles, rgb
 from minerva_services.views.opengl.boxes import enclosed
+from minerva_services.views.rectangles import color_ranges
 
 _REACH = 0.45
-"""Metres from a wall in which the floor is a little darker."""
-
-
-def ranges(cells: NDArray[Any], form: Raster) -> NDArray[np.uint16]:
-    """For each cell the number of its colour's range, from 1; 0 below the first."""
-    found = np.zeros(cells.shape, np.uint16)
-    for least, _ in form.colors:
-        found += cells >= least
-    return found
+"""Distance in metres from a wall within which the floor is darkened."""
 
 
 def painted(tiles: Tiles) -> NDArray[np.uint8]:
-    """The cells' colours with their opacity, (columns, rows, 4): rows lie along a texture's x."""
+    """Cell colours with opacity, (columns, rows, 4): rows lie along a texture's x."""
     opaque = round(255 * tiles.form.opacity)
     palette = [(0, 0, 0, 0)]
     palette += [(*rgb(c), opaque) if c else (0, 0, 0, 0) for _, c in tiles.form.colors]
-    found = np.array(palette, np.uint8)[ranges(tiles.cells, tiles.form)]
-    return np.ascontiguousarray(found.transpose(1, 0, 2))
+    colors = np.array(palette, np.uint8)[color_ranges(tiles.cells, tiles.form.colors)]
+    return np.ascontiguousarray(colors.transpose(1, 0, 2))
 
 
 def walled(tiles: Tiles) -> NDArray[np.bool_]:
-    """Which cells stand up: where the form has a height, those of its last colour."""
+    """Cells that stand up: those of the last colour, if the form has a height."""
     if tiles.form.height <= 0 or not tiles.form.colors[-1][1]:
         return np.zeros(tiles.cells.shape, np.bool_)
     return np.asarray(tiles.cells >= tiles.form.colors[-1][0])
 
 
 def lidded(tiles: Tiles, wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which cells of the first colour are walled in: on a map, the inside of solid things."""
+    """Cells of the first colour enclosed by walls: on a map, the inside of solid objects."""
     if len(tiles.form.colors) < 3 or not wall.any():
         return np.zeros(wall.shape, np.bool_)
-    return enclosed(ranges(tiles.cells, tiles.form) <= 1, wall)
+    return enclosed(color_ranges(tiles.cells, tiles.form.colors) <= 1, wall)
 
 
 def open_floor(mask: NDArray[np.bool_], cell: float) -> NDArray[np.uint8]:
-    """How open to the sky each cell is, 255 far from walls, (columns, rows) as a texture."""
+    """Ambient openness of each cell, 255 far from walls, (columns, rows) as a texture."""
     reach = max(1, round(_REACH / cell / 3))
     near = mask.astype(np.float32)
     for _ in range(3):
@@ -56,7 +46,7 @@ def open_floor(mask: NDArray[np.bool_], cell: float) -> NDArray[np.uint8]:
 
 
 def _blurred(values: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Each row replaced by the mean of so many rows to both sides."""
+    """Each row replaced by the mean of `reach` rows to both sides."""
     sums = np.cumsum(np.pad(values, ((reach + 1, reach), (0, 0)), "edge"), axis=0)
     means = (sums[2 * reach + 1 :] - sums[: -2 * reach - 1]) / (2 * reach + 1)
     return means.astype(np.float32)

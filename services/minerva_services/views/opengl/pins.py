@@ -1,4 +1,4 @@
-"""Texts in the picture: a pin with a ball on it, and the text beside the ball."""
+"""Texts in the picture: a pin with a ball, and the text next to the ball."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 
 from minerva_bus.semantics.picture import Texts, rgb
 from minerva_services.views.opengl import shaders
-from minerva_services.views.opengl.camera import Camera, Floats
-from minerva_services.views.opengl.gpu import Growing, fitting, program
-from minerva_services.views.opengl.signs import PADDING, Signs
+from minerva_services.views.opengl.camera import Floats, OrbitCamera
+from minerva_services.views.opengl.gpu import GrowingBuffer, fitting, program
 from minerva_services.views.opengl.solids import pin
+from minerva_services.views.opengl.text_plates import PADDING, TextPlates
 from minerva_services.views.window.painter import Box
 
 
 @dataclass(frozen=True, slots=True)
-class Sizes:
-    """Metres: a pin's ball and how high it is."""
+class PinSizes:
+    """Radius of a pin's ball and height of the pin, in metres."""
 
     radius: float
     height: float
 
 
-class Pins:
+class PinMeshes:
     """All pins of a picture."""
 
     def __init__(self, gl: moderngl.Context) -> None:
         mesh = pin()
         self._program = program(gl, shaders.PIN_VERTEX, shaders.PIN_FRAGMENT)
         self._dark = program(gl, shaders.PIN_SHADOW, shaders.NOTHING)
-        self._feet = Growing(gl)
+        self._feet = GrowingBuffer(gl)
         vertices, triangles = gl.buffer(mesh.vertices), gl.buffer(mesh.triangles)
         shape = "4f 3f", ("shape", "facing")
         self._arrays = [
@@ -47,19 +47,19 @@ class Pins:
         ]
         self._shown: Sequence[Texts] = ()
         self._count = 0
-        self.sizes = Sizes(0.1, 1.0)
+        self.sizes = PinSizes(0.1, 1.0)
 
-    def take(self, texts: Sequence[Texts], sizes: Sizes) -> None:
-        """Take a picture's texts."""
+    def take(self, texts: Sequence[Texts], sizes: PinSizes) -> None:
+        """Set the texts of a picture."""
         self._shown, self.sizes = texts, sizes
-        self._count = sum(len(one.x) for one in texts)
+        self._count = sum(len(batch.x) for batch in texts)
         for by in (self._program, self._dark):
             by["size"] = sizes.radius, sizes.height
         if self._count:
-            self._feet.write(np.concatenate([_feet(one) for one in texts]))
+            self._feet.write(np.concatenate([_feet(batch) for batch in texts]))
 
     def cast(self) -> None:
-        """Draw what casts shadows."""
+        """Draw shadow casters."""
         if self._count:
             self._arrays[1].render(moderngl.TRIANGLES, instances=self._count)
 
@@ -68,31 +68,31 @@ class Pins:
         if self._count:
             self._arrays[0].render(moderngl.TRIANGLES, instances=self._count)
 
-    def write(self, signs: Signs, camera: Camera, size: tuple[int, int]) -> list[Box]:
-        """Write the texts beside their pins, the nearest last; where they and their pins are."""
+    def write(self, signs: TextPlates, camera: OrbitCamera, size: tuple[int, int]) -> list[Box]:
+        """Draw the texts next to their pins, nearest last; returns boxes of texts and pins."""
         width, _ = size
-        names = [text for one in self._shown for text in one.texts]
+        names = [text for batch in self._shown for text in batch.texts]
         if not names:
             return []
-        x, y = (np.concatenate([getattr(one, axis) for one in self._shown]) for axis in "xy")
+        x, y = (np.concatenate([getattr(batch, axis) for batch in self._shown]) for axis in "xy")
         balls = np.stack([x, y, np.full(len(x), self.sizes.height)], axis=1)
         at, foot = camera.project(balls, *size), camera.project(balls * [1, 1, 0], *size)
         ball = _pixels(camera, balls, self.sizes.radius, size)
         boxes: list[Box] = []
-        for one in np.argsort(-camera.depths(balls), kind="stable"):
-            if np.isnan(at[one]).any() or not names[one]:
+        for row in np.argsort(-camera.depths(balls), kind="stable"):
+            if np.isnan(at[row]).any() or not names[row]:
                 continue
-            sheet = signs.sheet(names[one])
-            gap = float(ball[one]) + 4
-            left = float(at[one, 0]) + gap
+            sheet = signs.sheet(names[row])
+            gap = float(ball[row]) + 4
+            left = float(at[row, 0]) + gap
             if left + sheet.width > width - PADDING:
-                left = float(at[one, 0]) - gap - sheet.width
-            top = float(at[one, 1]) - sheet.height / 2
+                left = float(at[row, 0]) - gap - sheet.width
+            top = float(at[row, 1]) - sheet.height / 2
             signs.put(sheet, left, top)
-            edges = float(at[one, 0] - ball[one]), float(at[one, 0] + ball[one])
-            bottom = float(np.nan_to_num(foot[one, 1], nan=top + sheet.height))
-            boxes.append(Box(names[one], edges[0], top, edges[1], max(bottom, top + sheet.height)))
-            boxes.append(Box(names[one], left, top, left + sheet.width, top + sheet.height))
+            edges = float(at[row, 0] - ball[row]), float(at[row, 0] + ball[row])
+            bottom = float(np.nan_to_num(foot[row, 1], nan=top + sheet.height))
+            boxes.append(Box(names[row], edges[0], top, edges[1], max(bottom, top + sheet.height)))
+            boxes.append(Box(names[row], left, top, left + sheet.width, top + sheet.height))
         return boxes
 
 
@@ -101,5 +101,5 @@ def _feet(texts: Texts) -> np.ndarray:
     return np.column_stack([texts.x, texts.y, paint]).astype(np.float32)
 
 
-def _pixels(camera: Camera, points: Floats, metres: float, size: tuple[int, int]) -> Floats:
+def _pixels(camera: OrbitCamera, points: Floats, metres: float, size: tuple[int, int]) -> Floats:
     return metres * camera.metre(size[1]) / camera.depths(points)

@@ -1,4 +1,4 @@
-"""Lines in the picture, as flat ribbons, and the beams of lasers."""
+"""Lines as flat ribbons, and laser beams."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from minerva_bus.grammar.forms import Line
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, rgb
 from minerva_services.views.opengl import shaders
-from minerva_services.views.opengl.gpu import Growing, program
+from minerva_services.views.opengl.gpu import GrowingBuffer, program
 from minerva_services.views.window.painter import Beams
 from minerva_services.views.window.picking import Spot
 
@@ -25,42 +25,42 @@ _CHOSEN = "#1f6fd1"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class RaisedLine:
     """A line at a height (m)."""
 
     line: Polyline
     level: float
 
 
-def ways(picture: Picture, level: float) -> list[Way]:
-    """The lines of a picture: on the floor or, where they are a detail of an agent's disc, on it.
+def raised_lines(picture: Picture, level: float) -> list[RaisedLine]:
+    """The lines of a picture: on the floor, or on top of an agent's disc if they are its detail.
 
-    A line is a detail if all of it is near a disc that comes before it and has the same owner.
+    A line is a detail if all of it is near a preceding disc of the same owner.
     """
-    found: list[Way] = []
+    lines: list[RaisedLine] = []
     before: list[Discs] = []
     for item in picture.items:
         if isinstance(item, Discs):
             before.append(item)
         elif isinstance(item, Polyline) and len(item.points) > 1:
-            found.append(Way(item, _top(item, before[-1:]) or level))
-    return found
+            lines.append(RaisedLine(item, _top(item, before[-1:]) or level))
+    return lines
 
 
-def ring(spot: Spot, level: float) -> Way:
-    """A ring about a disc that is selected."""
+def ring(spot: Spot, level: float) -> RaisedLine:
+    """A ring around a selected disc."""
     turn = np.linspace(0, 2 * np.pi, 49)
     around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * 1.5 * spot.radius
     form = Line("", "", _CHOSEN, 0.18 * spot.radius)
-    return Way(Polyline(around + np.array([spot.x, spot.y]), form), level)
+    return RaisedLine(Polyline(around + np.array([spot.x, spot.y]), form), level)
 
 
 def _top(line: Polyline, discs: Sequence[Discs]) -> float:
-    """The highest top of its owner's discs that a line lies on; 0 where there is none."""
+    """Height of the highest of its owner's discs that a line lies on; 0 for none."""
     highest = 0.0
     for batch in discs if line.owner else ():
-        mine = np.flatnonzero(np.array(batch.owners) == line.owner)
-        for row in mine:
+        rows = np.flatnonzero(np.array(batch.owners) == line.owner)
+        for row in rows:
             away = np.hypot(line.points[:, 0] - batch.x[row], line.points[:, 1] - batch.y[row])
             if away.max() <= 2.5 * batch.radius[row]:
                 highest = max(highest, 1.4 * float(batch.height[row]))
@@ -68,13 +68,13 @@ def _top(line: Polyline, discs: Sequence[Discs]) -> float:
 
 
 def ribbon(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sideways steps (n, 2) that keep a ribbon through n points equally wide, and metres so far."""
+    """Sideways offsets (n, 2) of a ribbon of constant width through n points, and its lengths."""
     steps = np.diff(points, axis=0)
     lengths = np.maximum(np.hypot(steps[:, 0], steps[:, 1]), 1e-9)
     across = np.stack([-steps[:, 1], steps[:, 0]], axis=1) / lengths[:, None]
     before, after = np.vstack([across[:1], across]), np.vstack([across, across[-1:]])
     middle = before + after
-    # At a sharp corner a mitre would be endless.
+    # Limit the mitre, which would be infinitely long at a sharp corner.
     squared = np.maximum((middle**2).sum(axis=1), 0.8)
     return 2 * middle / squared[:, None], np.concatenate([[0.0], np.cumsum(lengths)])
 
@@ -83,27 +83,27 @@ class Ribbons:
     """All lines of a picture."""
 
     def __init__(self, gl: moderngl.Context) -> None:
-        self._buffer = Growing(gl)
+        self._buffer = GrowingBuffer(gl)
         self._program = program(gl, shaders.RIBBON_VERTEX, shaders.RIBBON_FRAGMENT)
         content = [(self._buffer.buffer, "3f 3f 4f", "where", "off", "paint")]
         self._array = gl.vertex_array(self._program, content)
         self._count = 0
 
-    def take(self, found: Sequence[Way]) -> None:
-        """Take a picture's lines."""
-        numbers = [_strip(one) for one in found]
+    def take(self, lines: Sequence[RaisedLine]) -> None:
+        """Set the lines of a picture."""
+        numbers = [_strip(line) for line in lines]
         self._count = sum(map(len, numbers))
         if numbers:
             self._buffer.write(np.concatenate(numbers))
 
     def draw(self) -> None:
-        """Draw them all."""
+        """Draw all lines."""
         if self._count:
             self._array.render(moderngl.TRIANGLES, vertices=self._count)
 
 
-def _strip(way: Way) -> Single:
-    """Triangles of a ribbon: place, step sideways, metres so far, colour, width."""
+def _strip(way: RaisedLine) -> Single:
+    """Triangles of a ribbon: position, sideways offset, length so far, colour, width."""
     points, form = way.line.points, way.line.form
     aside, along = ribbon(points)
     width = -form.width if form.dashed else form.width
@@ -119,25 +119,25 @@ def _strip(way: Way) -> Single:
 
 
 class Fans:
-    """The beams of lasers: a fan each, and a dot wherever something was hit."""
+    """Laser beams: a fan per laser, and a dot at each hit."""
 
     def __init__(self, gl: moderngl.Context) -> None:
-        self._buffer = Growing(gl)
+        self._buffer = GrowingBuffer(gl)
         self._program = program(gl, shaders.BEAM_VERTEX, shaders.BEAM_FRAGMENT)
         content = [(self._buffer.buffer, "3f 1f", "where", "far")]
         self._array = gl.vertex_array(self._program, content)
         self._fans = self._dots = 0
 
     def take(self, beams: Sequence[Beams]) -> None:
-        """Take the beams of a moment."""
-        fans = [_fan(one) for one in beams if len(one.ends) > 1]
-        dots = [_hits(one) for one in beams if len(one.ends)]
+        """Set the current beams."""
+        fans = [_fan(fan) for fan in beams if len(fan.ends) > 1]
+        dots = [_hits(fan) for fan in beams if len(fan.ends)]
         self._fans, self._dots = sum(map(len, fans)), sum(map(len, dots))
         if fans or dots:
             self._buffer.write(np.concatenate([*fans, *dots]))
 
     def draw(self) -> None:
-        """Draw them all."""
+        """Draw all beams."""
         for first, count, color in ((0, self._fans, _FAN), (self._fans, self._dots, _END)):
             if count:
                 self._program["color"] = color
@@ -145,7 +145,7 @@ class Fans:
 
 
 def _fan(beams: Beams) -> Single:
-    """A narrow triangle for each beam, as wide at its end as half the way to the next."""
+    """A narrow triangle per beam, at its end half as wide as the gap to the next."""
     here = np.array([beams.x, beams.y])
     after = np.roll(beams.ends, -1, axis=0)
     apart = np.hypot(*(after - beams.ends).T)
@@ -160,7 +160,7 @@ def _fan(beams: Beams) -> Single:
 
 
 def _hits(beams: Beams) -> Single:
-    """A small upright diamond where each beam ends that has hit something."""
+    """A small diamond at the end of each beam that hit something."""
     ends = beams.ends[beams.hits]
     made = np.zeros((len(ends), 6, 4), np.float32)
     around = np.array([(1, 0), (0, 1), (-1, 0), (1, 0), (-1, 0), (0, -1)]) * _DOT

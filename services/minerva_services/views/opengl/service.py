@@ -1,34 +1,34 @@
-"""The view in three dimensions."""
+"""The 3D view: its options."""
 
 from __future__ import annotations
 
 from minerva_bus.errors import MisuseError
-from minerva_services.views.window import Painter, Showing, WindowDevice
+from minerva_services.views.window import Painter, WindowDevice, WindowOptions
 
 
 class OpenGL(WindowDevice, draws=("ePicture",)):
     """Draws every world whose vocabulary declares forms, in three dimensions.
 
-    Walls stand on floors, discs are drums as high as their form says, texts stand on pins. Without
-    `path` and `video` it is a window, with a person's hands on the world.
+    Walls stand on floors, discs are drums of the height given by their form, texts stand on pins.
+    Without `path` and `video` it opens an interactive window.
 
     Args:
-        width: pixels, of the window or the picture.
-        height: pixels.
-        path: a PNG file instead of a window; each picture replaces the one before, in one step.
-        every: frames between views; 0: what suits, 10 for pictures and 1 for a video, and in a
-            window as many as it shows.
+        width: width of the window or picture in pixels.
+        height: height in pixels.
+        path: a PNG file instead of a window; each picture replaces the previous one atomically.
+        every: frames between views; 0: 10 for pictures, 1 for a video, and by the clock for a
+          window.
         frames: keep all pictures, numbered by frame, as in `world-000010.png`.
         video: an MP4 or GIF file instead of a window; needs `pip install 'minerva-bus[video]'`.
-        fps: of the video, pictures a second; 0: as many as there are views.
-        speed: of the video, world's seconds in one of the video's.
-        azimuth: degrees, from where the camera looks: -90 from the south, as on a map.
-        elevation: degrees above the floor, 8 to 90; at 90 it looks straight down.
-        zoom: how many times nearer than needed to see the whole world.
-        follow: an agent that stays in the middle.
-        click: the event type that a click on a label sends, with its text.
-        slide: the event type that the arrow keys send, with a number.
-        draws: visual event types, separated by commas, drawn one over the other.
+        fps: frame rate of the video; 0: as many pictures as there are views.
+        speed: speed of the video relative to simulated time.
+        azimuth: camera direction in degrees: -90 from the south, as on a map.
+        elevation: degrees above the floor, 8 to 90; 90 looks straight down.
+        zoom: magnification relative to showing the whole world.
+        follow: an agent to keep in the middle.
+        click: the event type sent by a click on a label, with its text.
+        slide: the event type sent by the arrow keys, with a number.
+        draws: visual event types, comma-separated, drawn over each other.
 
     """
 
@@ -56,7 +56,7 @@ class OpenGL(WindowDevice, draws=("ePicture",)):
             raise MisuseError(f"opengl: azimuth is {azimuth:g}; expected -360 to 360 degrees")
         if not 0.01 <= zoom <= 1000:
             raise MisuseError(f"opengl: zoom is {zoom:g}; expected 0.01 to 1000")
-        showing = Showing(
+        options = WindowOptions(
             "opengl",
             needs=("moderngl", "pygame"),
             width=width,
@@ -71,7 +71,7 @@ class OpenGL(WindowDevice, draws=("ePicture",)):
             slide=slide,
             follow=follow,
         )
-        super().__init__(showing, draws)
+        super().__init__(options, draws)
         self._camera = azimuth, elevation, zoom
 
     def painter(self) -> Painter:

@@ -1,7 +1,7 @@
-"""The programs that run on the graphics card, in GLSL 3.30.
+"""GLSL 3.30 shaders.
 
-What is lit writes how bright it is into the picture's alpha. What shines through takes that light
-as its own, so shadows go on under it and are looked up only once.
+Lit surfaces write their brightness into the picture's alpha channel. Transparent surfaces take that
+brightness as their own, so shadows continue below them and are sampled only once.
 """
 
 _FRAME = """

@@ -1,4 +1,4 @@
-"""Triangles of solid things, as plain arrays: walls, slabs, drums and pins."""
+"""Meshes of solids as plain arrays: walls, slabs, drums and pins."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _QUAD = np.array([0, 1, 2, 0, 2, 3])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Vertices (n, k), numbers each, and triangles (m, 3) that count them."""
+    """Vertices (n, k) and triangles (m, 3) of vertex indices."""
 
     vertices: Single
     triangles: Indices
 
 
 def tops(mask: Cells, cell: float, pose: Pose, height: float) -> Mesh:
-    """The tops of what stands on cells; each vertex is a place x, y, z and a normal x, y, z."""
+    """Top faces of blocks on cells; a vertex is a position x, y, z and a normal x, y, z."""
     row, column, rows, columns = rectangles(mask).T
     x = np.stack([row, row + rows, row + rows, row], axis=1) * cell
     y = np.stack([column, column, column + columns, column + columns], axis=1) * cell
@@ -37,7 +37,7 @@ def tops(mask: Cells, cell: float, pose: Pose, height: float) -> Mesh:
 
 
 def upright(mask: Cells, cell: float, pose: Pose, low: float, high: float) -> Mesh:
-    """The sides of what stands on cells, from one height to another; vertices as in `tops`."""
+    """Sides of blocks on cells between two heights; vertices as in `tops`."""
     row, column, end_row, end_column, way = sides(mask).T
     x = np.stack([row, end_row, end_row, row], axis=1) * cell
     y = np.stack([column, end_column, end_column, column], axis=1) * cell
@@ -45,14 +45,14 @@ def upright(mask: Cells, cell: float, pose: Pose, low: float, high: float) -> Me
     z = np.broadcast_to([low, low, high, high], x.shape)
     facing = _FACING[way]
     u, v = placed(facing[:, 0], facing[:, 1], Pose(angle=pose.angle))
-    normal = [np.broadcast_to(one[:, None], x.shape) for one in (u, v, np.zeros(len(u)))]
+    normal = [np.broadcast_to(part[:, None], x.shape) for part in (u, v, np.zeros(len(u)))]
     return _quads(np.stack([x, y, z, *normal], axis=2))
 
 
 def placed(
     x: NDArray[np.float64], y: NDArray[np.float64], pose: Pose
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points given in a pose's own axes, in those of the world."""
+    """Points in a pose's own axes, transformed to the world."""
     turn = np.radians(pose.angle)
     cos, sin = np.cos(turn), np.sin(turn)
     return pose.x + x * cos - y * sin, pose.y + x * sin + y * cos
@@ -70,8 +70,8 @@ def _quads(corners: NDArray[np.float64]) -> Mesh:
 def drum(segments: int, rounded: bool) -> Mesh:
     """A drum of radius and height 1 without a bottom.
 
-    A vertex is the way from the axis (2), how far it is put in and down from the edge, how high
-    it is (0 or 1), and its normal outwards and upwards; the edge's size is up to who draws it.
+    A vertex has the direction from the axis (2), offsets inwards and downwards from the edge, its
+    height (0 or 1), and its normal outwards and upwards; the shader scales the edge.
     """
     turn = np.arange(segments) * (2 * np.pi / segments)
     out = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -96,15 +96,15 @@ def _band(here: NDArray[np.int64], there: NDArray[np.int64]) -> NDArray[np.int64
 
 @lru_cache(maxsize=1)
 def pin() -> Mesh:
-    """A pin 1 high with a ball of radius 1 on it: x, y in radii, how high, how far off, normal."""
+    """A pin of height 1 with a ball of radius 1: x, y in radii, height, offset, normal."""
     around, along = 16, 9
     turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
     tilt = np.linspace(-np.pi / 2, np.pi / 2, along)
     flat, up = np.cos(tilt)[:, None], np.sin(tilt)[:, None]
     x, y = flat * np.cos(turn), flat * np.sin(turn)
     z = np.broadcast_to(up, x.shape)
-    one = np.ones(x.shape)
-    ball = np.stack([x, y, one, z, x, y, z], axis=2).reshape(-1, 7)
+    ones = np.ones(x.shape)
+    ball = np.stack([x, y, ones, z, x, y, z], axis=2).reshape(-1, 7)
     u, v = 0.16 * np.cos(turn), 0.16 * np.sin(turn)
     stick = np.concatenate(
         [

@@ -1,4 +1,4 @@
-"""Worlds by ear: a view rendered to a WAV file instead of a picture."""
+"""Sonification: a view rendered to a WAV file instead of a picture."""
 
 from minerva_services.views.sound.service import Sound
 

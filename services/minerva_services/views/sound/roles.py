@@ -1,4 +1,4 @@
-"""Which primitives of a world are heard, and which ones are what they are after."""
+"""Which primitives of a world are voices, and which are their aims."""
 
 from __future__ import annotations
 
@@ -11,44 +11,44 @@ from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.world.services import WorldInfo
 
 GOAL = "PGoal"
-"""What the aim of agents is called, in the world of the robot and wherever else it is."""
+"""Default primitive of an agent's aim, in the robot's world and elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
-class Roles:
-    """Who is a voice and who an aim: all of a symbol, as PRobot, or one by name, as PRobot#r1."""
+class SoundRoles:
+    """Voices and aims: all figures of a symbol, as PRobot, or one by name, as PRobot#r1."""
 
     voices: frozenset[str]
     aims: frozenset[str]
 
 
 def name_of(figure: FigureNode) -> str:
-    """SYMBOL#NAME for a figure with the parameter `name`, else its symbol."""
+    """SYMBOL#NAME for a figure with the parameter `name`, otherwise its symbol."""
     name = figure.parameters.get("name")
     return f"{figure.symbol}#{name}" if isinstance(name, str) else figure.symbol
 
 
 def plays(figure: FigureNode, part: Collection[str]) -> bool:
-    """Whether a figure is among these."""
+    """True if a figure belongs to a role."""
     return figure.symbol in part or name_of(figure) in part
 
 
-def roles(world: WorldInfo, voices: Collection[str], aims: Collection[str]) -> Roles:
-    """Those of these names.
+def roles(world: WorldInfo, voices: Collection[str], aims: Collection[str]) -> SoundRoles:
+    """The roles for these names.
 
-    Without names, voices are all discs with a heading, and the aim is a PGoal or, where the world
-    has none, any disc without a heading.
+    Without names, voices are all discs with a heading, and the aim is PGoal or, if the world has
+    none, every disc without a heading.
 
-    Raises MisuseError for a name that the world does not have, and where nothing would be heard.
+    Raises MisuseError for unknown names, and if nothing would sound.
     """
     named = _known(world, "voice", voices) or _discs(world, heading=True)
     if not named:
         raise MisuseError(
-            f"sound: no disc of the world {world.world!r} has a heading; set voice to what is to"
-            f" be heard, of {', '.join(sorted(world.vocabulary.primitives)) or 'no primitives'}"
+            f"sound: no disc of the world {world.world!r} has a heading; set voice to one of"
+            f" {', '.join(sorted(world.vocabulary.primitives)) or 'no primitives'}"
         )
     aimed = _known(world, "aim", aims) or _goals(world) or _discs(world, heading=False)
-    return Roles(named, aimed - named)
+    return SoundRoles(named, aimed - named)
 
 
 def _goals(world: WorldInfo) -> frozenset[str]:

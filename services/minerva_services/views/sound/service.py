@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
-from minerva_services.views.sound.performance import Performance
 from minerva_services.views.sound.roles import roles
+from minerva_services.views.sound.sonification import Sonification
 from minerva_services.views.sound.tuning import Tuning
 from minerva_services.views.sound.wavfile import WavFile, wav_path
 
@@ -17,25 +17,24 @@ _RATES = range(8_000, 192_001)
 
 
 class Sound(Device, draws=("ePicture",)):
-    """Makes every world audible that has discs with a heading, or primitives named as voices.
+    """Sonifies worlds that have discs with a heading, or primitives named as voices.
 
-    Each voice is a tone: the nearer to the nearest aim the higher, left or right as it stands in
-    what the world draws. It clicks when it is set back against its heading, which is how a
-    collision shows. The file is in simulated time, from the first view on; what was not shown is
-    filled with the tones from before.
+    Each voice is a tone: the closer to the nearest aim, the higher; panned by its position in the
+    picture. It clicks when it is set back against its heading, which indicates a collision. The
+    file is in simulated time from the first view on; gaps between views hold the previous tones.
 
     Args:
-        path: where the sound goes; the folder is made where there is none.
-        every: frames between views; 0 leaves it to a generator to ask for them.
-        draws: visual event types, separated by commas; they are heard together.
-        voice: primitives that sound, separated by commas, as PRobot, or PRobot#r1 for one that is
-            named so; none: all discs with a heading.
-        aim: primitives that voices are after, likewise; none: PGoal or, where the world has
-            no such primitive, all discs without a heading.
-        high: Hz, the pitch at an aim.
-        low: Hz, the deepest pitch, also where there is no aim.
-        octave: metres in which the pitch falls an octave.
-        samples: in a second, 8000 to 192000.
+        path: the output file; its folder is created if missing.
+        every: frames between views; 0 leaves requesting them to a generator.
+        draws: visual event types, comma-separated; they sound together.
+        voice: primitives that sound, comma-separated, as PRobot, or PRobot#r1 for a named one;
+          default: all discs with a heading.
+        aim: aims of the voices, likewise; default: PGoal or, if the world has no such primitive,
+          all discs without a heading.
+        high: pitch at an aim in Hz.
+        low: lowest pitch in Hz, also without an aim.
+        octave: distance in metres over which the pitch falls by an octave.
+        samples: sample rate, 8000 to 192000 Hz.
 
     """
 
@@ -61,28 +60,28 @@ class Sound(Device, draws=("ePicture",)):
         self._named = names_in(voice), names_in(aim)
         self._tuning = _tuning(high, low, octave, samples)
         self._samples = samples
-        self._playing: Performance | None = None
+        self._sonification: Sonification | None = None
 
     def joined(self, world: WorldInfo) -> None:
         chosen = roles(world, *self._named)
         file = WavFile(self._path, self._samples)
-        self._playing = Performance(world, chosen, self._tuning, file)
+        self._sonification = Sonification(world, chosen, self._tuning, file)
 
     def show(self, view: View) -> None:
-        """φ of the view. Raises MisuseError where the file cannot be written."""
-        if self._playing is None:
+        """φ of the view. Raises MisuseError if the file cannot be written."""
+        if self._sonification is None:
             raise MisuseError("sound: a view came before the world was joined")
-        self._playing.hear(view)
+        self._sonification.add(view)
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        if self._playing is None:
+        if self._sonification is None:
             return {}
-        return {"sound": str(self._path), "clicks": self._playing.clicks}
+        return {"sound": str(self._path), "clicks": self._sonification.clicks}
 
     def close(self) -> None:
-        if self._playing is not None:
-            self._playing.end()
-            self._playing = None
+        if self._sonification is not None:
+            self._sonification.end()
+            self._sonification = None
 
 
 def _tuning(high: float, low: float, octave: float, samples: int) -> Tuning:

@@ -1,7 +1,7 @@
-"""From tones to samples: voices that never jump, and clicks.
+"""Synthesis of tones without discontinuities, and of clicks.
 
-The phase of a voice goes on from block to block whatever becomes of its pitch, and pitch and
-loudness glide; so the only clicks that are heard are those that were asked for.
+A voice's phase continues from block to block and its pitch and loudness glide, so the only audible
+clicks are intended ones.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from minerva_services.views.sound.tuning import Tone
 
 Samples = NDArray[np.float64]
-"""Left and right, -1 to 1; shape (samples, 2)."""
+"""Left and right channel, -1 to 1; shape (samples, 2)."""
 
 _OVERTONES = ((1, 0.8), (2, 0.2))
-"""Multiples of a voice's pitch and their shares: a bare sine is hard to tell where it is."""
+"""Multiples of a voice's pitch and their shares: a pure sine is hard to localise."""
 _FADE = 0.01
-"""Seconds that it takes at least from silence to a tone."""
+"""Minimum fade time between silence and a tone, in seconds."""
 _SILENT = 1e-5
 _CLICK_PITCH, _CLICK_LENGTH, _CLICK_DECAY, _CLICK_LOUDNESS = 3000.0, 0.02, 0.003, 0.4
 
 
 @dataclass(slots=True)
 class _Singer:
-    """A voice as it sounds now, and where in its period it is (cycles)."""
+    """A voice's current tone and its phase (cycles)."""
 
     tone: Tone
     cycles: float = 0.0
@@ -36,7 +36,7 @@ class _Singer:
 
 @dataclass(slots=True)
 class _Click:
-    """A click that sounds: how loud left and right, and how much of it is over (samples)."""
+    """A click in progress: loudness left and right, and elapsed samples."""
 
     left: float
     right: float
@@ -44,7 +44,7 @@ class _Click:
 
 
 class Synthesis:
-    """Sings tones, block after block, at so many samples a second."""
+    """Renders tones block by block at a sample rate."""
 
     def __init__(self, rate: int) -> None:
         self._rate = rate
@@ -52,14 +52,14 @@ class Synthesis:
         self._clicks: list[_Click] = []
 
     def click(self, tone: Tone) -> None:
-        """A click at the beginning of the next block, from where a tone is."""
+        """Start a click at the next block, panned like a tone."""
         together = math.hypot(tone.left, tone.right) or 1.0
         self._clicks.append(_Click(tone.left / together, tone.right / together))
 
     def sing(self, tones: Mapping[str, Tone], count: int) -> Samples:
-        """The next `count` samples, in which the voices glide to these tones.
+        """The next `count` samples, in which voices glide to these tones.
 
-        Voices that are new rise from silence, those that are gone fade away.
+        New voices fade in, missing ones fade out.
         """
         block = np.zeros((count, 2))
         for name, tone in tones.items():
@@ -70,7 +70,7 @@ class Synthesis:
                 del self._singers[name]
         for click in self._clicks:
             block += self._clicked(click, count)
-        self._clicks = [one for one in self._clicks if one.over < self._rate * _CLICK_LENGTH]
+        self._clicks = [click for click in self._clicks if click.over < self._rate * _CLICK_LENGTH]
         return block
 
     def _glide(self, singer: _Singer, to: Tone, count: int) -> Samples:

@@ -1,7 +1,7 @@
-"""A WAV file that grows: whoever opens it, whenever, finds a whole one.
+"""A WAV file that grows and is valid at any time.
 
-Python's `wave` reads it, but does not write it here: its writer raises once more when it is
-deleted after the disk was full.
+Python's `wave` can read it, but its writer raises again on deletion after the disk was full, so it
+is not used here.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _HEADER = struct.Struct("<4sI4s4sIHHIIHH")
 _DATA = struct.Struct("<4sI")
 _TEXT = MARK.encode() + b"\0"  # 20 bytes; chunks have even lengths
 _ABOUT = struct.pack("<4sI4s4sI", b"LIST", 12 + len(_TEXT), b"INFO", b"ISFT", len(_TEXT)) + _TEXT
-"""The program's mark as a chunk LIST of the kind INFO."""
+"""The program's mark as a LIST chunk of type INFO."""
 _FULL = 2**32 - 2**16
-"""Bytes: lengths in a WAV file have 32 bits."""
+"""Maximum size in bytes: lengths in a WAV file have 32 bits."""
 
 
 class WavFile:
-    """A stereo file of 16 bits, at so many samples a second.
+    """A 16-bit stereo file.
 
-    Raises MisuseError where it cannot be written.
+    Raises MisuseError if it cannot be written.
     """
 
     def __init__(self, path: Path, rate: int) -> None:
@@ -41,21 +41,21 @@ class WavFile:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
-                raise self._unwritable("it is no file")
-            # Unbuffered: what was written is there however the process ends.
+                raise self._unwritable("not a file")
+            # Unbuffered, so that written samples survive any end of the process.
             self._file = path.open("wb", buffering=0)
             self._put(0, self._header())
         except OSError as error:
             raise self._unwritable(error.strerror or "") from None
 
     def write(self, block: Samples) -> None:
-        """Add samples, and then the header's word of them; nothing where the file is full."""
+        """Append samples, then update the header; ignored once the file is full."""
         if self._is_full:
             return
         data = np.rint(np.clip(block, -1.0, 1.0) * 32767).astype("<i2").tobytes()
         if self._bytes + len(data) > _FULL:
             self._is_full = True
-            sys.stderr.write(f"sound: {self.path} is full (4 GiB); the rest is not written\n")
+            sys.stderr.write(f"sound: {self.path} is full (4 GiB); further samples are dropped\n")
             return
         try:
             self._put(_BEGIN + self._bytes, data)
@@ -66,7 +66,7 @@ class WavFile:
             raise self._unwritable(error.strerror or "") from None
 
     def close(self) -> None:
-        """No more is to come."""
+        """Close the file."""
         with contextlib.suppress(OSError):
             self._file.close()
 
@@ -84,16 +84,16 @@ class WavFile:
 
     def _unwritable(self, reason: str) -> MisuseError:
         return MisuseError(
-            f"sound: cannot write {self.path}: {reason}; set path to a place that can"
+            f"sound: cannot write {self.path}: {reason}; set path to a writable file"
         )
 
 
 _BEGIN = _HEADER.size + len(_ABOUT) + _DATA.size
-"""Where the samples begin, bytes."""
+"""Offset of the first sample in bytes."""
 
 
 def wav_path(path: str) -> Path:
-    """The path of a WAV file. Raises MisuseError for one that ends in something else."""
+    """The path of a WAV file. Raises MisuseError for other suffixes."""
     if not path.lower().endswith(".wav") or Path(path).name.lower() == ".wav":
         raise MisuseError(f"sound: path is {path!r}; expected a name that ends in .wav")
     return Path(path)

@@ -1,4 +1,4 @@
-"""A view in 2D: sprites in a window, in PNG files or in a video (figure 2)."""
+"""A 2D view: sprites in a window, in PNG files or in a video (figure 2)."""
 
 from minerva_services.views.sprites.service import Sprites
 

@@ -1,4 +1,4 @@
-"""What lies over the world: the line below it, what was just done, and the help."""
+"""The overlay: status line, notices and help."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import pygame
 
-from minerva_services.views.sprites.camera import Camera
-from minerva_services.views.sprites.letters import one_line, written
-from minerva_services.views.sprites.look import BORDER, FAINT, INK, PANEL, PAPER
+from minerva_services.views.layout import round_step
+from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
+from minerva_services.views.sprites.camera import MapCamera
+from minerva_services.views.sprites.text import one_line, written
 from minerva_services.views.window.painter import Sight
 
 _LINE = 34
@@ -17,19 +18,18 @@ _LETTERS = 21
 
 
 def bar_height(ui: float) -> int:
-    """Pixels of the line below the world."""
+    """Height of the status line in pixels."""
     return round(_LINE * ui)
 
 
-def grid_step(camera: Camera) -> float:
-    """Metres between lines of the grid: 1, 2 or 5 times a power of ten, for 20 on a screen."""
+def grid_step(camera: MapCamera) -> float:
+    """Grid spacing in metres: 1, 2 or 5 times a power of ten, about 20 lines per screen."""
     wanted = camera.size[0] / camera.scale / 20
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return next(step * power for step in (1, 2, 5, 10) if step * power >= wanted * (1 - 1e-9))
+    return round_step(wanted * (1 - 1e-9))  # tolerate rounding of the scale
 
 
-def draw_grid(canvas: pygame.Surface, camera: Camera) -> None:
-    """Faint lines at whole multiples of the grid's step."""
+def draw_grid(canvas: pygame.Surface, camera: MapCamera) -> None:
+    """Faint lines at multiples of the grid spacing."""
     width, height = camera.size
     step, shade = grid_step(camera), pygame.Color(INK)
     left, top = camera.to_world(0, 0)
@@ -44,8 +44,8 @@ def draw_grid(canvas: pygame.Surface, camera: Camera) -> None:
     canvas.fblits([(level, (0, round(camera.to_screen(0.0, n * step)[1]))) for n in ys])
 
 
-def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: Camera, ui: float) -> None:
-    """Draw all that lies over the world."""
+def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float) -> None:
+    """Draw the whole overlay."""
     _draw_bar(canvas, sight, camera, ui)
     if sight.notice:
         _draw_notice(canvas, sight.notice, ui)
@@ -53,7 +53,7 @@ def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: Camera, ui: float
         _draw_help(canvas, sight.help, ui)
 
 
-def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: Camera, ui: float) -> None:
+def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float) -> None:
     width, height = canvas.get_size()
     bar, size, pad = bar_height(ui), round(_LETTERS * ui), round(14 * ui)
     canvas.fill(PAPER, (0, height - bar, width, bar))
@@ -97,9 +97,9 @@ def _draw_help(canvas: pygame.Surface, lines: Sequence[tuple[str, str]], ui: flo
     size, pad = round(_LETTERS * ui), round(22 * ui)
     keys = [written(key, size, INK) for key, _ in lines]
     meanings = [written(one_line(meaning), size, FAINT) for _, meaning in lines]
-    column = max(one.get_width() for one in keys) + pad
+    column = max(text.get_width() for text in keys) + pad
     row = round(1.45 * size)
-    width = column + max(one.get_width() for one in meanings) + 2 * pad
+    width = column + max(text.get_width() for text in meanings) + 2 * pad
     height = row * len(lines) + 2 * pad
     box = pygame.Surface((width, height), pygame.SRCALPHA, 32)
     panel, line = pygame.Color(PANEL), pygame.Color(BORDER)

@@ -1,4 +1,4 @@
-"""The geometric system of sprites: what lists of forms are on pygame's surfaces."""
+"""The geometric system of sprites: draws display lists on pygame surfaces."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pygame
 
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
-from minerva_services.views.sprites.camera import Camera, extent
-from minerva_services.views.sprites.ground import Ground
-from minerva_services.views.sprites.letters import draw_labels
-from minerva_services.views.sprites.look import CHOSEN, PAPER
+from minerva_services.views.palette import CHOSEN, PAPER
+from minerva_services.views.sprites.camera import MapCamera, extent
+from minerva_services.views.sprites.matrices import MatrixLayer
 from minerva_services.views.sprites.overlay import bar_height, draw_grid, draw_overlay
 from minerva_services.views.sprites.stamps import Stamps
 from minerva_services.views.sprites.strokes import draw_beams, draw_line
+from minerva_services.views.sprites.text import draw_labels
 from minerva_services.views.window.painter import Box, Floats, Pixels, Sight
 from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window
@@ -21,20 +21,20 @@ from minerva_services.views.window.screen import close_window, open_window
 _PADDING = 22
 _NORMAL = 1200, 800
 _FARTHER, _NEARER = 50.0, 200.0
-"""Times that one may zoom away from the whole world, and into it."""
+"""Zoom limits relative to showing the whole world."""
 
 
 class SpritePainter:
-    """A `Painter` that sees the world from above."""
+    """A `Painter` that shows the world from above."""
 
     def __init__(self) -> None:
-        self.camera = Camera()
+        self.camera = MapCamera()
         self._canvas = pygame.Surface((1, 1), 0, 32)
         self._windowed = False
         self._bounds: Bounds | None = None
         self._aimed = False
-        """Somebody has moved or zoomed: it no longer follows the world's extent."""
-        self._ground = Ground()
+        """The user has moved the camera; it no longer follows the world's bounds."""
+        self._ground = MatrixLayer()
         self._stamps = Stamps()
         self._boxes: list[Box] = []
         self._ui = 1.0
@@ -63,7 +63,7 @@ class SpritePainter:
         canvas, picture = self._canvas, sight.picture
         self._world = canvas.subsurface((0, 0, *self.camera.size))
         canvas.fill(PAPER)
-        for tiles in picture.of(Tiles):  # the ground; what stands on it comes after it
+        for tiles in picture.of(Tiles):  # matrices are the ground for everything else
             self._ground.draw(self._world, tiles, self.camera)
         self._ground.forget_unused()
         draw_grid(self._world, self.camera)
@@ -105,7 +105,7 @@ class SpritePainter:
             close_window()
 
     def _aim(self, sight: Sight) -> None:
-        """Look at the whole world, at whom it follows, or where somebody has moved to."""
+        """Point the camera at the whole world, the followed agent, or where the user moved it."""
         if not self._aimed:
             self._bounds = extent(sight.picture, self._bounds)
             if self._bounds is not None:

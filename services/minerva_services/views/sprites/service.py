@@ -1,28 +1,28 @@
-"""The 2D view: its options, and which geometric system draws it."""
+"""The 2D view: its options."""
 
 from __future__ import annotations
 
-from minerva_services.views.window import Painter, Showing, WindowDevice
+from minerva_services.views.window import Painter, WindowDevice, WindowOptions
 
 
 class Sprites(WindowDevice, draws=("ePicture",)):
     """Draws every world whose vocabulary declares forms, as sprites seen from above.
 
     Args:
-        width: pixels, of the window or of what is written.
-        height: pixels.
-        path: a PNG file instead of a window; each picture replaces the one before, in one step.
-        every: frames from one view to the next. 0: thirty views a second in a window, a picture
-            each 10 frames, each frame in a video.
+        width: width of the window or picture in pixels.
+        height: height in pixels.
+        path: a PNG file instead of a window; each picture replaces the previous one atomically.
+        every: frames between views. 0: thirty views per second in a window, every 10th frame as a
+          picture, every frame in a video.
         frames: keep all pictures, numbered by frame, as in `minerva-000010.png`.
         video: an .mp4 or .gif file instead of a window.
-        fps: pictures a second of the video; 0: as many as there are views, up to 60 (GIF: 25).
-        speed: of the video, in times the world's own; where it is 1, worlds whose frames last
-            longer than a tenth of a second are shown at ten frames a second.
-        follow: an agent that stays in the middle.
-        click: the event type that a click on a label sends, where the world takes several.
-        slide: the event type that the arrow keys send, where the world takes several.
-        draws: visual event types, separated by commas; their views lie over one another.
+        fps: frame rate of the video; 0: as many pictures as there are views, up to 60 (GIF: 25).
+        speed: speed of the video relative to simulated time; at 1, worlds with frames longer than a
+          tenth of a second are shown at ten frames per second.
+        follow: an agent to keep in the middle.
+        click: the event type sent by a click on a label, if the world accepts several.
+        slide: the event type sent by the arrow keys, if the world accepts several.
+        draws: visual event types, comma-separated; their views are drawn over each other.
 
     """
 
@@ -42,7 +42,7 @@ class Sprites(WindowDevice, draws=("ePicture",)):
         draws: str = "ePicture",
     ) -> None:
         super().__init__(
-            Showing(
+            WindowOptions(
                 "sprites",
                 ("pygame",),
                 width=width,

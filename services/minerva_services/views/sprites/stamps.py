@@ -1,4 +1,4 @@
-"""Discs as sprites: drawn once, large, scaled down, and put wherever there is one like it."""
+"""Discs as sprites: drawn once at a larger scale, downscaled, and reused for equal discs."""
 
 from __future__ import annotations
 
@@ -9,31 +9,29 @@ import pygame
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Discs
-from minerva_services.views.sprites.camera import Camera
-from minerva_services.views.sprites.look import OUTLINE
+from minerva_services.views.palette import HEADING_MARK, OUTLINE
+from minerva_services.views.sprites.camera import MapCamera
 
 _FINE = 4
-"""Times that a sprite is drawn larger than it is shown."""
+"""Supersampling factor of sprites."""
 _LARGEST = 160
-"""Pixels of radius; larger discs are drawn as they are."""
+"""Radius in pixels above which discs are drawn directly."""
 _SMOOTH, _FARTHEST = 4000.0, 400_000.0
-"""Pixels of radius up to which edges are smooth, and drawn at all: larger ones take long."""
+"""Radius in pixels up to which edges are smoothed, and up to which edges are drawn at all."""
 _LEAST = 3.0
 _TURNS = 128
-"""Directions that a sprite is drawn in."""
+"""Number of directions for which sprites are drawn."""
 _KEPT = 6000
-_ARROW = ((0.78, 0.0), (0.7, 140.0), (0.28, 180.0), (0.7, -140.0))
-"""The heading mark: distances from the centre in radii, and directions in degrees."""
 
 
 class Stamps:
-    """Draws discs, in batches."""
+    """Draws discs in batches."""
 
     def __init__(self) -> None:
         self._sprites: dict[int, pygame.Surface] = {}
 
-    def draw(self, canvas: pygame.Surface, discs: Discs, camera: Camera, ui: float) -> None:
-        """Draw those that can be seen, in their order. `ui`: pixels of a pixel of the overlay."""
+    def draw(self, canvas: pygame.Surface, discs: Discs, camera: MapCamera, ui: float) -> None:
+        """Draw the visible discs in order; `ui` is the scale of the overlay."""
         x, y = camera.to_screen(discs.x, discs.y)
         radius = np.maximum(discs.radius * camera.scale, _LEAST * ui)
         width, height = camera.size
@@ -41,7 +39,7 @@ class Stamps:
         rows = np.flatnonzero(seen)
         large = np.flatnonzero(radius[rows] > _LARGEST)
         begin = 0
-        for end in [*large, len(rows)]:  # large ones cut the batch, for the order's sake
+        for end in [*large, len(rows)]:  # large discs split the batch, to keep the order
             self._stamp(canvas, discs, rows[begin:end], (x, y, radius), ui)
             if end < len(rows):
                 row = int(rows[end])
@@ -57,30 +55,30 @@ class Stamps:
         places: tuple[NDArray[np.float64], ...],
         ui: float,
     ) -> None:
-        x, y, radius = (one[rows] for one in places)
+        x, y, radius = (column[rows] for column in places)
         keys = _keys(discs, rows, radius)
         different, which = np.unique(keys, return_inverse=True)
         if len(self._sprites) > _KEPT:
             self._sprites.clear()
         sprites = [self._sprite(int(key), ui) for key in different]
-        half = np.array([one.get_width() / 2 for one in sprites])[which]
+        half = np.array([sprite.get_width() / 2 for sprite in sprites])[which]
         left = np.rint(x - half).astype(int).tolist()
         top = np.rint(y - half).astype(int).tolist()
-        stamped = [sprites[one] for one in which.tolist()]
+        stamped = [sprites[index] for index in which.tolist()]
         canvas.fblits(
             list(zip(stamped, zip(left, top, strict=True), strict=True)),
             pygame.BLEND_PREMULTIPLIED,
         )
 
     def _sprite(self, key: int, ui: float) -> pygame.Surface:
-        found = self._sprites.get(key)
-        if found is None:
-            found = self._sprites[key] = _drawn(key, ui)
-        return found
+        sprite = self._sprites.get(key)
+        if sprite is None:
+            sprite = self._sprites[key] = _drawn(key, ui)
+        return sprite
 
 
 def _keys(discs: Discs, rows: NDArray[np.intp], radius: NDArray[np.float64]) -> NDArray[np.int64]:
-    """For each row one number of its colour, radius (in half pixels), and direction."""
+    """One integer per row for its colour, radius (in half pixels) and direction."""
     red, green, blue = discs.color[rows].astype(np.int64).T
     heading = discs.heading[rows]
     turn = np.rint(discs.angle[rows] * (_TURNS / 360)).astype(np.int64) % _TURNS
@@ -90,7 +88,7 @@ def _keys(discs: Discs, rows: NDArray[np.intp], radius: NDArray[np.float64]) -> 
 
 
 def _drawn(key: int, ui: float) -> pygame.Surface:
-    """A sprite, its colours multiplied by its opacity."""
+    """A sprite with premultiplied alpha."""
     color = pygame.Color((key >> 40) & 255, (key >> 32) & 255, (key >> 24) & 255)
     radius, turn = ((key >> 8) & 0xFFFF) / 2, key & 255
     side = 2 * math.ceil(radius + 1.5 * ui)
@@ -111,7 +109,7 @@ def _disc(
     ui: float,
 ) -> None:
     line, edge = min(1.6 * ui, radius / 3), pygame.Color(OUTLINE)
-    rim = pygame.Color(*(round(0.55 * one) for one in (edge.r, edge.g, edge.b, 255)))
+    rim = pygame.Color(*(round(0.55 * channel) for channel in (edge.r, edge.g, edge.b, 255)))
     pygame.draw.circle(surface, rim, middle, radius + line / 2)
     pygame.draw.circle(surface, color.lerp(edge, 0.55), middle, radius)
     pygame.draw.circle(surface, color, middle, radius - line / 2)
@@ -119,7 +117,7 @@ def _disc(
 
 def _arrow(middle: tuple[float, float], radius: float, angle: float) -> list[tuple[float, float]]:
     points: list[tuple[float, float]] = []
-    for distance, direction in _ARROW:
+    for distance, direction in HEADING_MARK:
         turn = math.radians(angle + direction)
         points.append(
             (
@@ -135,7 +133,7 @@ def _draw_large(
 ) -> None:
     x, y, radius = place
     color = pygame.Color(*map(int, discs.color[row]))
-    if radius > _FARTHEST:  # all edges are far away, or as good as straight
+    if radius > _FARTHEST:  # every edge is off screen, or practically straight
         width, height = canvas.get_size()
         if math.hypot(x - width / 2, y - height / 2) < radius:
             canvas.fill(color)

@@ -1,4 +1,4 @@
-"""Lines: plans, dashed or not, and laser beams."""
+"""Lines, dashed or solid, and laser beams."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 import pygame
 
 from minerva_bus.semantics.picture import Polyline, rgb
-from minerva_services.views.sprites.camera import Camera
-from minerva_services.views.sprites.look import BEAM
+from minerva_services.views.palette import BEAM
+from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.window.painter import Beams, Floats
 
 _LEAST_WIDTH = 1.6
 _DASH = 2.5
-"""Line widths."""
+"""Length of a dash in line widths."""
 _MOST_DASHES = 4000
 _FARTHEST = 1e6
-"""Pixels; what is farther away is drawn as if it were there."""
+"""Coordinates in pixels are clamped to this."""
 
 
-def draw_line(canvas: pygame.Surface, line: Polyline, camera: Camera, ui: float) -> None:
+def draw_line(canvas: pygame.Surface, line: Polyline, camera: MapCamera, ui: float) -> None:
     """Draw a line through its points."""
     if len(line.points) < 2:
         return
@@ -44,19 +44,19 @@ def _draw_part(canvas: pygame.Surface, points: Floats, color: pygame.Color, widt
     corners = [(float(x), float(y)) for x, y in points]
     for start, end in pairwise(corners):
         pygame.draw.aaline(canvas, color, start, end, thick)
-    if thick > 2:  # round joints; the ends stay as they are, for dashes would look like bones
+    if thick > 2:  # round joints only: round ends would make dashes look like bones
         for corner in corners[1:-1]:
             pygame.draw.aacircle(canvas, color, corner, (thick - 1) / 2)
 
 
 def dashes(points: Floats, length: float) -> list[Floats]:
-    """The dashes of a line through points (n, 2), with gaps between them as long as they are."""
+    """The dashes of a line through points (n, 2), separated by gaps of equal length."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     total = float(along[-1])
     if total <= 0 or length <= 0 or total / length > _MOST_DASHES:
         return [points]
-    found: list[Floats] = []
+    parts: list[Floats] = []
     for start in np.arange(0.0, total, 2 * length):
         end = min(start + length, total)
         inner = points[(along > start) & (along < end)]
@@ -64,28 +64,30 @@ def dashes(points: Floats, length: float) -> list[Floats]:
             np.array([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])])
             for at in (start, end)
         ]
-        found.append(np.stack([ends[0], *inner, ends[1]]))
-    return found
+        parts.append(np.stack([ends[0], *inner, ends[1]]))
+    return parts
 
 
-def draw_beams(canvas: pygame.Surface, beams: Sequence[Beams], camera: Camera, ui: float) -> None:
-    """Draw laser beams as one transparent layer, so that they do not darken one another."""
+def draw_beams(
+    canvas: pygame.Surface, beams: Sequence[Beams], camera: MapCamera, ui: float
+) -> None:
+    """Draw laser beams as one transparent layer, so that overlaps do not darken."""
     if not beams:
         return
     layer = pygame.Surface(canvas.get_size(), pygame.SRCALPHA, 32)
     color = pygame.Color(BEAM)
     layer.fill((color.r, color.g, color.b, 0))
-    for one in beams:
-        _draw_fan(layer, one, camera, color, ui)
+    for fan in beams:
+        _draw_fan(layer, fan, camera, color, ui)
     canvas.blit(layer, (0, 0))
 
 
 def _draw_fan(
-    layer: pygame.Surface, beams: Beams, camera: Camera, color: pygame.Color, ui: float
+    layer: pygame.Surface, beams: Beams, camera: MapCamera, color: pygame.Color, ui: float
 ) -> None:
     x, y = (
-        np.clip(one, -_FARTHEST, _FARTHEST)
-        for one in camera.to_screen(beams.ends[:, 0], beams.ends[:, 1])
+        np.clip(axis, -_FARTHEST, _FARTHEST)
+        for axis in camera.to_screen(beams.ends[:, 0], beams.ends[:, 1])
     )
     start = camera.to_screen(beams.x, beams.y)
     ends = list(zip(x.tolist(), y.tolist(), strict=True))

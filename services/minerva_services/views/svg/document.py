@@ -7,12 +7,12 @@ import math
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
+from minerva_services.views.palette import BORDER, FAINT, INK, PANEL, PAPER
 from minerva_services.views.svg.drawing import Drawing
 from minerva_services.views.svg.markup import exact, line_of_text, short
 from minerva_services.views.svg.page import Page
 from minerva_services.views.svg.tracing import Tracer
 
-_PAPER, _PANEL, _BORDER, _INK, _FAINT = "#f4f0e6", "#fbfaf6", "#d3ccbb", "#2f3640", "#857e6e"
 FONTS = (
     "Inter, 'Segoe UI', 'Helvetica Neue', Arial, 'Liberation Sans', Roboto, Ubuntu, 'Noto Sans',"
     " 'DejaVu Sans', FreeSans, Aileron, sans-serif"
@@ -35,8 +35,8 @@ def svg_document(
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}"'
             f' viewBox="0 0 {width} {height}" font-family="{FONTS}">',
             f"<title>{title}, {subtitle}</title>",
-            f'<rect width="{width}" height="{height}" fill="{_PAPER}"/>',
-            f'<rect {_place(page)} fill="{_PANEL}"/>',
+            f'<rect width="{width}" height="{height}" fill="{PAPER}"/>',
+            f'<rect {_place(page)} fill="{PANEL}"/>',
             f'<g transform="translate({exact(left)} {exact(bottom)}) scale({scale} -{scale})">',
             *drawing.elements,
             "</g>",
@@ -62,7 +62,7 @@ def _grid(page: Page) -> str:
     along = (page.pixel(0.0, y)[1] for y in _multiples(frame.bottom, frame.top, step))
     lines = [f"M{short(x)} {start}v{height}" for x in across]
     lines += [f"M{start} {short(y)}h{width}" for y in along]
-    return f'<path d="{"".join(lines)}" stroke="{_INK}" stroke-opacity=".08"/>'
+    return f'<path d="{"".join(lines)}" stroke="{INK}" stroke-opacity=".08"/>'
 
 
 def _margins(page: Page) -> str:
@@ -70,8 +70,8 @@ def _margins(page: Page) -> str:
     start, (width, height) = short(page.padding), map(short, page.panel)
     return (
         f'<path d="M0 0h{page.width}v{page.height}h-{page.width}z'
-        f'M{start} {start}h{width}v{height}h-{width}z" fill="{_PAPER}" fill-rule="evenodd"/>'
-        f'<rect {_place(page)} fill="none" stroke="{_BORDER}"/>'
+        f'M{start} {start}h{width}v{height}h-{width}z" fill="{PAPER}" fill-rule="evenodd"/>'
+        f'<rect {_place(page)} fill="none" stroke="{BORDER}"/>'
     )
 
 
@@ -89,12 +89,12 @@ def _caption(page: Page, title: str, subtitle: str) -> str:
     bar = page.grid_step * page.scale
     start, middle, tick = right - bar, line - size * 0.35, size * 0.25
     return (
-        f'<g font-size="{short(size)}" fill="{_FAINT}">'
+        f'<g font-size="{short(size)}" fill="{FAINT}">'
         f'<text x="{short(left)}" y="{short(line)}">'
-        f'<tspan fill="{_INK}" font-weight="600">{title}</tspan>'
+        f'<tspan fill="{INK}" font-weight="600">{title}</tspan>'
         f'<tspan dx="{short(size * 0.7)}">{subtitle}</tspan></text>'
         f'<path d="M{short(start)} {short(middle - tick)}v{short(2 * tick)}m0-{short(tick)}'
-        f'h{short(bar)}m0-{short(tick)}v{short(2 * tick)}" fill="none" stroke="{_FAINT}"/>'
+        f'h{short(bar)}m0-{short(tick)}v{short(2 * tick)}" fill="none" stroke="{FAINT}"/>'
         f'<text x="{short(start - size * 0.6)}" y="{short(line)}" text-anchor="end">'
         f"{page.grid_step:g} m</text></g>"
     )

@@ -8,12 +8,11 @@ from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.plane import PlaneGeometry, resolve
+from minerva_services.views.palette import HEADING_MARK
 from minerva_services.views.svg.markup import exact, line_of_text, paint, short
 from minerva_services.views.svg.page import Page
 from minerva_services.views.svg.tracing import Tracer
 
-_ARROW = ((0.78, 0.0), (0.7, 140.0), (0.28, 180.0), (0.7, -140.0))
-"""The heading mark: distances from the centre in radii, and directions in degrees."""
 _LEAST_RADIUS = 3
 _LETTER_WIDTH = 0.7
 """Of a wide bold font, in font sizes: which font it will be, only the viewer knows."""
@@ -60,7 +59,8 @@ class Drawing(PlaneGeometry):
         )
         if disc.heading:
             corners = (
-                at.then(0.0, 0.0, direction, distance * radius) for distance, direction in _ARROW
+                at.then(0.0, 0.0, direction, distance * radius)
+                for distance, direction in HEADING_MARK
             )
             points = " ".join(f"{self._m(corner.x)},{self._m(corner.y)}" for corner in corners)
             self.elements.append(f'<polygon points="{points}" fill="#fff" fill-opacity=".95"/>')

@@ -1,4 +1,4 @@
-"""Picture files: their names and folders."""
+"""Names and folders of picture files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from minerva_bus.errors import MisuseError
 
 
 def svg_path(path: str) -> Path:
-    """The path of an SVG file. Raises MisuseError for one that ends in something else."""
+    """The path of an SVG file. Raises MisuseError for other suffixes."""
     if not path.lower().endswith(".svg") or Path(path).name.lower() == ".svg":
         raise MisuseError(f"picture: path is {path!r}; expected a name that ends in .svg")
     return Path(path)
@@ -21,7 +21,7 @@ def numbered(path: Path, frame: int) -> Path:
 
 
 def prepare_folder(path: Path) -> None:
-    """Make the folder that a picture goes to. Raises MisuseError where nothing can be written."""
+    """Create a picture's folder. Raises MisuseError if it is not writable."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -31,4 +31,4 @@ def prepare_folder(path: Path) -> None:
 
 
 def _unwritable(path: Path, reason: str) -> MisuseError:
-    return MisuseError(f"picture: cannot write {path}: {reason}; set path to a place that can")
+    return MisuseError(f"picture: cannot write {path}: {reason}; set path to a writable file")

@@ -1,4 +1,4 @@
-"""Finding letters for a PNG: a machine without a desktop often has no font at all."""
+"""Fonts for PNG files: machines without a desktop often have none."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _TEXT = f'<text y="16" font-family="{FONTS}">Ag</text>'
 
 @cache
 def font_options() -> dict[str, Any]:
-    """What resvg must be told so that text does not vanish: nothing, or where a font is.
+    """Options that make resvg render text: none, or a font file.
 
-    Where the machine has no font, that of Pillow's `load_default` serves. Where Pillow is missing
-    too, one line on stderr says what to install.
+    Without system fonts, that of Pillow's `load_default` is used. Without Pillow, a line on stderr
+    says what to install.
     """
     if _shows_text():
         return {}
-    found = _pillow_font()
-    if found is not None and _shows_text(font_files=[found]):
-        return {"font_files": [found]}
+    file = _pillow_font()
+    if file is not None and _shows_text(font_files=[file]):
+        return {"font_files": [file]}
     sys.stderr.write(
         "picture: no font found, so the PNG has no text; pip install pillow, or install DejaVu\n"
     )
@@ -46,7 +46,7 @@ _folder: list[tempfile.TemporaryDirectory[str]] = []
 
 
 def _pillow_font() -> str | None:
-    """Pillow's font as a file that lasts as long as the process, for resvg reads files only."""
+    """Pillow's font as a file for the life of the process: resvg reads only files."""
     try:
         from PIL import ImageFont
 

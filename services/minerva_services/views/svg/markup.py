@@ -1,4 +1,4 @@
-"""Numbers, colours and texts as they may stand in an SVG document, wherever they come from."""
+"""Safe SVG markup for numbers, colours and texts of any origin."""
 
 import re
 from xml.sax.saxutils import escape
@@ -7,31 +7,31 @@ from minerva_bus.errors import MisuseError
 
 _FARTHEST = 1e9
 _COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
-# What XML 1.0 cannot hold, not even escaped.
+# Characters that XML 1.0 cannot contain, not even escaped.
 _UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def short(value: float, decimals: int = 3) -> str:
-    """A number rounded to so many decimals; renderers choke on those beyond 1e9, so it ends there.
+    """A number rounded to `decimals` and limited to 1e9, beyond which renderers fail.
 
-    The default suits pixels; a length that is multiplied by the picture's scale needs more.
+    The default suits pixels; lengths that are multiplied by the picture's scale need more.
     """
     return f"{round(min(max(value, -_FARTHEST), _FARTHEST), decimals):.15g}"
 
 
 def exact(value: float) -> str:
-    """A number with all digits that matter, for what is multiplied by large numbers."""
+    """A number with all significant digits, for values multiplied by large numbers."""
     return f"{min(max(value, -_FARTHEST), _FARTHEST):.12g}"
 
 
 def paint(color: str) -> str:
-    """A colour that is safe in an attribute. Raises MisuseError for what is none."""
+    """A colour that is safe in an attribute. Raises MisuseError if it is invalid."""
     if not _COLOR.fullmatch(color):
-        raise MisuseError(f"{color[:40]!r} is no colour of a form; write #rrggbb or a name")
+        raise MisuseError(f"{color[:40]!r} is not a colour; expected #rrggbb or a name")
     return color
 
 
 def line_of_text(text: str, longest: int = 60) -> str:
-    """A text in one line as XML character data: escaped, cut where it is too long."""
+    """A text on one line as XML character data: escaped, and shortened if too long."""
     shown = " ".join(_UNWRITABLE.sub("\ufffd", text[: 4 * longest]).split())
     return escape(shown if len(shown) <= longest else shown[: longest - 1] + "…")

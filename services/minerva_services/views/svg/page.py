@@ -1,4 +1,4 @@
-"""Where things are on a picture: world metres, y up, and pixels, y down."""
+"""The layout of a picture: world metres with y up, and pixels with y down."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import BoundingGeometry, Bounds
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Pose, resolve
+from minerva_services.views.layout import round_step
 
 _FLATTEST, _TALLEST = 0.25, 1.5
 _FARTHEST = 1e8
 _MARGIN = 0.05
 _DISC_MARGIN = 3.0
-"""Radii of the largest disc: a lone robot must not fill the picture."""
+"""Margin in radii of the largest disc, so that a single robot does not fill the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class Page:
 
     @property
     def font_size(self) -> float:
-        """Pixels; readable where the picture is shown at half its width, as on a web page."""
+        """Pixels; readable at half the picture's width, as on a web page."""
         return self.width * 0.016
 
     @property
@@ -48,36 +49,35 @@ class Page:
 
     @property
     def height(self) -> int:
-        """Pixels, with room for a caption below the frame."""
+        """Pixels, including a caption below the frame."""
         return math.ceil(self.padding + self.panel[1] + 3 * self.font_size)
 
     @property
     def decimals(self) -> int:
-        """How many decimals of a metre it takes to be right by a hundredth of a pixel."""
+        """Decimals of a metre required for a hundredth of a pixel."""
         return max(3, 1 + math.ceil(math.log10(self.scale)))
 
     @property
     def origin(self) -> Pose:
-        """The world's origin as seen from the frame's lower left corner.
+        """The world's origin relative to the frame's lower left corner.
 
-        Drawings start there: renderers reckon with 24 bits, too few for a small place far away.
+        Drawings are relative to that corner, because renderers compute with 24 bits, too few for a
+        small area far from the origin.
         """
         return Pose(-self.frame.left, -self.frame.bottom)
 
     def pixel(self, right: float, up: float) -> tuple[float, float]:
-        """Where a point is on the picture, given in metres from the frame's lower left corner."""
+        """Pixel of a point given in metres from the frame's lower left corner."""
         bottom = self.padding + self.panel[1]
         return self.padding + right * self.scale, bottom - up * self.scale
 
     @property
     def grid_step(self) -> float:
         """Metres between the lines of the grid: 1, 2 or 5 times a power of ten."""
-        wanted = (self.frame.right - self.frame.left) / 20
-        power = 10.0 ** math.floor(math.log10(wanted))
-        return next(step * power for step in (1, 2, 5, 10) if step * power >= wanted)
+        return round_step((self.frame.right - self.frame.left) / 20)
 
 
-class _Extent(BoundingGeometry):
+class _DrawnBounds(BoundingGeometry):
     """The rectangle around the rasters of a string or, where it has none, around all of it."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
@@ -102,7 +102,7 @@ def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None)
 
     Without rasters the frame only grows from `before`, so that a row of pictures does not jump.
     """
-    extent = _Extent(vocabulary)
+    extent = _DrawnBounds(vocabulary)
     interpret(scene, extent)
     if extent.bounds is None:
         return before or Bounds(-1.0, -1.0, 1.0, 1.0)

@@ -1,4 +1,4 @@
-"""From SVG to PNG by resvg. To import this module fails where resvg_py is not installed."""
+"""Conversion of SVG to PNG by resvg. Importing this module fails without resvg_py."""
 
 import resvg_py
 
@@ -7,9 +7,9 @@ from minerva_services.views.svg.fonts import font_options
 
 
 def png(document: str) -> bytes:
-    """An SVG document as a PNG of its own size. Raises MisuseError where resvg refuses it."""
+    """An SVG document as a PNG of its own size. Raises MisuseError if resvg rejects it."""
     try:
-        # Some versions give a list of numbers.
+        # Some versions return a list of numbers.
         return bytes(resvg_py.svg_to_bytes(svg_string=document, **font_options()))
     except ValueError as error:
-        raise MisuseError(f"picture: resvg refuses the picture: {error}") from None
+        raise MisuseError(f"picture: resvg cannot render it: {error}") from None

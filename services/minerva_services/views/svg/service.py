@@ -1,4 +1,4 @@
-"""The picture device: a world's views as SVG files, and as PNG files beside them."""
+"""The picture device: a world's views as SVG files, optionally also as PNG."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _WIDTHS = range(100, 10_001)
 
 
 class Svg(Device, draws=("ePicture",)):
-    """Draws every world whose vocabulary declares forms, one picture every so many frames.
+    """Draws every world whose vocabulary declares forms, one picture every few frames.
 
     Args:
-        path: where the picture goes; the folder is made where there is none. Each picture
-            replaces the one before, in one step.
-        every: frames between pictures; 0 leaves it to a generator to ask for them.
+        path: the output file; its folder is created if missing. Each picture replaces the previous
+          one atomically.
+        every: frames between pictures; 0 leaves requesting them to a generator.
         frames: keep all pictures, numbered by frame, as in `minerva-000010.svg`.
         png: also write a PNG; needs `pip install 'minerva-bus[picture]'`.
-        width: pixels; the height follows from the world.
-        draws: visual event types, separated by commas; their views lie over one another in this
-            order.
+        width: width in pixels; the height follows from the world.
+        draws: visual event types, comma-separated; their views are drawn over each other in this
+          order.
 
     """
 
@@ -62,9 +62,9 @@ class Svg(Device, draws=("ePicture",)):
         self._check_outputs()
 
     def _check_outputs(self) -> None:
-        """Complain of a file that may not be overwritten before the world runs."""
+        """Reject output files that must not be overwritten before the world runs."""
         if self._keeps_all:
-            return  # The names are known when there is something to write.
+            return  # file names depend on the frame
         check_output(self._path, "picture")
         if self._makes_png:
             check_output(self._path.with_suffix(".png"), "picture")

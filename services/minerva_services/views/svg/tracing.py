@@ -1,4 +1,4 @@
-"""From a matrix to paths: one for each colour, made of as few rectangles as its runs allow."""
+"""SVG paths of a matrix: one per colour, of as few rectangles as its runs allow."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_services.views.rectangles import color_ranges, rectangles
+
 Colors: TypeAlias = tuple[tuple[int, str], ...]
-"""Least value of a range and its colour, ascending, as in `Raster.colors`."""
+"""Lowest value and colour of each range, ascending, as in `Raster.colors`."""
 Paths: TypeAlias = tuple[tuple[str, str], ...]
 """A colour and the path data of all its cells; cell [row, column] is the unit square at them."""
 Columns: TypeAlias = NDArray[np.int64]
 
 
 class Tracer:
-    """Traces matrices, and remembers a read-only one's paths for as long as the matrix lives.
+    """Traces matrices, and caches the paths of read-only ones while the matrix exists.
 
-    A map stands in every picture as the very same array: only its first picture pays for it.
+    A map is the same array in every picture, so only the first one costs time.
     """
 
     def __init__(self) -> None:
@@ -40,52 +42,18 @@ class Tracer:
 def trace(cells: NDArray[Any], colors: Colors) -> Paths:
     """The paths of a matrix (rows, columns), x along its rows and y along its columns.
 
-    Each cell is in exactly one path, or in none where its value has no colour.
+    Each cell is in exactly one path, or in none if its value has no colour.
     """
     drawn = np.array([False, *(color != "" for _, color in colors)])
-    tone, *rectangles = _rectangles(_tones(cells, colors), drawn)
+    tone, *columns = rectangles(color_ranges(cells, colors), drawn)
     tones = np.arange(1, len(colors) + 1)
     first = np.searchsorted(tone, tones, "left")
     last = np.searchsorted(tone, tones, "right")
     return tuple(
-        (color, _path_data(*(numbers[first[at] : last[at]] for numbers in rectangles)))
+        (color, _path_data(*(numbers[first[at] : last[at]] for numbers in columns)))
         for at, (_, color) in enumerate(colors)
         if first[at] < last[at]
     )
-
-
-def _tones(cells: NDArray[Any], colors: Colors) -> NDArray[np.uint16]:
-    """For each cell the number of its range, from 1; 0 below the first. Same shape."""
-    tones = np.zeros(cells.shape, np.uint16)
-    for least, _ in colors:
-        tones += cells >= least
-    return tones
-
-
-def _rectangles(tones: NDArray[np.uint16], drawn: NDArray[np.bool_]) -> tuple[Columns, ...]:
-    """Runs along the columns, those that go on unchanged in the next row merged.
-
-    Returns five columns (n,), sorted by the first: tone, row, column, rows, columns.
-    """
-    rows, columns = tones.shape
-    if not tones.size:
-        return (np.empty(0, np.int64),) * 5
-    opens = np.ones(tones.shape, np.bool_)
-    np.not_equal(tones[:, 1:], tones[:, :-1], out=opens[:, 1:])
-    starts = np.flatnonzero(opens)
-    lengths = np.diff(starts, append=tones.size)
-    tone = tones.ravel()[starts].astype(np.int64)
-    shown = drawn[tone]
-    row, column = np.divmod(starts[shown], columns)
-    # One number for (tone, column, length, row): sorted, a run and its continuation in the next
-    # row are neighbours that differ by 1. No row has the number `rows`, so nothing else does.
-    shape = tone[shown] * columns + column
-    runs = np.sort((shape * (columns + 1) + lengths[shown]) * (rows + 1) + row)
-    heads = np.flatnonzero(np.diff(runs, prepend=-2) != 1)
-    shape, row = np.divmod(runs[heads], rows + 1)
-    shape, length = np.divmod(shape, columns + 1)
-    tone, column = np.divmod(shape, columns)
-    return tone, row, column, np.diff(heads, append=runs.size), length
 
 
 def _path_data(row: Columns, column: Columns, rows: Columns, columns: Columns) -> str:

@@ -1,4 +1,4 @@
-"""A page in the browser that shows the world in three dimensions and takes people's orders."""
+"""A page in the browser that shows the world in 3D and accepts users' orders."""
 
 from minerva_services.views.web.service import Web
 

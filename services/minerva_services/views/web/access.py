@@ -1,9 +1,9 @@
-"""Who may see a page and give orders there: those who were given its address with the token.
+"""Access control of a page: only holders of its token may view it and send orders.
 
-A page of another site runs in the same browser, and can open connections to this machine. It is
-kept out in three ways: every request needs the token, from the address or from a cookie that other
-sites cannot use; `Host` must be a name of this page (a foreign name that was made to point here is
-refused); and `Origin`, where a browser sends it, must be this page's own (RFC 6454).
+Pages of other sites run in the same browser and can connect to this machine. Three checks keep them
+out: every request needs the token, from the address or from a cookie that other sites cannot use;
+`Host` must be a name of this page (a foreign name resolved to this machine is rejected); and
+`Origin`, where a browser sends it, must be this page's own (RFC 6454).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _TOKEN_BYTES: Final = 18
 class PageAccess:
     """The token of a page, and the names by which it may be reached.
 
-    `host` is where it listens. Where that is every address of the machine, any address and the
-    machine's name are the page's, too; `names` are further ones, such as a proxy's.
+    `host` is the listening address. If that is a wildcard, any address and the machine's name are
+    accepted; `names` are additional ones, such as a proxy's.
     """
 
     host: str
@@ -45,7 +45,7 @@ class PageAccess:
 
     @property
     def cookie(self) -> str:
-        """The cookie that lets a browser in again; one for each port, which cookies do not see."""
+        """The cookie that readmits a browser; named by port, because cookies ignore ports."""
         return f"{self._cookie_name}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     @property
@@ -53,7 +53,7 @@ class PageAccess:
         return f"minerva-{self.port}"
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> str:
-        """Why a request is refused, or an empty text. `path` has the query."""
+        """Reason for rejecting a request, or an empty string. `path` includes the query."""
         host = headers.get("Host", "")
         if not self._is_own(_name_of(f"//{host}")):
             return f"this page is not known as {host[:100]!r}: use the address that was printed"
@@ -61,7 +61,7 @@ class PageAccess:
         if origin and urlsplit(origin).netloc != host:
             return f"a page of {origin[:100]!r} may not use this one"
         given = (*parse_qs(urlsplit(path).query).get("token", ()), self._in_cookie(headers))
-        if not any(hmac.compare_digest(one.encode(), self.token.encode()) for one in given):
+        if not any(hmac.compare_digest(token.encode(), self.token.encode()) for token in given):
             return "the token is missing or wrong: open the whole address that was printed"
         return ""
 
@@ -72,10 +72,10 @@ class PageAccess:
 
     def _in_cookie(self, headers: Mapping[str, str]) -> str:
         try:
-            found = SimpleCookie(headers.get("Cookie", "")).get(self._cookie_name)
+            cookie = SimpleCookie(headers.get("Cookie", "")).get(self._cookie_name)
         except CookieError:
             return ""
-        return found.value if found is not None else ""
+        return cookie.value if cookie is not None else ""
 
 
 def _name_of(address: str) -> str:
@@ -91,9 +91,10 @@ def _is_address(name: str) -> bool:
 
 
 def token_for(port: int) -> str:
-    """The token of the page at a port: the same when its process is started again.
+    """The token of the page at a port; stable across restarts of its process.
 
-    So a browser that was let in finds the page again. It is kept in a file of this user's alone.
+    A browser that was admitted can thus reconnect. The token is stored in a file readable by this
+    user only.
     """
     new = secrets.token_urlsafe(_TOKEN_BYTES)
     try:
@@ -104,7 +105,7 @@ def token_for(port: int) -> str:
                 return kept
             file.write(new)
     except (OSError, ValueError, MinervaError):
-        pass  # Without the file the token holds until the process ends.
+        pass  # without the file, the token lasts until the process ends
     return new
 
 
@@ -113,9 +114,9 @@ _patching = threading.Lock()
 
 @contextmanager
 def guarding(access: PageAccess) -> Generator[None]:
-    """Let a server that starts within the context answer only requests that `access` allows.
+    """While active, servers that start answer only requests that `access` permits.
 
-    viser offers no place for a check of its own, so the function it serves with is wrapped.
+    viser has no hook for access checks, so the function that it serves with is wrapped.
     """
     from websockets.asyncio import server as sockets
 

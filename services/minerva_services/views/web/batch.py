@@ -1,4 +1,4 @@
-"""Any number of copies of one solid, as one node of the page."""
+"""Any number of copies of a solid, as one node of the page."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from minerva_services.views.web.solids import Solid
 
 Array = NDArray[Any]
 MANY = 1000
-"""Of so many copies each is small: it needs fewer sides and casts no shadow."""
+"""Number of copies from which each needs fewer sides and casts no shadow."""
 
 
 class Batch:
-    """Copies of a solid; what has not changed since they were last shown is not sent."""
+    """Copies of a solid; unchanged data are not sent again."""
 
     def __init__(self, scene: SceneApi, name: str, *, flat: bool = False) -> None:
         self._scene = scene
@@ -28,7 +28,7 @@ class Batch:
     def show(
         self, solid: Solid, positions: Array, turns: Array, scales: Array, colors: Array
     ) -> None:
-        """Show copies at positions (n, 3), turned by (n, 4), scaled by (n, 3), coloured (n, 3)."""
+        """Show copies: positions (n, 3), rotations (n, 4), scales (n, 3), colours (n, 3)."""
         if self._node is not None and (solid is not self._solid or not len(positions)):
             self._node.remove()
             self._node = None
@@ -63,7 +63,7 @@ class Batch:
 
 
 def _linear(colors: Array) -> NDArray[np.uint8]:
-    """Colours as light: a browser takes those of copies for that, and those of meshes for sRGB."""
+    """Linear light of sRGB colours: browsers expect that for instances, but sRGB for meshes."""
     shares = colors / 255.0
     light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Matrices on the page: those with a height as floors with walls, the others as flat pictures."""
+"""Matrices on the page: those with a height as floors with walls, others as flat images."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from numpy.typing import NDArray
 from viser import ImageHandle, MeshHandle, SceneApi
 
 from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_services.views.web.rotation import upright
 from minerva_services.views.web.solids import flat, walls
-from minerva_services.views.web.turning import upright
 
 _Nodes: TypeAlias = "list[MeshHandle | ImageHandle]"
 _SHARP = 400
 _LAYER = 0.004
 
 
-class Floors:
-    """The nodes of all matrices: built when they come, and again when they are others."""
+class FloorNodes:
+    """Nodes of all matrices, rebuilt only when a matrix changes."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         self._shown: dict[str, tuple[Tiles, _Nodes]] = {}
 
-    def show(self, found: list[Tiles]) -> None:
-        """Show these and no others."""
+    def show(self, matrices: list[Tiles]) -> None:
+        """Show exactly these."""
         names: dict[str, Tiles] = {}
         counts: dict[str, int] = {}
-        for tiles in found:
+        for tiles in matrices:
             folder = f"/knowledge/{tiles.owner}" if tiles.owner else "/floor"
             counts[folder] = counts.get(folder, 0) + 1
             names[f"{folder}/{counts[folder]}"] = tiles
-        for name in [one for one in self._shown if one not in names]:
+        for name in [name for name in self._shown if name not in names]:
             for node in self._shown.pop(name)[1]:
                 node.remove()
         for layer, (name, tiles) in enumerate(names.items(), start=1):
@@ -54,7 +54,7 @@ class Floors:
         self._shown[name] = tiles, nodes
 
     def _built(self, name: str, tiles: Tiles) -> _Nodes:
-        """A floor with walls where cells are above 0, one mesh for each colour."""
+        """A floor with walls where cells are above 0, one mesh per colour."""
         pose, form = tiles.pose, tiles.form
         nodes: _Nodes = []
         for number, color in enumerate(_ranges(tiles)):
@@ -80,7 +80,7 @@ class Floors:
         return nodes
 
     def _laid(self, name: str, tiles: Tiles, height: float) -> _Nodes:
-        """A picture that lies on the ground."""
+        """An image that lies on the ground."""
         width, depth = tiles.size
         middle = tiles.pose.then(width / 2, depth / 2, 0.0, 0.0)
         laid = self._scene.add_image(
@@ -98,7 +98,7 @@ class Floors:
 
 
 def image(tiles: Tiles) -> NDArray[np.uint8]:
-    """Pixels (columns of the matrix, its rows, 4), large enough that cells have sharp edges."""
+    """Pixels (columns of the matrix, its rows, 4), scaled up so that cells have sharp edges."""
     pixels = np.zeros((*tiles.cells.shape, 4), np.uint8)
     opaque = round(255 * min(max(tiles.form.opacity, 0.0), 1.0))
     for color, mask in _ranges(tiles):
@@ -110,7 +110,7 @@ def image(tiles: Tiles) -> NDArray[np.uint8]:
 
 
 def _ranges(tiles: Tiles) -> list[tuple[tuple[int, int, int], NDArray[np.bool_]]]:
-    """Colours, and where in the matrix they are."""
+    """Colours and the masks of their cells."""
     colors = tiles.form.colors
     ends = [*(least for least, _ in colors[1:]), math.inf]
     cells: NDArray[Any] = tiles.cells
@@ -121,14 +121,13 @@ def _ranges(tiles: Tiles) -> list[tuple[tuple[int, int, int], NDArray[np.bool_]]
     ]
 
 
-def _same(one: Tiles, other: Tiles) -> bool:
-    return one is other or (one.cells is other.cells and _same_place(one, other))
+def _same(first: Tiles, second: Tiles) -> bool:
+    return first is second or (first.cells is second.cells and _same_place(first, second))
 
 
-def _same_place(one: Tiles, other: Tiles) -> bool:
-    return (one.pose, one.cell, one.form, one.cells.shape) == (
-        other.pose,
-        other.cell,
-        other.form,
-        other.cells.shape,
-    )
+def _same_place(first: Tiles, second: Tiles) -> bool:
+    return _placement(first) == _placement(second)
+
+
+def _placement(tiles: Tiles) -> tuple[object, ...]:
+    return tiles.pose, tiles.cell, tiles.form, tiles.cells.shape

@@ -1,4 +1,4 @@
-"""A form for an order type, made of its declared data."""
+"""An input form for an order type, derived from its declared data."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ _SPANS = {
     "deg": (-180.0, 180.0, 1.0),
     "s": (0.0, 60.0, 0.5),
 }
-"""Least, most and step of a slider for a unit."""
+"""Minimum, maximum and step of a slider by unit."""
 
 Send = Callable[[str, Mapping[str, Any]], None]
 
 
 def by_person(event: GuiEvent[Any]) -> bool:
-    """Whether a person has changed an input, and not this program."""
+    """True if a user changed an input, rather than this program."""
     return event.client_id is not None
 
 
 class Form:
-    """Inputs for the data of one event type; a lone real with a known span is a slider.
+    """Inputs for the data of one event type; a single real with a known range is a slider.
 
-    `send` is called when the button is pressed, `slide` whenever the slider is moved.
+    `send` is called when the button is pressed, `slide` whenever the slider moves.
     """
 
     def __init__(
@@ -55,24 +55,24 @@ class Form:
         self._button.on_click(lambda _: send(declared.name, self.data()))
 
     def data(self) -> dict[str, Any]:
-        """What is filled in."""
-        return {name: one.value for name, one in self._inputs.items()}
+        """The values entered."""
+        return {name: widget.value for name, widget in self._inputs.items()}
 
     def outgrown(self, labels: tuple[str, ...]) -> bool:
-        """Whether its texts were to be typed in, and can now be chosen from labels."""
+        """True if its text inputs could now be selections of labels."""
         return bool(labels) and not self._labels
 
     def offer(self, labels: tuple[str, ...]) -> None:
-        """Let these be what texts are chosen from."""
+        """Offer these labels for text inputs."""
         if labels == self._labels or not labels:
             return
         self._labels = labels
-        for one in self._inputs.values():
-            if isinstance(one, GuiDropdownHandle):
-                one.options = labels
+        for widget in self._inputs.values():
+            if isinstance(widget, GuiDropdownHandle):
+                widget.options = labels
 
-    def tell(self, state: Mapping[str, Any]) -> None:
-        """Let the slider stand where the agent's state has it."""
+    def update(self, state: Mapping[str, Any]) -> None:
+        """Move the slider to the value in the agent's state."""
         if self._slider is None:
             return
         (name,) = self._inputs
@@ -83,9 +83,9 @@ class Form:
             self._slider.value = value
 
     def remove(self) -> None:
-        """Take it off the page."""
-        for one in self._inputs.values():
-            one.remove()
+        """Remove the form from the page."""
+        for widget in self._inputs.values():
+            widget.remove()
         if self._slider is None:
             self._button.remove()
 

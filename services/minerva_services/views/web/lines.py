@@ -1,4 +1,4 @@
-"""Lines on the page, whole or dashed."""
+"""Lines on the page, solid or dashed."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ _DASH = 3.0
 _MOST_DASHES = 400
 
 
-class Lines:
+class LineNodes:
     """The nodes of all lines."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
         self._shown: dict[str, tuple[Polyline, LineSegmentsHandle]] = {}
 
-    def show(self, found: list[Polyline]) -> None:
-        """Show these and no others."""
+    def show(self, lines: list[Polyline]) -> None:
+        """Show exactly these."""
         names: dict[str, Polyline] = {}
         counts: dict[str, int] = {}
-        for line in found:
+        for line in lines:
             counts[line.owner] = counts.get(line.owner, 0) + 1
             if len(line.points) > 1:
                 names[f"/lines/{line.owner or 'world'}/{counts[line.owner]}"] = line
-        for name in [one for one in self._shown if one not in names]:
+        for name in [name for name in self._shown if name not in names]:
             self._shown.pop(name)[1].remove()
         for name, line in names.items():
             self._show(name, line)
@@ -47,14 +47,14 @@ class Lines:
 
 
 def segments(line: Polyline) -> NDArray[np.float32]:
-    """The stretches (n, 2, 3) that are drawn."""
+    """The segments (n, 2, 3) of a line."""
     points = _dashes(line) if line.form.dashed else np.stack([line.points[:-1], line.points[1:]], 1)
     above = np.full((*points.shape[:-1], 1), _ABOVE)
     return np.concatenate([points, above], axis=-1).astype(np.float32)
 
 
 def _dashes(line: Polyline) -> NDArray[np.float64]:
-    """Dashes (n, 2, 2) along a line, as long as the gaps between them; short ones in corners."""
+    """Dashes (n, 2, 2) along a line, separated by gaps of equal length; shorter in corners."""
     steps = np.hypot(*np.diff(line.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     length = along[-1]

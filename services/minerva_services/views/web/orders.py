@@ -1,4 +1,4 @@
-"""People's orders: which event types they may send here, and the events made of what they say."""
+"""Orders of users: which event types can be sent, and their construction from form data."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _ASKED = ("text", "real", "int", "bool")
 
 def kinds_of_data(declared: EventType) -> tuple[str, ...]:
     """The kinds of an event type's data, such as ("text", "text")."""
-    return tuple(one.type.kind for one in declared.fields.all)
+    return tuple(field.type.kind for field in declared.fields.all)
 
 
 def can_be_asked(declared: EventType) -> bool:
-    """Whether a form has inputs for all of an event type's data."""
+    """True if a form has inputs for all data of an event type."""
     return all(kind in _ASKED for kind in kinds_of_data(declared))
 
 
 def first_with(vocabulary: Vocabulary, types: tuple[str, ...], kind: str) -> str:
-    """The first of the event types whose only datum is of a kind; "" for none."""
-    found = (one for one in types if one in vocabulary.events)
-    return next((one for one in found if kinds_of_data(vocabulary.events[one]) == (kind,)), "")
+    """The first of the event types whose only datum is of this kind; "" for none."""
+    known = (name for name in types if name in vocabulary.events)
+    return next((name for name in known if kinds_of_data(vocabulary.events[name]) == (kind,)), "")
 
 
 def title(field: Field) -> str:
@@ -36,28 +36,28 @@ def title(field: Field) -> str:
     return f"{field.name} ({field.type.unit})" if field.type.unit else field.name
 
 
-class Orders:
-    """Sends orders into a world, to one agent or to all that subscribe to them."""
+class OrderSender:
+    """Sends orders to one agent or to all subscribers."""
 
     def __init__(self, world: WorldInfo) -> None:
+        self.vocabulary = world.vocabulary
         self._operator = world.operator
-        self._vocabulary = world.vocabulary
 
     def send(self, event_type: str, data: Mapping[str, Any], agent: str, kind: str) -> str:
-        """Send an order to an agent of a kind, or with "" to all; what was done, in a line.
+        """Send an order to an agent of a kind, or with "" to all; returns a confirmation line.
 
-        Raises MisuseError where such an agent does not listen, and what the operator raises.
+        Raises MisuseError if the agent does not subscribe to it, and errors of the operator.
         """
-        if agent and not self.listens(kind, event_type):
-            raise MisuseError(f"{agent} takes no {event_type}; select another agent, or all")
-        declared = self._vocabulary.events[event_type]
+        if agent and not self.accepts(kind, event_type):
+            raise MisuseError(f"{agent} does not accept {event_type}; select another agent, or all")
+        declared = self.vocabulary.events[event_type]
         self._operator.order(declared(**data, receivers=[agent] if agent else []))
-        said = ", ".join(f"{name}={_short(value)}" for name, value in data.items())
-        return f"{event_type}({said}) sent to {agent or 'all'}"
+        shown = ", ".join(f"{name}={_short(value)}" for name, value in data.items())
+        return f"{event_type}({shown}) sent to {agent or 'all'}"
 
-    def listens(self, kind: str, event_type: str) -> bool:
-        """Whether agents of a kind subscribe to an event type."""
-        known = self._vocabulary.kinds.get(kind)
+    def accepts(self, kind: str, event_type: str) -> bool:
+        """True if agents of a kind subscribe to an event type."""
+        known = self.vocabulary.kinds.get(kind)
         return known is not None and event_type in known.subscribes
 
 

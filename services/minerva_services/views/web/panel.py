@@ -1,4 +1,4 @@
-"""The page's panel: how the world is doing, and all that a person may do about it."""
+"""The page's panel: status of the world, and controls."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from viser import ClientHandle, GuiDropdownHandle, GuiEvent, ViserServer
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import WorldStatus
-from minerva_services.views.web import wording
-from minerva_services.views.web.diary import NOTABLE, Diary
+from minerva_services.views.web import html
+from minerva_services.views.web.event_feed import NOTABLE, EventFeed
 from minerva_services.views.web.forms import Form, by_person
 from minerva_services.views.web.orders import can_be_asked
 
@@ -22,8 +22,8 @@ _MOST_AGENTS = 200
 _AFTERWARDS = "What you see is how it was last. A new run at this address appears by itself."
 
 
-class Hands(Protocol):
-    """What the panel does when a person uses it."""
+class PanelActions(Protocol):
+    """Actions that the panel triggers."""
 
     def pause(self) -> None: ...
     def resume(self) -> None: ...
@@ -36,14 +36,14 @@ class Hands(Protocol):
 
 
 class Panel:
-    """All inputs and texts beside the world."""
+    """All inputs and texts next to the scene."""
 
     def __init__(
-        self, server: ViserServer, world: str, vocabulary: Vocabulary, hands: Hands
+        self, server: ViserServer, world: str, vocabulary: Vocabulary, actions: PanelActions
     ) -> None:
         self._gui = gui = server.gui
         self._vocabulary = vocabulary
-        self._hands = hands
+        self._actions = actions
         self._forms: dict[str, Form] = {}
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(47, 111, 143))
         gui.set_panel_label(world)
@@ -59,42 +59,42 @@ class Panel:
 
     @property
     def filter(self) -> str:
-        """Which events people want to see."""
+        """The selected event filter."""
         return self._filter.value
 
-    def tell(self, status: WorldStatus, *, rate: bool) -> None:
-        """Show how the world is doing, and with `rate` the wanted rate on its slider."""
-        self._head.content = wording.head(status)
+    def show_status(self, status: WorldStatus, *, rate: bool) -> None:
+        """Show the status, and with `rate` the target rate on its slider."""
+        self._head.content = html.head(status)
         self._rate.max = max(self._rate.max, status.rate)
         if rate:
             self._rate.value = status.rate
 
     def note(self, text: str) -> None:
-        """Show a line of what was done."""
-        self._notice.content = wording.notice(text)
+        """Show a line about the last action."""
+        self._notice.content = html.notice(text)
 
-    def complain(self, text: str) -> None:
-        """Show a line of what went wrong."""
-        self._notice.content = wording.problem(text)
+    def show_error(self, text: str) -> None:
+        """Show an error."""
+        self._notice.content = html.problem(text)
 
-    def tell_events(self, diary: Diary) -> None:
-        """Show the chosen events."""
+    def show_events(self, diary: EventFeed) -> None:
+        """Show the selected events."""
         if diary.choices != self._filter.options:
             self._filter.options = diary.choices
-        self._events.content = wording.events(diary.chosen(self.filter, _EVENTS))
+        self._events.content = html.events(diary.chosen(self.filter, _EVENTS))
 
-    def tell_agent(self, agent: AgentNode | None) -> None:
+    def show_agent(self, agent: AgentNode | None) -> None:
         """Show an agent's state."""
-        self._state.content = wording.state(agent)
+        self._state.content = html.state(agent)
         self._full.visible = agent is not None
 
-    def tell_sliders(self, state: Mapping[str, Any]) -> None:
-        """Let sliders stand where an agent's state has what they are about."""
+    def show_sliders(self, state: Mapping[str, Any]) -> None:
+        """Move sliders to the values in an agent's state."""
         for form in tuple(self._forms.values()):
-            form.tell(state)
+            form.update(state)
 
     def offer_agents(self, agents: tuple[str, ...], selected: str) -> None:
-        """Let these be chosen from."""
+        """Offer these agents for selection."""
         options = (EVERYBODY, *agents[:_MOST_AGENTS])
         if selected and selected not in options:
             options = (*options, selected)
@@ -103,34 +103,34 @@ class Panel:
         self._agent.value = selected or EVERYBODY
 
     def offer_orders(self, types: tuple[str, ...], labels: tuple[str, ...]) -> None:
-        """Have a form for each of these event types."""
+        """Show a form for each of these event types."""
         known = self._vocabulary.events
-        wanted = [one for one in types if one in known and can_be_asked(known[one])]
-        wanted.sort(key=lambda one: len(known[one].fields.all))
+        wanted = [name for name in types if name in known and can_be_asked(known[name])]
+        wanted.sort(key=lambda name: len(known[name].fields.all))
         for name, form in tuple(self._forms.items()):
             if name not in wanted or form.outgrown(labels):
                 self._forms.pop(name).remove()
-        for one in wanted:
-            if one in self._forms:
-                self._forms[one].offer(labels)
+        for name in wanted:
+            if name in self._forms:
+                self._forms[name].offer(labels)
             else:
                 with self._orders:
-                    self._forms[one] = Form(
-                        self._gui, known[one], labels, self._hands.order, self._hands.slide
+                    self._forms[name] = Form(
+                        self._gui, known[name], labels, self._actions.order, self._actions.slide
                     )
         self._orders.visible = bool(self._forms)
 
     def end(self, text: str) -> None:
-        """Say why nothing will come any more."""
-        self._head.content = wording.problem(text)
+        """Show that the connection has ended, and why."""
+        self._head.content = html.problem(text)
         self._notice.content = ""
         with self._gui.add_modal(text[:1].upper() + text[1:]):
-            self._gui.add_html(wording.notice(_AFTERWARDS))
+            self._gui.add_html(html.notice(_AFTERWARDS))
 
     def _add_pace(self) -> None:
-        gui, hands = self._gui, self._hands
+        gui, actions = self._gui, self._actions
         buttons = gui.add_button_group("", ("Pause", "Resume", "Step"))
-        acts = {"Pause": hands.pause, "Resume": hands.resume, "Step": hands.step}
+        acts = {"Pause": actions.pause, "Resume": actions.resume, "Step": actions.step}
         buttons.on_click(lambda _: acts[buttons.value]())
         self._rate = gui.add_slider(
             "frames/s", 0.0, _FASTEST, 1.0, 0.0, hint="frames a second; 0: as many as go"
@@ -139,10 +139,10 @@ class Panel:
         @self._rate.on_update
         def _(event: GuiEvent[Any]) -> None:
             if by_person(event):
-                hands.set_rate(self._rate.value)
+                actions.set_rate(self._rate.value)
 
     def _add_agent(self) -> None:
-        gui, hands = self._gui, self._hands
+        gui, actions = self._gui, self._actions
         with gui.add_folder("Agent"):
             self._agent: GuiDropdownHandle[str] = gui.add_dropdown(
                 "selected", (EVERYBODY,), hint="orders go to the selected agent; or click on one"
@@ -154,15 +154,15 @@ class Panel:
         def _(event: GuiEvent[Any]) -> None:
             if by_person(event):
                 chosen = self._agent.value
-                hands.select("" if chosen == EVERYBODY else chosen)
+                actions.select("" if chosen == EVERYBODY else chosen)
 
         @self._full.on_click
         def _(event: GuiEvent[Any]) -> None:
             if event.client is not None:
-                _show_whole(event.client, hands.fragment())
+                _show_whole(event.client, actions.fragment())
 
 
 def _show_whole(client: ClientHandle, text: str) -> None:
     with client.gui.add_modal("The agent's string") as modal:
-        client.gui.add_html(wording.whole(text))
+        client.gui.add_html(html.whole(text))
         client.gui.add_button("Close").on_click(lambda _: modal.close())

@@ -1,4 +1,4 @@
-"""What a click in the world means: the disc or the text that is nearest to its ray."""
+"""Picking: the disc or text nearest to the ray of a click."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Texts
-from minerva_services.views.web.movers import Bodies
+from minerva_services.views.web.discs import DiscTable
 
 _NEAR = 0.012
-"""How far beside a thing a click may be, as an angle in radians: ten pixels or so."""
+"""Tolerance of a click as an angle in radians: about ten pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clicked:
-    """An agent with the fragment it belongs to, or a text; the others are empty."""
+    """An agent and the fragment it belongs to, or a text; unused fields are empty."""
 
     agent: str = ""
     owner: str = ""
@@ -25,16 +25,22 @@ class Clicked:
 
 
 def clicked(
-    origin: NDArray[Any], direction: NDArray[Any], found: Bodies, texts: list[Texts], height: float
+    origin: NDArray[Any],
+    direction: NDArray[Any],
+    discs: DiscTable,
+    texts: list[Texts],
+    height: float,
 ) -> Clicked | None:
-    """What a ray from the eye hits: agents' discs, and texts on pins of a height; or None."""
+    """What a ray from the camera hits: discs of agents and texts on pins, or None."""
     disc, miss = _nearest(
         origin,
         direction,
-        np.stack([found.x, found.y, found.height / 2], axis=1),
-        np.maximum(found.radius, found.height / 2),
+        np.stack([discs.x, discs.y, discs.height / 2], axis=1),
+        np.maximum(discs.radius, discs.height / 2),
     )
-    places = [(x, y, 0.7 * height) for one in texts for x, y in zip(one.x, one.y, strict=True)]
+    places = [
+        (x, y, 0.7 * height) for batch in texts for x, y in zip(batch.x, batch.y, strict=True)
+    ]
     pin, beside = _nearest(
         origin,
         direction,
@@ -44,14 +50,14 @@ def clicked(
     if min(miss, beside) > 1.0:
         return None
     if beside <= miss:
-        return Clicked(text=[text for one in texts for text in one.texts][pin])
-    return Clicked(found.agent(disc), found.owner(disc)) if found.owner(disc) else None
+        return Clicked(text=[text for batch in texts for text in batch.texts][pin])
+    return Clicked(discs.agent(disc), discs.owner(disc)) if discs.owner(disc) else None
 
 
 def _nearest(
     origin: NDArray[Any], direction: NDArray[Any], places: NDArray[Any], reach: NDArray[Any]
 ) -> tuple[int, float]:
-    """Which place the ray passes nearest, and how near: up to 1 is a hit."""
+    """The position nearest to the ray, and its normalised distance: up to 1 is a hit."""
     if not len(places):
         return -1, np.inf
     ray = direction / np.linalg.norm(direction)

@@ -7,14 +7,14 @@ from viser import LabelHandle, SceneApi
 
 from minerva_bus.semantics.picture import Texts, rgb
 from minerva_services.views.web.batch import Batch
+from minerva_services.views.web.rotation import upright
 from minerva_services.views.web.solids import pin
-from minerva_services.views.web.turning import upright
 
 MOST_LABELS = 300
 
 
-class Pins:
-    """The nodes of all texts; of very many only the first have a label."""
+class PinNodes:
+    """The nodes of all texts; only the first MOST_LABELS have a label."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
@@ -22,16 +22,16 @@ class Pins:
         self._labels: list[LabelHandle] = []
         self._shown: tuple[list[Texts], float] = [], 0.0
 
-    def show(self, found: list[Texts], height: float) -> None:
-        """Show these and no others, with pins of a height in metres."""
+    def show(self, texts: list[Texts], height: float) -> None:
+        """Show exactly these, on pins of a height in metres."""
         before, high = self._shown
-        if high == height and len(before) == len(found) and all(map(_is, before, found)):
+        if high == height and len(before) == len(texts) and all(map(_is, before, texts)):
             return
-        self._shown = found, height
+        self._shown = texts, height
         places = np.array(
-            [(x, y, 0.0) for one in found for x, y in zip(one.x, one.y, strict=True)]
+            [(x, y, 0.0) for batch in texts for x, y in zip(batch.x, batch.y, strict=True)]
         ).reshape(-1, 3)
-        colors = [rgb(one.form.color) for one in found for _ in one.texts]
+        colors = [rgb(batch.form.color) for batch in texts for _ in batch.texts]
         self._pins.show(
             pin(),
             places,
@@ -39,7 +39,7 @@ class Pins:
             np.full((len(places), 3), height),
             np.array(colors, np.uint8).reshape(-1, 3),
         )
-        self._label([text for one in found for text in one.texts][:MOST_LABELS], places, height)
+        self._label([text for batch in texts for text in batch.texts][:MOST_LABELS], places, height)
 
     def _label(self, texts: list[str], places: np.ndarray, height: float) -> None:
         while len(self._labels) > len(texts):
@@ -56,5 +56,5 @@ class Pins:
             self._labels[number].position = place
 
 
-def _is(one: Texts, other: Texts) -> bool:
-    return one is other
+def _is(first: Texts, second: Texts) -> bool:
+    return first is second

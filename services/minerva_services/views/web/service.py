@@ -1,4 +1,4 @@
-"""The page device: a world in three dimensions in the browser, and people who take part in it."""
+"""The page device: a world in 3D in the browser, and users who take part in it."""
 
 from __future__ import annotations
 
@@ -6,41 +6,50 @@ import importlib.util
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types
+from minerva_services.options import event_types, names_in
 
 if TYPE_CHECKING:
-    from minerva_services.views.web.desk import Desk
+    from minerva_services.views.web.controller import PageController
+    from minerva_services.views.web.page_scene import PageScene
     from minerva_services.views.web.panel import Panel
-    from minerva_services.views.web.serving import Server
-    from minerva_services.views.web.stage import Stage
+    from minerva_services.views.web.serving import PageServer
 
-_LAST_WORDS = 0.12
-"""Seconds in which the last words reach the browsers."""
+_FLUSH_SECONDS = 0.12
+"""Time for the last messages to reach the browsers."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Address:
+    """Where the page listens, and additional host names by which browsers reach it."""
+
+    host: str
+    port: int
+    names: tuple[str, ...]
 
 
 class Web(Device, draws=("ePicture",)):
-    """Shows every world whose vocabulary declares forms, on a page that all browsers share.
+    """Shows every world whose vocabulary declares forms, on a page shared by all browsers.
 
     Args:
-        host: the address to listen at; 0.0.0.0 lets others than this machine in, and whoever
-            has the token may give orders.
-        port: where to listen; 0: the first free port from 8080.
-        rate: views a second, at most.
-        draws: visual event types, separated by commas; their views lie over one another in this
+        host: the address to listen at; 0.0.0.0 accepts connections from other machines, and
+            whoever has the token may send orders.
+        port: the port; 0: the first free one from 8080.
+        rate: maximum views per second.
+        draws: visual event types, comma-separated; their views are drawn over each other in this
             order.
-        click: the event type that a click on a text sends; "": the first that people may send
-            and whose only datum is a text.
-        names: host names by which browsers may reach it beside its address, separated by commas:
-            a proxy's, for example.
-        shadows: whether things cast shadows; without, slow machines draw many times as fast.
+        click: the event type sent by a click on a text; "": the first that users may send and
+            whose only datum is a text.
+        names: additional host names of the page, comma-separated: a proxy's, for example.
+        shadows: whether objects cast shadows; slow machines draw much faster without.
 
-    Raises MisuseError where viser is not installed and for options that cannot be.
+    Raises MisuseError if viser is not installed and for invalid options.
 
     """
 
@@ -64,38 +73,37 @@ class Web(Device, draws=("ePicture",)):
             raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views a second")
         self.rate = rate
         self.draws = event_types("web", draws)
-        self._host = host
-        self._port = port
+        self._address = _Address(host, port, names_in(names))
         self._click = click
         self._shadows = shadows
-        self._names = [name.strip() for name in names.split(",") if name.strip()]
-        self._server: Server | None = None
+        self._server: PageServer | None = None
         self._lists: dict[str, Lists] = {}
         self._pictures: dict[str, Picture] = {}
         self._skeletons: dict[str, Scene] = {}
         self._ended = False
         self._views = 0
-        self._spent = 0.0
+        self._seconds = 0.0
 
     def joined(self, world: WorldInfo) -> None:
-        from minerva_services.views.web.desk import Desk
+        from minerva_services.views.web.controller import PageController
+        from minerva_services.views.web.page_scene import PageScene
         from minerva_services.views.web.panel import Panel
         from minerva_services.views.web.serving import serve, url
-        from minerva_services.views.web.stage import Stage
 
         self._check_click(world)
-        self._lists = {one: Lists(world.vocabulary) for one in self.draws}
-        self._server = server = serve(self._host, self._port, self._names)
-        self._stage: Stage = Stage(server, shadows=self._shadows)
-        self._desk: Desk = Desk(world, self._stage, self._click)
-        self._panel: Panel = Panel(server, world.world, world.vocabulary, self._desk)
-        self._desk.open(self._panel)
+        self._lists = {event_type: Lists(world.vocabulary) for event_type in self.draws}
+        address = self._address
+        self._server = server = serve(address.host, address.port, address.names)
+        self._scene: PageScene = PageScene(server, shadows=self._shadows)
+        self._controller: PageController = PageController(world, self._scene, self._click)
+        self._panel: Panel = Panel(server, world.world, world.vocabulary, self._controller)
+        self._controller.open(self._panel)
 
         @server.scene.on_click()
         def _(event: Any) -> None:
-            found = self._stage.clicked(event.ray_origin, event.ray_direction)
-            if found is not None:
-                self._desk.click(found)
+            hit = self._scene.clicked(event.ray_origin, event.ray_direction)
+            if hit is not None:
+                self._controller.click(hit)
 
         sys.stdout.write(f"{url(server)}\n")
         sys.stdout.flush()
@@ -105,15 +113,15 @@ class Web(Device, draws=("ePicture",)):
         self._pictures[view.event_type] = self._lists[view.event_type].picture(
             view.skeleton, view.parts
         )
-        items = [item for one in self.draws for item in self._items(one)]
-        self._stage.show(Picture(tuple(items)))
-        self._meet(view)
+        items = [item for event_type in self.draws for item in self._items(event_type)]
+        self._scene.show(Picture(tuple(items)))
+        self._update_agents(view)
         self._views += 1
-        self._spent += time.perf_counter() - began
+        self._seconds += time.perf_counter() - began
 
     def report(self) -> Mapping[str, bool | int | float | str]:
         self._ended = True
-        mean = self._spent / self._views if self._views else 0.0
+        mean = self._seconds / self._views if self._views else 0.0
         return {"page_views": self._views, "page_ms_per_view": round(1000 * mean, 3)}
 
     def close(self) -> None:
@@ -121,11 +129,11 @@ class Web(Device, draws=("ePicture",)):
             return
         from minerva_services.views.web.serving import stop
 
-        self._desk.close()
+        self._controller.close()
         why = "the world has ended" if self._ended else "this page has left the world"
         self._panel.end(why)
         self._server.flush()
-        time.sleep(_LAST_WORDS)
+        time.sleep(_FLUSH_SECONDS)
         stop(self._server)
         self._server = None
 
@@ -133,16 +141,16 @@ class Web(Device, draws=("ePicture",)):
         picture = self._pictures.get(event_type)
         return picture.items if picture is not None else ()
 
-    def _meet(self, view: View) -> None:
-        """Tell the desk who there is, where that has changed; populations have no names here."""
+    def _update_agents(self, view: View) -> None:
+        """Pass the agents to the controller after changes; populations have no names here."""
         if self._skeletons.get(view.event_type) is view.skeleton:
             return
         self._skeletons[view.event_type] = view.skeleton
-        self._desk.meet(
+        self._controller.set_agents(
             {
-                one.id: one.symbol
+                agent.id: agent.symbol
                 for skeleton in self._skeletons.values()
-                for one in agents(skeleton)
+                for agent in agents(skeleton)
             }
         )
 
@@ -150,7 +158,7 @@ class Web(Device, draws=("ePicture",)):
         if not self._click:
             return
         declared = world.vocabulary.events.get(self._click)
-        kinds = [one.type.kind for one in declared.fields.all] if declared is not None else []
+        kinds = [field.type.kind for field in declared.fields.all] if declared is not None else []
         if kinds != ["text"]:
             raise MisuseError(
                 f"web: click is {self._click!r}; expected an event type of {world.world} whose"

@@ -1,4 +1,4 @@
-"""A page's server: on a port of its own, silent, and with nobody but those it is meant for."""
+"""A page's server: on its own port, silent, and with access control."""
 
 from __future__ import annotations
 
@@ -17,47 +17,50 @@ FIRST_PORT = 8080
 _PORTS = 1000
 
 
-class Server(ViserServer):
-    """A server that never makes itself known outside, with the rules for who may use it."""
+class PageServer(ViserServer):
+    """A server that is never announced outside, with the access rules of its page."""
 
     access: PageAccess
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Nothing: pages are for those who can reach the host."""
+        """None: pages are only for those who can reach the host."""
         return None
 
 
-def serve(host: str, port: int, names: Collection[str] = ()) -> Server:
+def serve(host: str, port: int, names: Collection[str] = ()) -> PageServer:
     """Serve at a host and port; with port 0 at the first free one from 8080.
 
-    `names` are those by which the page may be reached beside its address.
+    `names` are additional host names of the page.
 
-    Raises MisuseError where that cannot be.
+    Raises MisuseError if that is impossible.
     """
     chosen = port if port and _free(host, port) else 0
     if port and not chosen:
         raise MisuseError(
-            f"web: port {port} of {host} is in use; choose another one, or 0 for the next free one"
+            f"web: port {port} of {host} is in use; use another one, or 0 for the next free one"
         )
     ports = range(FIRST_PORT, FIRST_PORT + _PORTS)
-    chosen = chosen or next((one for one in ports if _free(host, one)), 0)
+    chosen = chosen or next((candidate for candidate in ports if _free(host, candidate)), 0)
     if not chosen:
-        raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; choose one (port)")
+        raise MisuseError(f"web: no port of {host} from {FIRST_PORT} is free; set port")
     access = PageAccess(host, chosen, token_for(chosen), frozenset(names))
     with redirect_stdout(io.StringIO()), guarding(access):
-        server = Server(host=host, port=chosen, verbose=False)
+        server = PageServer(host=host, port=chosen, verbose=False)
     server.access = access
     return server
 
 
 def stop(server: ViserServer) -> None:
-    """End a server; its browsers keep what they show."""
+    """Stop a server; browsers keep their last picture."""
     with redirect_stdout(io.StringIO()):
         server.stop()
 
 
 def _free(host: str, port: int) -> bool:
-    """Whether one can listen there. Raises MisuseError where the host is none of this machine."""
+    """True if the port is free.
+
+    Raises MisuseError if the host is not an address of this machine.
+    """
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with closing(socket.socket(family)) as tried:
@@ -73,8 +76,8 @@ def _free(host: str, port: int) -> bool:
     return True
 
 
-def url(server: Server) -> str:
-    """Where the page is, for a browser on this machine, with the token that lets it in."""
+def url(server: PageServer) -> str:
+    """URL of the page for a browser on this machine, with its token."""
     host = server.get_host()
     shown = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, host)  # noqa: S104
     return f"http://{shown}:{server.get_port()}/?token={server.access.token}"

@@ -1,4 +1,4 @@
-"""The few solids that a page is built of: vertices and triangles in metres, z up."""
+"""Solids of the page: vertices and triangles in metres, z up."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class Solid:
 
 @cache
 def cylinder(sides: int) -> Solid:
-    """A cylinder of radius 1 that stands on the ground and is 1 high, without a bottom."""
+    """A cylinder of radius and height 1 on the ground, without a bottom."""
     return _around(((1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), sides)
 
 
 @cache
 def pin(sides: int = 20) -> Solid:
-    """A pin, 1 high, with its tip at the origin and a round head."""
+    """A pin of height 1 with its tip at the origin and a round head."""
     head = [
         (0.16 * math.sin(turn), 0.84 - 0.16 * math.cos(turn))
         for turn in np.linspace(0.5, math.pi, 9)
@@ -40,7 +40,7 @@ def pin(sides: int = 20) -> Solid:
 
 @cache
 def arrow() -> Solid:
-    """The mark of a heading: flat, along x, within the circle of radius 1."""
+    """The heading mark: flat, along x, within the unit circle."""
     corners = [(0.78, 0.0), (-0.54, 0.45), (-0.28, 0.0), (-0.54, -0.45)]
     return _solid([(x, y, 0.0) for x, y in corners], [(0, 1, 2), (0, 2, 3)])
 
@@ -55,16 +55,16 @@ def ring(sides: int = 48) -> Solid:
         for turn in turns
     ]
     faces: list[tuple[int, int, int]] = []
-    for one in range(sides):
-        other = (one + 1) % sides
-        faces += [(one, sides + one, sides + other), (one, sides + other, other)]
+    for start in range(sides):
+        end = (start + 1) % sides
+        faces += [(start, sides + start, sides + end), (start, sides + end, end)]
     return _solid(edges, faces)
 
 
 def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
-    """A profile of (radius, height), from below to above, turned about the z axis.
+    """A profile of (radius, height), from bottom to top, rotated around the z axis.
 
-    Each stretch of it has vertices of its own, so that edges stay sharp.
+    Each segment has its own vertices, so that edges stay sharp.
     """
     turns = np.arange(sides) * (2 * math.pi / sides)
     vertices: list[tuple[float, float, float]] = []
@@ -73,9 +73,9 @@ def _around(profile: tuple[tuple[float, float], ...], sides: int) -> Solid:
         first = len(vertices)
         vertices += [(low * math.cos(t), low * math.sin(t), bottom) for t in turns]
         vertices += [(high * math.cos(t), high * math.sin(t), top) for t in turns]
-        for one in range(sides):
-            other = (one + 1) % sides
-            here, there = first + one, first + other
+        for start in range(sides):
+            end = (start + 1) % sides
+            here, there = first + start, first + end
             if low:
                 faces.append((here, there, there + sides))
             if high:
@@ -88,7 +88,7 @@ def _solid(vertices: list[tuple[float, float, float]], faces: list[tuple[int, in
 
 
 def flat(mask: Mask, cell: float, height: float) -> Solid:
-    """The cells of a mask as a surface at a height; rows go along x, columns along y."""
+    """The cells of a mask as a surface at a height; rows along x, columns along y."""
     rows, first, last = _runs(mask)
     x, far_x, y, far_y = rows, rows + 1, first, last
     corners = [(x, y), (far_x, y), (far_x, far_y), (x, far_y)]
@@ -96,12 +96,12 @@ def flat(mask: Mask, cell: float, height: float) -> Solid:
 
 
 def walls(mask: Mask, cell: float, height: float) -> Solid:
-    """The cells of a mask as blocks of a height: what of them can be seen from above."""
+    """The cells of a mask as blocks of a height, without bottoms."""
     return _together([flat(mask, cell, height), *_sides(mask, cell, height)])
 
 
 def _sides(mask: Mask, cell: float, height: float) -> list[Solid]:
-    """The upright faces: where a cell of the mask has a neighbour that is none."""
+    """Vertical faces between cells of the mask and their outside neighbours."""
     padded = np.pad(mask, 1)
     inner = padded[1:-1, 1:-1]
     sides: list[Solid] = []
@@ -124,7 +124,7 @@ def _upright(
     height: float,
     forward: bool,
 ) -> Solid:
-    """Upright rectangles over lines from `begin` to `end`, seen from the right of the line."""
+    """Vertical rectangles over lines from `begin` to `end`, facing the right of the line."""
     (x, y), (far_x, far_y) = (begin, end) if forward else (end, begin)
     low, high = np.zeros(len(x)), np.full(len(x), height)
     corners = [(x, y, low), (far_x, far_y, low), (far_x, far_y, high), (x, y, high)]
@@ -132,21 +132,21 @@ def _upright(
 
 
 def _runs(mask: Mask) -> tuple[Floats, Floats, Floats]:
-    """Rows of a mask cut into stretches: row, first column, and the column behind the last."""
+    """Runs of a mask's rows: row, first column, end column."""
     steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     begins, ends = np.argwhere(steps == 1), np.argwhere(steps == -1)
-    return tuple(np.asarray(one, np.float64) for one in (*begins.T, ends[:, 1]))  # pyright: ignore
+    return tuple(np.asarray(column, np.float64) for column in (*begins.T, ends[:, 1]))  # pyright: ignore
 
 
 def _quads(corners: list[tuple[Floats, Floats, Floats]]) -> Solid:
     """n rectangles from their four corners, each given for all n."""
-    points = np.stack([np.stack(one, axis=1) for one in corners], axis=1)
+    points = np.stack([np.stack(corner, axis=1) for corner in corners], axis=1)
     first = np.arange(len(points))[:, None, None] * 4
     faces = first + np.array([[0, 1, 2], [0, 2, 3]])
     return Solid(points.reshape(-1, 3).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
 
 
 def _together(solids: list[Solid]) -> Solid:
-    starts = np.cumsum([0, *(len(one.vertices) for one in solids[:-1])])
-    faces = [one.faces + np.uint32(start) for one, start in zip(solids, starts, strict=True)]
-    return Solid(np.concatenate([one.vertices for one in solids]), np.concatenate(faces))
+    starts = np.cumsum([0, *(len(solid.vertices) for solid in solids[:-1])])
+    faces = [solid.faces + np.uint32(start) for solid, start in zip(solids, starts, strict=True)]
+    return Solid(np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))

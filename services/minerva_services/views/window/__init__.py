@@ -1,33 +1,33 @@
-"""What views in a window have in common, whatever they draw with: `sprites`, `opengl`.
+"""Common parts of views in windows, independent of how they draw: `sprites`, `opengl`.
 
-A view derives from `WindowDevice` and gives it a `Painter`, its geometric system G. The device
-does the rest: it joins, opens a window (or writes PNG files, or a video), lists what is to be
-drawn, looks at keyboard and mouse, sends people's orders, and asks the world how it is doing.
+A view derives from `WindowDevice` and provides a `Painter`, its geometric system G. The device does
+the rest: it joins, opens a window (or writes PNG files, or a video), composes what is displayed,
+processes keyboard and mouse, sends users' orders, and polls the world's status.
 
     class Sprites(WindowDevice, draws=("ePicture",)):
         def __init__(self, width: int = 1200, path: str = "", ...) -> None:
-            super().__init__(Showing("sprites", width=width, path=path, ...))
+            super().__init__(WindowOptions("sprites", width=width, path=path, ...))
 
         def painter(self) -> Painter:
             from minerva_services.views.sprites.painter import SpritePainter  # needs the extra
             return SpritePainter()
 
-- `showing`: the options of a view, checked, and whether it is a window, pictures or a video.
-- `painter`: the protocol `Painter`, and `Sight`, all that it draws of one moment.
-- `device`: `WindowDevice`.
+- `options`: the options of a view, validated; they select a window, pictures or a video.
+- `painter`: the protocol `Painter`, and `Sight`, everything that it displays at one time.
+- `device`: `WindowDevice`; `composer`: from views to a `Sight`; `outputs`: pictures and videos.
 - `picking`: what is under the mouse: the nearest disc of an agent, or a label.
-- `roles`: which of the world's event types a click, two clicks and the arrow keys send.
-- `hands`: from clicks and keys to deeds; `deeds`: what is done to the world, and told.
-- `watch`: a thread that does the deeds and asks for the status, so that no window waits.
-- `keys`: which key does what; the help is made of it.
-- `screen`: pygame's display, or one line that says why there is none.
+- `order_types`: which of the world's event types a click, two clicks and the arrow keys send.
+- `controls`: from clicks and keys to actions; `actions`: what is done to the world and reported.
+- `monitor`: a thread that performs actions and polls the status, so that no window blocks.
+- `keys`: the key bindings; the help is generated from them.
+- `screen`: pygame's display, or an error that says why there is none.
 - `pictures`: PNG files; `video`: MP4 and GIF files.
 
 Only `screen`, `pictures`, `video` and `events` need a library, which they import when used.
 """
 
 from minerva_services.views.window.device import WindowDevice
+from minerva_services.views.window.options import Medium, WindowOptions
 from minerva_services.views.window.painter import Beams, Box, Painter, Sight
-from minerva_services.views.window.showing import Medium, Showing
 
-__all__ = ["Beams", "Box", "Medium", "Painter", "Showing", "Sight", "WindowDevice"]
+__all__ = ["Beams", "Box", "Medium", "Painter", "Sight", "WindowDevice", "WindowOptions"]

@@ -1,4 +1,4 @@
-"""Laser scans as they come, and their beams where the robots are seen to be."""
+"""Buffered laser scans, and their beams at the displayed robots."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from minerva_services.views.window.picking import spots_of
 _KEPT = 8
 
 
-class Scans:
-    """The last scans of each robot."""
+class ScanBuffer:
+    """The latest scans of each robot."""
 
     def __init__(self) -> None:
         self._scans: dict[str, deque[Scan]] = {}
 
-    def take(self, reading: Reading) -> None:
-        """A reading of any kind; scans are kept."""
+    def add(self, reading: Reading) -> None:
+        """Add a reading; readings other than scans are ignored."""
         if isinstance(reading, Scan):
             self._scans.setdefault(reading.robot, deque(maxlen=_KEPT)).append(reading)
 
     def beams(self, picture: Picture, time: float) -> list[Beams]:
-        """The beams of the robots that a picture of this simulated time shows."""
+        """The beams of all robots in a picture of this simulated time."""
         spots = spots_of(picture, self._scans.keys())
         return [
             beams_of(_of_time(self._scans[robot], time), Pose(spot.x, spot.y, spot.angle))
@@ -37,16 +37,16 @@ class Scans:
 
 
 def _of_time(scans: deque[Scan], time: float) -> Scan:
-    """The newest scan that is not newer than the picture; a real sensor's clock is another."""
-    return next((one for one in reversed(scans) if one.time <= time + 1e-6), scans[-1])
+    """The newest scan not newer than the picture, or the oldest: real sensors have other clocks."""
+    return next((scan for scan in reversed(scans) if scan.time <= time + 1e-6), scans[-1])
 
 
 def beams_of(scan: Scan, robot: Pose) -> Beams:
-    """A scan as seen from where its robot is."""
+    """The beams of a scan, relative to the robot's displayed pose."""
     sensor = robot.then(scan.mount_x, scan.mount_y, scan.mount_angle, 0.0)
     x, y, degrees = origins(scan, np.arange(len(scan.ranges)))
     ranges = np.asarray(scan.ranges, np.float64)
-    hits = ranges < scan.range_max  # nor is what is not a number
+    hits = ranges < scan.range_max  # False for NaN, too
     ranges = np.where(hits, ranges, scan.range_max)
     angle, turn = np.radians(degrees + robot.angle), np.radians(robot.angle)
     begin_x = robot.x + x * np.cos(turn) - y * np.sin(turn)

@@ -1,23 +1,23 @@
-"""The line that says what is seen: the frame, the pace, and what is selected."""
+"""The status line: frame, rate and selection."""
 
 from minerva_bus.world.operator import WorldStatus
 
 _LONG = 1.0
-"""Seconds; a frame always waits for somebody a little."""
+"""Waiting time in seconds from which it is shown; short waits are normal."""
 
 
 def caption(frame: int, dt: float, status: WorldStatus | None, doing: str = "") -> str:
-    """Of the frame that is seen, so many frames a second, paused or not; `doing` at the end."""
-    said = [f"frame {frame}", f"{frame * dt:.1f} s"] if frame >= 0 else ["no view yet"]
+    """Frame, time and rate; `doing` is appended."""
+    parts = [f"frame {frame}", f"{frame * dt:.1f} s"] if frame >= 0 else ["no view yet"]
     if status is not None:
-        said.append("paused" if status.paused else pace(status))
+        parts.append("paused" if status.paused else pace(status))
         if status.waiting and status.waited > _LONG:
-            said.append(f"waiting for {', '.join(status.waiting)}")
-    return "  ·  ".join([*said, *([doing] if doing else [])])
+            parts.append(f"waiting for {', '.join(status.waiting)}")
+    return "  ·  ".join([*parts, *([doing] if doing else [])])
 
 
 def pace(status: WorldStatus) -> str:
-    """Frames a second, and those that are wanted where they are more."""
+    """Frames per second, and the target rate if that is higher."""
     reached = f"{status.hz:.0f}"
     wanted = f" of {status.rate:g}" if status.rate and status.hz < 0.9 * status.rate else ""
     return f"{reached}{wanted} frames a second"

@@ -1,4 +1,4 @@
-"""Keyboard and mouse of pygame's window, handed on to a person's hands."""
+"""Keyboard and mouse input of pygame's window."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from typing import Any
 import pygame
 
 from minerva_bus.semantics.picture import Picture
-from minerva_services.views.window.deeds import Deed
-from minerva_services.views.window.hands import Hands
+from minerva_services.views.window.actions import WorldAction
+from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.keys import Action, action_of
 from minerva_services.views.window.painter import Painter
 from minerva_services.views.window.picking import Hit, pick
 
 _TWICE = 0.4
 _MOVED = 4
-"""Pixels: who moves less than this with a button held has clicked."""
+"""Pixels of movement with a button held from which it is a drag, not a click."""
 
 
-class Input:
-    """Looks at what has come from keyboard and mouse; `closed` once the window was closed."""
+class WindowInput:
+    """Processes keyboard and mouse events; `closed` once the window was closed."""
 
-    def __init__(self, hands: Hands, painter: Painter, do: Callable[[Deed | None], None]) -> None:
+    def __init__(
+        self, controls: WindowControls, painter: Painter, do: Callable[[WorldAction | None], None]
+    ) -> None:
         self.closed = False
-        self._hands = hands
+        self._controls = controls
         self._painter = painter
         self._do = do
         self._picture = Picture()
@@ -33,8 +35,8 @@ class Input:
         self._dragged = False
         self._clicked = 0.0, ""
 
-    def look(self, picture: Picture) -> bool:
-        """Deal with all that has come; whether there is anything to draw anew."""
+    def process(self, picture: Picture) -> bool:
+        """Process all pending events; True if something must be redrawn."""
         self._picture = picture
         touched = False
         for event in pygame.event.get():
@@ -66,9 +68,9 @@ class Input:
         if action is None:
             return False
         if action is Action.FIT:
-            self._hands.let_go()
+            self._controls.stop_following()
             self._painter.fit()
-        self._do(self._hands.press(action, self._picture))
+        self._do(self._controls.press(action, self._picture))
         return True
 
     def _move(self, at: tuple[int, int], by: tuple[int, int]) -> bool:
@@ -81,7 +83,7 @@ class Input:
             by = at[0] - int(start[0]), at[1] - int(start[1])
             self._dragged = True
         if self._painter.drag(*by, button):
-            self._hands.let_go()
+            self._controls.stop_following()
         return True
 
     def _release(self, button: int, at: tuple[int, int]) -> bool:
@@ -91,13 +93,13 @@ class Input:
             return True
         hit = pick(self._picture, self._painter.project, self._painter.labels(), at)
         if button == 1:
-            self._do(self._hands.click(hit, double=self._is_second(hit)))
+            self._do(self._controls.click(hit, double=self._is_second(hit)))
         elif button == 3:
-            self._do(self._hands.click_aside(hit))
+            self._do(self._controls.click_aside(hit))
         return True
 
     def _is_second(self, hit: Hit | None) -> bool:
-        """Whether it is the second click on the same agent within a short time."""
+        """True for a second click on the same agent within a short time."""
         now, agent = time.monotonic(), hit.agent if hit is not None else ""
         (before, other), self._clicked = self._clicked, (now, agent)
         return bool(agent) and agent == other and now - before < _TWICE

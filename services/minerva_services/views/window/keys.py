@@ -1,4 +1,4 @@
-"""Which key does what; the help in the window is made of the same table."""
+"""Key bindings; the help in the window is generated from this table."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Action(Enum):
-    """What keys are for."""
+    """Meanings of keys."""
 
     PAUSE = "pause, go on"
     STEP = "one frame"
@@ -34,5 +34,5 @@ _ACTIONS = {key: action for action, keys in KEYS.items() for key in keys}
 
 
 def action_of(key: str) -> Action | None:
-    """What a key does, by the name that pygame gives it."""
+    """The action of a key, by pygame's name."""
     return _ACTIONS.get(key.lower())

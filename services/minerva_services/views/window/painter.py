@@ -1,4 +1,4 @@
-"""What a view in a window draws with, and what it is given to draw."""
+"""The interface between views in windows and their geometric systems."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Pixels: TypeAlias = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beams:
-    """A laser's beams: from a place (m) of the world to the points (n, 2) where they end.
+    """Laser beams from a position (m) to their end points (n, 2).
 
-    `hits` (n,) tells which have hit something; the others end at the laser's range.
+    `hits` (n,) marks beams that hit something; the others end at the laser's range.
     """
 
     x: float
@@ -30,7 +30,7 @@ class Beams:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Where a label is on the screen: pixels from the left and from the top."""
+    """A label's box on the screen: pixels from left and top."""
 
     text: str
     left: float
@@ -41,11 +41,11 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """All that is to be seen in one moment.
+    """Everything that is displayed at one time.
 
-    `caption` is the line about the world, `subtitle` what else is worth saying in it; `notice`
-    what was just done, or why it was not; `help` are keys and what they do, empty where nobody
-    has asked. `follows`: the selected agent stays in the middle.
+    `caption` is the line about the world, `subtitle` further status; `notice` reports the last
+    action or its failure; `help` lists keys and meanings, empty unless requested. `follows`: keep
+    the selected agent in the middle.
     """
 
     picture: Picture
@@ -59,48 +59,48 @@ class Sight:
 
 
 class Painter(Protocol):
-    """A geometric system with a screen of its own. Only the process's main thread calls it."""
+    """A geometric system with its own screen. Called only from the process's main thread."""
 
     def open(self, title: str, size: tuple[int, int]) -> None:
-        """Open a window of so many pixels. Raises MisuseError where it cannot."""
+        """Open a window of this size in pixels. Raises MisuseError on failure."""
         ...
 
     def offscreen(self, size: tuple[int, int]) -> None:
-        """Draw without a window, on so many pixels. Raises MisuseError where it cannot."""
+        """Draw without a window at this size in pixels. Raises MisuseError on failure."""
         ...
 
     def resized(self, size: tuple[int, int]) -> None:
-        """The window has another size now."""
+        """The window was resized."""
         ...
 
     def draw(self, sight: Sight) -> None:
-        """Draw, and show it where there is a window."""
+        """Draw, and present it in the window if there is one."""
         ...
 
     def pixels(self) -> Pixels:
-        """What was drawn last: red, green and blue of shape (height, width, 3)."""
+        """The last picture: RGB of shape (height, width, 3)."""
         ...
 
     def project(self, x: Floats, y: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
-        """Where places (m) are on the screen: pixels from the left, from the top, per metre.
+        """Pixels from left and top of positions (m), and pixels per metre there.
 
-        Not a number for what is behind the one who looks.
+        NaN behind the camera.
         """
         ...
 
     def labels(self) -> Sequence[Box]:
-        """Where the labels are that were drawn last, the topmost last."""
+        """Boxes of the labels drawn last, topmost last."""
         ...
 
     def drag(self, dx: float, dy: float, button: int) -> bool:
-        """The mouse was moved by so many pixels with a button (1 left, 2, 3 right) held.
+        """The mouse moved by pixels with a button (1 left, 2, 3 right) held.
 
-        True where another place is looked at now, so that nobody is followed any more.
+        True if the view now shows another place, which ends following an agent.
         """
         ...
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
-        """Come nearer by so many steps of a wheel, to what is at a pixel."""
+        """Zoom in by steps of a wheel, towards a pixel."""
         ...
 
     def fit(self) -> None:
@@ -108,5 +108,5 @@ class Painter(Protocol):
         ...
 
     def close(self) -> None:
-        """Called once, at the end, also where nothing was opened."""
+        """Called once at the end, even if nothing was opened."""
         ...

@@ -1,4 +1,4 @@
-"""What is under the mouse: an agent, by the nearest of its discs, or a label."""
+"""Picking: the agent or label under the mouse."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from minerva_services.views.window.painter import Box, Floats
 
 Projection: TypeAlias = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
 SLACK = 5.0
-"""Pixels by which one may miss a disc."""
+"""Tolerance in pixels around a disc."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Hit:
 def pick(
     picture: Picture, project: Projection, labels: Sequence[Box], at: tuple[float, float]
 ) -> Hit | None:
-    """What is at a pixel: an agent before a label, of several the nearest, else the topmost."""
+    """What is at a pixel: agents before labels; the nearest agent, the topmost label."""
     agent = _agent(picture, project, at)
     if agent:
         return Hit(agent=agent)
@@ -39,7 +39,7 @@ def pick(
 
 
 def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> str:
-    best, found = float("inf"), ""
+    best, agent = float("inf"), ""
     for discs in picture.of(Discs):
         if len(discs):
             x, y, scale = project(discs.x, discs.y, discs.height / 2)
@@ -50,14 +50,14 @@ def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> st
                 if away[row] >= best:
                     break
                 if discs.agent(int(row)):
-                    best, found = float(away[row]), discs.agent(int(row))
+                    best, agent = float(away[row]), discs.agent(int(row))
                     break
-    return found
+    return agent
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where an agent is seen: metres and degrees; `radius` (m) is that of its disc."""
+    """Where an agent is displayed: metres and degrees; `radius` (m) of its disc."""
 
     x: float
     y: float
@@ -66,21 +66,21 @@ class Spot:
 
 
 def spots_of(picture: Picture, agents: Collection[str]) -> dict[str, Spot]:
-    """Where agents are: of each its first disc with a heading, or else its first disc."""
-    found: dict[str, Spot] = {}
+    """Positions of agents: the first disc with a heading, otherwise the first disc."""
+    spots: dict[str, Spot] = {}
     headed: set[str] = set()
     for discs in picture.of(Discs) if agents else ():
         for row, agent in _rows(discs, agents):
             heads = bool(discs.heading[row])
-            if agent not in found or (heads and agent not in headed):
+            if agent not in spots or (heads and agent not in headed):
                 place = discs.x[row], discs.y[row], discs.angle[row], discs.radius[row]
-                found[agent] = Spot(*map(float, place))
+                spots[agent] = Spot(*map(float, place))
                 headed |= {agent} if heads else set()
-    return found
+    return spots
 
 
 def spot_of(picture: Picture, agent: str) -> Spot | None:
-    """Where one agent is; None where it is not seen."""
+    """Position of an agent; None if it is not displayed."""
     return spots_of(picture, (agent,)).get(agent) if agent else None
 
 
@@ -91,8 +91,8 @@ def _rows(discs: Discs, agents: Collection[str]) -> Iterator[tuple[int, str]]:
             yield row, agent
 
 
-def someone(picture: Picture) -> str:
-    """The first agent that heads somewhere; "" where there is none."""
+def first_agent(picture: Picture) -> str:
+    """The first agent with a heading; "" if there is none."""
     for discs in picture.of(Discs):
         for row in np.flatnonzero(discs.heading):
             if discs.agent(int(row)):

@@ -1,4 +1,4 @@
-"""Pictures as PNG files: one that is always the newest, or one for each view."""
+"""Pictures as PNG files: one that is replaced, or one per view."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from minerva_services.views.svg.files import numbered, prepare_folder
 from minerva_services.views.window.painter import Pixels
 
 
-class Pictures:
-    """Writes PNG files. Raises MisuseError where they cannot be written."""
+class PngWriter:
+    """Writes PNG files. Raises MisuseError if they cannot be written."""
 
     def __init__(self, path: str, keeps_all: bool) -> None:
         self._path = Path(path)
@@ -20,14 +20,14 @@ class Pictures:
         prepare_folder(self._path)
 
     def add(self, frame: int, pixels: Pixels) -> None:
-        """A picture of shape (height, width, 3)."""
+        """Write a picture of shape (height, width, 3)."""
         path = numbered(self._path, frame) if self._keeps_all else self._path
         write_output(path, png(pixels), "picture")
         self.written = path
 
 
 def png(pixels: Pixels) -> bytes:
-    """Red, green and blue of shape (height, width, 3) as a PNG."""
+    """RGB pixels of shape (height, width, 3) as PNG."""
     import pygame
 
     height, width, _ = pixels.shape

@@ -1,4 +1,4 @@
-"""pygame's display: chosen, opened, and where it cannot be, one line that says why."""
+"""pygame's display: driver selection, opening, and explanation of failures."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from minerva_bus.errors import MisuseError
 
 
 def quiet() -> None:
-    """Keep SDL and pygame from printing, from taking signals, and from keeping screens awake.
+    """Keep SDL and pygame from printing, handling signals and inhibiting screen savers.
 
-    Called before pygame is imported for the first time.
+    Call before the first import of pygame.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     os.environ.setdefault("SDL_NO_SIGNAL_HANDLERS", "1")
@@ -21,17 +21,17 @@ def quiet() -> None:
 
 
 def drivers(environment: Mapping[str, str]) -> str:
-    """The SDL drivers to try, by what there is; left to themselves, some show nothing at all."""
+    """SDL drivers to try, by environment; left to themselves, some show nothing."""
     names = [("DISPLAY", "x11"), ("WAYLAND_DISPLAY", "wayland")]
     return ",".join(driver for name, driver in names if environment.get(name))
 
 
 def begin(service: str) -> None:
-    """Choose SDL's driver and begin with it. Raises MisuseError."""
+    """Select SDL's driver and initialise it. Raises MisuseError."""
     import pygame
 
-    if found := drivers(os.environ):
-        os.environ.setdefault("SDL_VIDEODRIVER", found)
+    if names := drivers(os.environ):
+        os.environ.setdefault("SDL_VIDEODRIVER", names)
     try:
         pygame.display.init()
     except pygame.error as error:
@@ -40,7 +40,7 @@ def begin(service: str) -> None:
 
 
 def _icon() -> Any:
-    """A robot, as it is drawn in a picture."""
+    """The icon: a robot as drawn in pictures."""
     import pygame
 
     icon = pygame.Surface((64, 64), pygame.SRCALPHA, 32)
@@ -51,9 +51,9 @@ def _icon() -> Any:
 
 
 def open_window(service: str, title: str, size: tuple[int, int], flags: int = 0) -> Any:
-    """pygame's window, which people may resize; its surface.
+    """Open pygame's window, which is resizable; returns its surface.
 
-    `flags` are added to RESIZABLE, as OPENGL | DOUBLEBUF. Raises MisuseError.
+    `flags` are added to RESIZABLE, such as OPENGL | DOUBLEBUF. Raises MisuseError.
     """
     import pygame
 
@@ -77,6 +77,6 @@ def close_window() -> None:
 
 def _no_window(service: str, error: Exception) -> MisuseError:
     return MisuseError(
-        f"{service}: no window can be opened here ({str(error).strip()}); write pictures with"
+        f"{service}: cannot open a window here ({str(error).strip()}); write pictures with"
         " path=FILE.png, or a video with video=FILE.mp4"
     )

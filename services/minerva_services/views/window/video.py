@@ -1,4 +1,4 @@
-"""Videos: frames of a world at the speed of its own time, as MP4 or GIF files."""
+"""Videos at the speed of simulated time, as MP4 or GIF files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from minerva_services.views.window.painter import Pixels
 
 _FASTEST = {".mp4": 60.0, ".gif": 25.0}
 _SLOWEST = 10.0
-"""A video of a world whose frames last a second would be a row of stills."""
+"""Minimum views per second: slower worlds are sped up, or the video would be a series of stills."""
 _THINNEST = 1000
 _ENCODERS = {"mp4": "libx264", "gif": "gif"}
 _OPTIONS = {"mp4": {"movflags": "+hybrid_fragmented", "flush_packets": "1"}, "gif": {}}
 
 
 class Timing:
-    """How often each view of a world comes in a video of so many pictures a second.
+    """How many pictures of a video show each view.
 
-    `seconds` are those of the video from one frame of the world to the next.
+    `seconds` is the video time per frame of the world.
     """
 
     def __init__(self, fps: float, seconds: float) -> None:
@@ -33,9 +33,10 @@ class Timing:
 
     @staticmethod
     def of(dt: float, speed: float, every: int, fps: float, suffix: str) -> Timing:
-        """Real time times `speed`; slow worlds are made faster, to 10 different views a second.
+        """Simulated time scaled by `speed`; slow worlds are sped up to 10 views per second.
 
-        `dt` are the seconds of a frame; `fps` 0: as many as there are views, within limits.
+        `dt` is the duration of a frame in seconds; `fps` 0: as many pictures as views, within
+        limits.
         """
         seconds = dt / speed
         if speed == 1.0 and not fps:
@@ -43,7 +44,7 @@ class Timing:
         return Timing(fps or min(1 / (seconds * every), _FASTEST[suffix]), seconds)
 
     def times(self, frame: int) -> int:
-        """How often the view of a frame is to be written, when it comes."""
+        """Number of pictures to write for the view of a frame."""
         if self._first is None:
             self._first = frame
         until = int((frame - self._first) * self.seconds * self.fps + 1e-6) + 1
@@ -51,10 +52,10 @@ class Timing:
         return times
 
 
-class Film:
-    """A video file that is written while it is made. Raises MisuseError.
+class VideoWriter:
+    """Writes a video file incrementally. Raises MisuseError.
 
-    An MP4 is made so that it can be played whatever happens to its writer.
+    An MP4 stays playable however its writer ends.
     """
 
     def __init__(self, path: str, size: tuple[int, int], fps: float) -> None:
@@ -71,10 +72,10 @@ class Film:
             raise self._unwritable(error) from None
 
     def add(self, pixels: Pixels) -> None:
-        """A picture of shape (height, width, 3)."""
+        """Add a picture of shape (height, width, 3)."""
         import av
 
-        if not self.pictures:  # an encoder that was given nothing cannot be closed
+        if not self.pictures:  # an encoder without input cannot be closed
             self._begin()
         frame: Any = av.VideoFrame.from_ndarray(pixels, format="rgb24")
         frame.pts, frame.time_base = self.pictures, 1 / self._rate
@@ -86,14 +87,14 @@ class Film:
             self._write(self._palette.pull())
 
     def close(self) -> None:
-        """Finish the file; without a single picture there is none."""
+        """Finish the file; without any picture, remove it."""
         if not self.pictures:
             self._path.unlink(missing_ok=True)
             return
         self._write(None)
         try:
             self._file.close()
-            if self._palette is not None:  # The library writes no comments into a GIF.
+            if self._palette is not None:  # the library cannot write GIF comments
                 self._path.write_bytes(gif_comment(self._path.read_bytes()))
         except OSError as error:
             raise self._unwritable(error) from None
@@ -129,7 +130,7 @@ class Film:
 
 
 def _palette(size: tuple[int, int], rate: Fraction) -> Any:
-    """A graph that gives each picture of a GIF its own 256 colours."""
+    """A filter graph that gives each picture of a GIF its own 256 colours."""
     from av.filter import Graph
 
     graph: Any = Graph()

@@ -1,0 +1,142 @@
+"""The scene on the graphics card: all parts of a picture, lit and positioned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from minerva_bus.semantics.picture import Discs, Picture, Texts, Tiles
+from minerva_services.views.layout import round_step
+from minerva_services.views.opengl import shaders
+from minerva_services.views.opengl.camera import OrbitCamera
+from minerva_services.views.opengl.drums import Drums
+from minerva_services.views.opengl.extent import SceneBox
+from minerva_services.views.opengl.floors import FloorMeshes
+from minerva_services.views.opengl.gpu import FRAME, SHADE, Uploaded, program
+from minerva_services.views.opengl.light import STRENGTH, TO_SUN, Shade, sun_matrix
+from minerva_services.views.opengl.pins import PinMeshes, PinSizes
+from minerva_services.views.opengl.ribbons import Fans, Ribbons, raised_lines, ring
+from minerva_services.views.opengl.solids import Mesh
+from minerva_services.views.window.painter import Beams
+from minerva_services.views.window.picking import Spot
+
+_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
+_IN_ITS_LIGHT = (
+    *(moderngl.DST_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA),
+    *(moderngl.ZERO, moderngl.ONE),
+)
+"""Blending: transparent surfaces take the brightness below them; colours are premultiplied."""
+_CROWD = 3000
+_GROUND = 4.0
+"""Extent of the ground as a multiple of half the picture's diagonal."""
+
+
+class GLScene:
+    """Draws pictures with a camera."""
+
+    def __init__(self, gl: moderngl.Context) -> None:
+        self._gl = gl
+        self._frame = gl.buffer(reserve=4 * (16 + 16 + 4 + 4 + 4))
+        self._frame.bind_to_uniform_block(FRAME)
+        self._shade = Shade(gl)
+        self._floors, self._drums, self._pins = FloorMeshes(gl), Drums(gl), PinMeshes(gl)
+        self._ribbons, self._ring, self._fans = Ribbons(gl), Ribbons(gl), Fans(gl)
+        self._back = program(gl, shaders.BACKDROP_VERTEX, shaders.BACKDROP_FRAGMENT)
+        self._backdrop = gl.vertex_array(self._back, [])
+        self._ground = program(gl, shaders.GROUND_VERTEX, shaders.GROUND_FRAGMENT)
+        mesh = Mesh(_SQUARE, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+        self._square = Uploaded(gl, mesh, "2f", ("corner",))
+        self._extent = SceneBox(-1.0, -1.0, 1.0, 1.0, 0.0)
+        self._level = 0.0
+
+    @property
+    def pins(self) -> PinMeshes:
+        """The pins with texts."""
+        return self._pins
+
+    @property
+    def crowded(self) -> bool:
+        """True if there is so much to draw that slow machines should reduce quality."""
+        return self._drums.count > _CROWD
+
+    def take(self, picture: Picture, extent: SceneBox) -> None:
+        """Set the picture; parts that did not change stay on the graphics card."""
+        self._extent = extent
+        lift = max(0.003, 4e-4 * extent.span)
+        tiles = picture.of(Tiles)
+        self._floors.take(tiles, lift, depth=0.02 * extent.span)
+        self._drums.take(picture.of(Discs))
+        self._level = lift * (len(tiles) + 1)
+        self._ribbons.take(raised_lines(picture, self._level))
+        radius = 0.010 * extent.span
+        height = max(extent.height + 4 * radius, 0.09 * extent.span)
+        self._pins.take(picture.of(Texts), PinSizes(radius, height))
+
+    def beam(self, beams: Sequence[Beams]) -> None:
+        """Set the current laser beams."""
+        self._fans.take(beams)
+
+    def mark(self, spot: Spot | None) -> None:
+        """Draw a ring around a disc; None removes it."""
+        self._ring.take([ring(spot, self._level)] if spot is not None else [])
+
+    def draw(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
+        """Draw to the current target; shadows are drawn separately before."""
+        self._write(camera, size)
+        gl = self._gl
+        self._shade.depth.use(SHADE)
+        gl.depth_func = "<="
+        gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._drums.draw()
+        self._pins.draw()
+        self._floors.draw()
+        gl.enable_only(moderngl.DEPTH_TEST)
+        self._ribbons.draw()
+        self._ring.draw()
+        self._lay_ground()
+        self._backdrop.render(moderngl.TRIANGLES, vertices=3)
+        self._shine_through()
+
+    def _shine_through(self) -> None:
+        gl = self._gl
+        gl.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        gl.blend_func = _IN_ITS_LIGHT  # pyright: ignore[reportAttributeAccessIssue]
+        gl.fbo.depth_mask = False
+        self._floors.overlay()
+        self._fans.draw()
+        gl.fbo.depth_mask = True
+        gl.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+
+    def shadows(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
+        """Draw the shadow map."""
+        self._write(camera, size)
+        self._shade.begin()
+        self._gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._gl.polygon_offset = 1.5, 2.0
+        self._floors.cast()
+        self._drums.cast()
+        self._pins.cast()
+        self._gl.polygon_offset = 0.0, 0.0
+
+    def _lay_ground(self) -> None:
+        extent = self._extent
+        below = -self._floors.depth if self._floors.lies_deep else -0.001
+        self._ground["span"] = *extent.middle, _GROUND * extent.span, below
+        self._ground["step"] = round_step(extent.span / 8)
+        self._square.draw(self._ground)
+
+    def _write(self, camera: OrbitCamera, size: tuple[int, int]) -> None:
+        width, height = size
+        corners = self._extent.corners
+        tallest = self._extent.height + 0.15 * self._extent.span
+        corners = np.concatenate([corners, corners + np.array([0.0, 0.0, tallest])])
+        numbers = [
+            camera.matrix(width / height).T.ravel(),
+            sun_matrix(corners).T.ravel(),
+            [*camera.eye, self._extent.span],
+            [*TO_SUN, STRENGTH],
+            [width, height, camera.metre(height), 0.0],
+        ]
+        self._frame.write(np.concatenate(numbers).astype(np.float32))

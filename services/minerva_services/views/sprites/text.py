@@ -1,0 +1,113 @@
+"""Text in pygame's own font, identical on all machines, and labels on pins."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pygame
+
+from minerva_bus.semantics.picture import Texts, rgb
+from minerva_services.views.palette import INK
+from minerva_services.views.sprites.camera import MapCamera
+from minerva_services.views.window.painter import Box
+
+_LONGEST = 60
+_LABEL = 17
+"""Font size of labels in pixels."""
+_FINE = 4
+
+
+def font(size: int) -> pygame.font.Font:
+    """pygame's font at a size in pixels."""
+    if not pygame.font.get_init():
+        pygame.font.init()
+        _font.cache_clear()
+    return _font(size)
+
+
+@lru_cache(maxsize=64)
+def _font(size: int) -> pygame.font.Font:
+    return pygame.font.Font(None, size)
+
+
+def one_line(text: str, longest: int = _LONGEST) -> str:
+    """Printable text on one line, shortened if too long."""
+    shown = " ".join("".join(c if c.isprintable() else " " for c in text[: 4 * longest]).split())
+    return shown if len(shown) <= longest else shown[: longest - 1] + "…"
+
+
+@lru_cache(maxsize=512)
+def written(text: str, size: int, color: str) -> pygame.Surface:
+    """Rendered text in a colour."""
+    return font(size).render(text, True, color)
+
+
+@lru_cache(maxsize=512)
+def with_halo(text: str, size: int, color: str, halo: int) -> pygame.Surface:
+    """Text with a white outline in pixels, legible on any background."""
+    letters, white = written(text, size, color), written(text, size, "#ffffff")
+    width, height = letters.get_size()
+    made = pygame.Surface((width + 2 * halo, height + 2 * halo), pygame.SRCALPHA, 32)
+    for turn in np.linspace(0, 2 * np.pi, 16, endpoint=False):
+        place = halo + round(halo * np.cos(turn)), halo + round(halo * np.sin(turn))
+        made.blit(white, place)
+    made.blit(letters, (halo, halo))
+    return made
+
+
+@lru_cache(maxsize=64)
+def pin(color: tuple[int, int, int], size: float) -> pygame.Surface:
+    """A pin whose tip is at the middle of the lower edge; premultiplied colours."""
+    unit = size * _FINE
+    width, height = 20 * unit, 28 * unit
+    fine = pygame.Surface((round(width), round(height)), pygame.SRCALPHA, 32)
+    middle, tip = (width / 2, height - 17 * unit), (width / 2, height - 0.5 * unit)
+    for paint, edge in (((255, 255, 255), 1.3), (color, 0.0)):
+        reach = (8 + edge) * unit
+        pygame.draw.circle(fine, paint, middle, reach)
+        side, down = 0.83 * reach, 0.56 * reach
+        pygame.draw.polygon(
+            fine,
+            paint,
+            [
+                (middle[0] - side, middle[1] + down),
+                (middle[0] + side, middle[1] + down),
+                (tip[0], tip[1] - (0 if edge else 2.4 * unit)),
+            ],
+        )
+    pygame.draw.circle(fine, "#ffffff", middle, 3 * unit)
+    return pygame.transform.smoothscale(fine, (round(20 * size), round(28 * size)))
+
+
+def draw_labels(canvas: pygame.Surface, texts: Texts, camera: MapCamera, ui: float) -> list[Box]:
+    """Draw labels on pins at their positions; returns their boxes on the screen."""
+    boxes: list[Box] = []
+    x, y = camera.to_screen(texts.x, texts.y)
+    width, height = camera.size
+    for at, text in enumerate(texts.texts):
+        place = float(x[at]), float(y[at])
+        if -width < place[0] < 2 * width and -50 * ui < place[1] < height + 50 * ui:
+            boxes.append(_draw_label(canvas, str(text), texts.form.color, place, ui))
+    return boxes
+
+
+def _draw_label(
+    canvas: pygame.Surface, text: str, color: str, place: tuple[float, float], ui: float
+) -> Box:
+    sign, x, y = pin(rgb(color), ui), place[0], place[1]
+    letters = with_halo(one_line(text), round(1.3 * _LABEL * ui), INK, max(1, round(2 * ui)))
+    left, top = x - sign.get_width() / 2, y - sign.get_height()
+    canvas.blit(sign, (round(left), round(top)), special_flags=pygame.BLEND_PREMULTIPLIED)
+    begin = x + 10 * ui
+    if begin + letters.get_width() > canvas.get_width() - 4 * ui:
+        begin = x - 10 * ui - letters.get_width()
+    line = y - 17 * ui - letters.get_height() / 2
+    canvas.blit(letters, (round(begin), round(line)))
+    return Box(
+        text,
+        min(left, begin),
+        min(top, line),
+        max(left + sign.get_width(), begin + letters.get_width()),
+        y,
+    )

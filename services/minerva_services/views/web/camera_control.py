@@ -1,0 +1,74 @@
+"""Cameras of the browsers: the whole world, until a user moves the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import CameraHandle, ClientHandle, ViserServer
+
+from minerva_bus.semantics.bounds import Bounds
+from minerva_services.views.web.camera import FIELD, CameraPose, camera_pose
+
+_USUAL = 1.25
+_STILL = 1e-3
+
+
+class CameraControl:
+    """Positions the cameras of all browsers, and adapts to changed windows."""
+
+    def __init__(self, server: ViserServer) -> None:
+        self._server = server
+        self._bounds: Bounds | None = None
+        self._height = 0.0
+        self._aspects: dict[int, float] = {}
+        self._places: dict[int, list[NDArray[np.float64]]] = {}
+        server.initial_camera.fov = FIELD
+        server.on_client_connect(self._on_connect)
+        server.on_client_disconnect(self._on_disconnect)
+
+    def fit(self, bounds: Bounds, height: float) -> None:
+        """Show a box of a height on these bounds, in metres."""
+        self._bounds, self._height = bounds, height
+        seen = camera_pose(bounds, height, _USUAL)
+        self._begin(seen)
+        self._server.initial_camera.far = max(1000.0, 10.0 * seen.position[2])
+        for client in self._server.get_clients().values():
+            self._look(client.client_id, client.camera)
+
+    def _on_connect(self, client: ClientHandle) -> None:
+        number, camera = client.client_id, client.camera
+        self._places[number] = [camera.position]
+        self._look(number, camera)
+        camera.on_update(lambda moved: self._follow(number, moved))
+
+    def _follow(self, number: int, camera: CameraHandle) -> None:
+        """Reposition for a changed window shape, unless the user has moved the camera."""
+        if abs(camera.aspect - self._aspects.get(number, 0.0)) > _STILL and self._is_still(
+            number, camera
+        ):
+            self._look(number, camera)
+
+    def _is_still(self, number: int, camera: CameraHandle) -> bool:
+        place = camera.position
+        near = _STILL * max(1.0, float(np.linalg.norm(place)))
+        return any(np.allclose(place, known, atol=near) for known in self._places.get(number, []))
+
+    def _look(self, number: int, camera: CameraHandle) -> None:
+        if self._bounds is None:
+            return
+        seen = camera_pose(self._bounds, self._height, camera.aspect)
+        self._aspects[number] = camera.aspect
+        self._places.setdefault(number, []).append(np.array(seen.position))
+        # A browser that is still opening may apply the initial camera after this position.
+        self._begin(seen)
+        camera.position = seen.position
+        camera.look_at = seen.look_at
+
+    def _begin(self, seen: CameraPose) -> None:
+        """Set the initial camera, which is also where a view reset leads."""
+        self._server.initial_camera.position = seen.position
+        self._server.initial_camera.look_at = seen.look_at
+
+    def _on_disconnect(self, client: ClientHandle) -> None:
+        self._aspects.pop(client.client_id, None)
+        self._places.pop(client.client_id, None)

@@ -1,0 +1,123 @@
+"""The page's 3D scene: a tree of nodes that follows a world's pictures."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+from viser import SceneApi, ViserServer
+
+from minerva_bus.semantics.bounds import Bounds
+from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
+from minerva_services.views.web.batch import Batch
+from minerva_services.views.web.camera import bounds_of
+from minerva_services.views.web.camera_control import CameraControl
+from minerva_services.views.web.discs import DiscNodes, DiscTable, disc_table
+from minerva_services.views.web.floors import FloorNodes
+from minerva_services.views.web.lines import LineNodes
+from minerva_services.views.web.picking import Clicked, clicked
+from minerva_services.views.web.pins import PinNodes
+from minerva_services.views.web.rotation import upright
+from minerva_services.views.web.solids import ring
+
+_ACCENT = (255, 196, 0)
+
+
+class PageScene:
+    """Draws pictures; sends changes and removes what is gone. Thread-safe."""
+
+    def __init__(self, server: ViserServer, *, shadows: bool = True) -> None:
+        self._server = server
+        self._lock = threading.Lock()
+        self._cameras = CameraControl(server)
+        self._floors = FloorNodes(server.scene)
+        self._lines = LineNodes(server.scene)
+        self._disc_nodes = DiscNodes(server.scene)
+        self._pins = PinNodes(server.scene)
+        self._ring = Batch(server.scene, "/selected/ring", flat=True)
+        self._name = server.scene.add_label(
+            "/selected/name", "", anchor="bottom-center", visible=False
+        )
+        self._discs: DiscTable = disc_table([])
+        self._texts: list[Texts] = []
+        self._bounds: Bounds | None = None
+        self._selected = ""
+        _light(server.scene, shadows)
+
+    def show(self, picture: Picture) -> None:
+        """Show exactly this picture."""
+        with self._lock, self._server.atomic():
+            self._fit(picture)
+            self._discs = disc_table(picture.of(Discs))
+            self._texts = picture.of(Texts)
+            self._floors.show(picture.of(Tiles))
+            self._lines.show(picture.of(Polyline))
+            self._disc_nodes.show(self._discs)
+            self._pins.show(self._texts, self.pin_height)
+            self._encircle()
+
+    def select(self, agent: str) -> None:
+        """Mark an agent; "" for none."""
+        with self._lock, self._server.atomic():
+            self._selected = agent
+            self._encircle()
+
+    def clicked(self, origin: tuple[float, ...], direction: tuple[float, ...]) -> Clicked | None:
+        """What a ray hits."""
+        with self._lock:
+            return clicked(
+                np.array(origin), np.array(direction), self._discs, self._texts, self.pin_height
+            )
+
+    @property
+    def pin_height(self) -> float:
+        """Height of pins in metres, proportional to the world's size."""
+        bounds = self._bounds
+        if bounds is None:
+            return 1.0
+        return 0.06 * math.hypot(bounds.right - bounds.left, bounds.top - bounds.bottom)
+
+    def labels(self) -> tuple[str, ...]:
+        """All shown texts, without duplicates."""
+        return tuple(dict.fromkeys(text for batch in self._texts for text in batch.texts))
+
+    def _fit(self, picture: Picture) -> None:
+        """Point the cameras at the first picture that is not empty."""
+        if self._bounds is not None:
+            return
+        self._bounds = bounds_of(picture)
+        if self._bounds is not None:
+            height = max([matrix.form.height for matrix in picture.of(Tiles)], default=0.0)
+            self._cameras.fit(self._bounds, height)
+
+    def _encircle(self) -> None:
+        """Show a ring around the selected agent, and its name above."""
+        discs, row = self._discs, self._row()
+        rows = slice(row, row + 1) if row >= 0 else slice(0, 0)
+        places = np.stack([discs.x, discs.y, np.full(len(discs), 0.05)], axis=1)[rows]
+        sizes = np.stack([1.25 * discs.radius] * 2 + [np.ones(len(discs))], axis=1)[rows]
+        color: Any = np.tile(np.array(_ACCENT, np.uint8), (len(places), 1))
+        self._ring.show(ring(), places, upright(np.zeros(len(places))), sizes, color)
+        self._name.visible = row >= 0
+        if row >= 0:
+            self._name.text = self._selected
+            self._name.position = (discs.x[row], discs.y[row], 1.5 * discs.height[row])
+
+    def _row(self) -> int:
+        """The row of the selected agent's disc, preferably one with a heading; -1 for none."""
+        if not self._selected:
+            return -1
+        discs = self._discs
+        rows = [row for row in range(len(discs)) if discs.agent(row) == self._selected]
+        headed = [row for row in rows if discs.heading[row]]
+        return next(iter(headed or rows), -1)
+
+
+def _light(scene: SceneApi, shadows: bool) -> None:
+    """A bright sky and soft shadows."""
+    scene.set_up_direction("+z")
+    scene.world_axes.visible = False
+    scene.configure_default_lights(cast_shadow=shadows)
+    scene.configure_environment_map(environment_intensity=0.6)

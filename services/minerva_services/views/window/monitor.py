@@ -1,0 +1,86 @@
+"""A thread that polls a world's status and performs actions, so that windows never block."""
+
+from __future__ import annotations
+
+import threading
+import time
+from queue import Empty, SimpleQueue
+
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.world.operator import Operator, WorldStatus
+from minerva_services.views.window.actions import WorldAction
+
+EVERY = 0.25
+SHOWN_FOR = 5.0
+_CLOSED_WITHIN = 2.0
+
+
+class WorldMonitor:
+    """Polls the world's status every quarter of a second, and performs queued actions in order.
+
+    `status` is the latest, None before the first; `notice` reports the last action or its failure
+    for a few seconds.
+    """
+
+    def __init__(self, operator: Operator, every: float = EVERY) -> None:
+        self.status: WorldStatus | None = None
+        self._operator = operator
+        self._every = every
+        self._deeds: SimpleQueue[WorldAction | None] = SimpleQueue()
+        self._given, self._done = 0, 0
+        self._notice, self._noticed = "", 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
+        self._thread.start()
+
+    @property
+    def notice(self) -> str:
+        """Report of the last action, while it is recent."""
+        return self._notice if time.monotonic() < self._noticed + SHOWN_FOR else ""
+
+    @property
+    def busy(self) -> bool:
+        """True while actions are queued: the status may predate them."""
+        return self._given != self._done
+
+    def do(self, action: WorldAction | None) -> None:
+        """Queue an action; None is ignored."""
+        if action is not None:
+            self._given += 1
+            self._deeds.put(action)
+
+    def notify(self, text: str) -> None:
+        """Show a line for a few seconds."""
+        self._noticed, self._notice = time.monotonic(), text
+
+    def close(self) -> None:
+        """Stop polling."""
+        self._over.set()
+        self._deeds.put(None)
+        self._thread.join(_CLOSED_WITHIN)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            try:
+                action = self._deeds.get(timeout=self._every)
+            except Empty:
+                action = None
+            if self._over.is_set():
+                return
+            self._try(action)
+            self._done += action is not None
+
+    def _try(self, action: WorldAction | None) -> None:
+        try:
+            if action is not None:
+                self.notify(action.do(self._operator))
+            self.status = self._operator.status()
+        except MisuseError as error:  # the world has no operator: report it once
+            self.notify(str(error))
+            if action is None:
+                self._over.set()
+        except MinervaError as error:
+            self.notify(str(error).partition("\n")[0])
+        except Exception:
+            if not self._over.is_set():  # a closing session raises many types
+                raise

@@ -1,0 +1,127 @@
+"""Options shared by views in windows: a window, PNG pictures, or a video."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.outputs import check_output
+
+_SIDES = range(100, 7681)
+_VIDEOS = (".mp4", ".gif")
+RATE = 30.0
+"""Maximum views per second of a window."""
+
+
+class Medium(Enum):
+    """Where a view is displayed."""
+
+    WINDOW = "window"
+    PICTURES = "pictures"
+    VIDEO = "video"
+
+
+@dataclass(frozen=True, slots=True)
+class WindowOptions:
+    """Options, validated on creation; raises MisuseError.
+
+    `service` is the name of the view and of its extra, `needs` the modules that it imports. The
+    others are documented with the views.
+    """
+
+    service: str
+    needs: tuple[str, ...] = ("pygame",)
+    width: int = 1200
+    height: int = 800
+    path: str = ""
+    every: int = 0
+    frames: bool = False
+    video: str = ""
+    fps: float = 0.0
+    speed: float = 1.0
+    click: str = ""
+    slide: str = ""
+    follow: str = ""
+    environment: Mapping[str, str] = field(default_factory=lambda: os.environ, repr=False)
+
+    def __post_init__(self) -> None:
+        for name, side in (("width", self.width), ("height", self.height)):
+            if side not in _SIDES:
+                raise self._wrong(f"{name} is {side}; expected 100 to 7680 pixels")
+        if self.path and self.video:
+            raise self._wrong("path and video are both set; use one, or add a second view")
+        if self.path and not self.path.lower().endswith(".png"):
+            raise self._wrong(f"path is {self.path!r}; expected a name that ends in .png")
+        if self.video and not self.video.lower().endswith(_VIDEOS):
+            raise self._wrong(f"video is {self.video!r}; expected a name that ends in .mp4 or .gif")
+        if self.every < 0:
+            raise self._wrong(f"every is {self.every}; expected a number of frames from 0")
+        if not (0 <= self.fps <= 120 and 0 < self.speed <= 1e6):
+            raise self._wrong("fps must be 0 to 120 and speed above 0")
+        self._check_installed()
+        self._check_display()
+        self._check_output()
+
+    @property
+    def medium(self) -> Medium:
+        """The medium, from the options that are set."""
+        if self.video:
+            return Medium.VIDEO
+        return Medium.PICTURES if self.path else Medium.WINDOW
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Size in pixels; even for a video, as its encoder requires."""
+        if self.medium is Medium.VIDEO:
+            return self.width // 2 * 2, self.height // 2 * 2
+        return self.width, self.height
+
+    @property
+    def asks_every(self) -> int:
+        """Frames between views; 0 for a window, which is timed by the clock."""
+        return self.every or {Medium.WINDOW: 0, Medium.PICTURES: 10, Medium.VIDEO: 1}[self.medium]
+
+    @property
+    def rate(self) -> float:
+        """Maximum views per second; 0: by frames."""
+        return RATE if self.medium is Medium.WINDOW and not self.every else 0.0
+
+    def _check_installed(self) -> None:
+        extras = [(module, self.service) for module in self.needs]
+        extras += [("av", "video")] if self.video else []
+        missing = [extra for module, extra in extras if importlib.util.find_spec(module) is None]
+        if missing:
+            wanted = ",".join(dict.fromkeys(missing))
+            raise self._wrong(f"it needs a library: pip install 'minerva-bus[{wanted}]'")
+
+    def _check_display(self) -> None:
+        if self.medium is Medium.WINDOW and not has_display(self.environment):
+            raise self._wrong(
+                "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not"
+                " set); write pictures with path=FILE.png, or a video with video=FILE.mp4"
+            )
+
+    def _check_output(self) -> None:
+        """Reject an output file that must not be overwritten before the world runs."""
+        file = self.video or ("" if self.frames else self.path)
+        if file:
+            check_output(Path(file), self.service)
+
+    def _wrong(self, problem: str) -> MisuseError:
+        return MisuseError(f"{self.service}: {problem}")
+
+
+def has_display(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
+    """True if windows can be opened here, according to the environment.
+
+    SDL_VIDEODRIVER overrides the check.
+    """
+    if platform in ("win32", "darwin"):
+        return True
+    return any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"))

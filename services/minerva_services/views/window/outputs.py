@@ -1,0 +1,71 @@
+"""Where a view without a window goes: PNG pictures or a video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from minerva_services.views.window.options import WindowOptions
+from minerva_services.views.window.painter import Pixels
+from minerva_services.views.window.pictures import PngWriter
+from minerva_services.views.window.video import Timing, VideoWriter
+
+Draw = Callable[[], Pixels]
+"""Draws the current view. Called only for views that are written."""
+
+
+class Output(Protocol):
+    """A destination of drawn views."""
+
+    def add(self, frame: int, draw: Draw) -> None:
+        """Write the view of a frame. Raises MisuseError."""
+        ...
+
+    def report(self) -> Mapping[str, str]:
+        """The file written, if any."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file."""
+        ...
+
+
+class PictureOutput:
+    """A PNG picture of each view."""
+
+    def __init__(self, options: WindowOptions) -> None:
+        self._writer = PngWriter(options.path, options.frames)
+
+    def add(self, frame: int, draw: Draw) -> None:
+        self._writer.add(frame, draw())
+
+    def report(self) -> Mapping[str, str]:
+        written = self._writer.written
+        return {} if written is None else {"picture": str(written)}
+
+    def close(self) -> None:
+        pass
+
+
+class VideoOutput:
+    """A video, in which a view may be shown by several pictures or by none."""
+
+    def __init__(self, options: WindowOptions, dt: float, every: int) -> None:
+        suffix = Path(options.video).suffix.lower()
+        self._path = options.video
+        self._timing = Timing.of(dt, options.speed, every, options.fps, suffix)
+        self._writer = VideoWriter(options.video, options.size, self._timing.fps)
+
+    def add(self, frame: int, draw: Draw) -> None:
+        times = self._timing.times(frame)
+        if times:
+            pixels = draw()
+            for _ in range(times):
+                self._writer.add(pixels)
+
+    def report(self) -> Mapping[str, str]:
+        return {"video": self._path} if self._writer.pictures else {}
+
+    def close(self) -> None:
+        self._writer.close()
