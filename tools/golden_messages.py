@@ -36,11 +36,11 @@ from minerva_bus import (
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.fields import Field, Fields
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.patch import Change, Delta
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import AgentNode
-from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.types import parse_type
 from minerva_bus.wire.codec import encode
 from minerva_bus.world import readings as r

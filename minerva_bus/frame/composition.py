@@ -25,6 +25,7 @@ from minerva_bus.grammar.scene import (
     still,
 )
 from minerva_bus.grammar.slots import fill, fill_slots
+from minerva_bus.grammar.unique_ids import same_id
 
 PART: Final = "~"
 """What the names of parts of populations begin with, and no agent's id."""
@@ -83,7 +84,7 @@ class Composition:
         self.fragments[node.id] = node
         for inner in agents(Scene((node,))):
             if inner.id in self._home:
-                raise VocabularyError(f"two agents have the id #{inner.id}")
+                raise VocabularyError(same_id(inner.id))
             self._home[inner.id] = node.id
             self._kind[inner.id] = inner.symbol
         return Scene((AgentNode(node.symbol, node.id),))
@@ -109,7 +110,7 @@ class Composition:
             known.append(Ids.of(list(self._home)))
         twice = Ids.in_common(known)
         if twice is not None:
-            raise VocabularyError(f"two agents have the id #{twice}")
+            raise VocabularyError(same_id(twice))
 
     @property
     def scene(self) -> Scene:

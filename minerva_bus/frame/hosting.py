@@ -10,9 +10,9 @@ from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns, size
-from minerva_bus.grammar.patch import Delta, difference
+from minerva_bus.grammar.delta import Delta, difference
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent

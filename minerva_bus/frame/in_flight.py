@@ -10,7 +10,7 @@ from minerva_bus.frame.composition import Layout
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.trial import Trial
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.patch import Delta
+from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeAlias
 
 from minerva_bus.frame.schema import AtLeast, AtMost, Mark, Note, Wire, Within
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.patch import Delta
+from minerva_bus.grammar.delta import Delta
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import AgentKind
 from minerva_bus.grammar.vocabulary import Vocabulary

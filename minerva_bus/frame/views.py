@@ -14,8 +14,8 @@ from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.plain import plain_form
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.patch import check, patched
 from minerva_bus.grammar.scene import EMPTY, Scene
 
 

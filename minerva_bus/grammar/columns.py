@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.ids import LONGEST, Ids
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
@@ -33,7 +34,6 @@ from minerva_bus.grammar.scene import (
     walk,
     with_scope,
 )
-from minerva_bus.grammar.turnover import RowDelta
 
 MANY: Final = 32
 """So many neighbours of one shape, and more, digest as one (and are worth being columns)."""

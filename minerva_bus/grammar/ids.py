@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from minerva_bus.grammar.joining import Joinable
 from minerva_bus.grammar.places import Numbers, Places, Rows, found_in, hashes_of
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import AGENT_ID
-from minerva_bus.grammar.turnover import RowDelta
 
 LONGEST: Final = 64
 _LINES = re.compile(rb"(?:[A-Za-z0-9_][A-Za-z0-9_:-]*+\n)*+")

@@ -14,10 +14,8 @@ from minerva_bus.grammar.columns import Columns, packed, rewritten
 from minerva_bus.grammar.condition import Scope, parse_condition
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.fields import Fields
-from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.parser import Parsed, parse_located
 from minerva_bus.grammar.scene import (
-    AGENT_ID,
     AgentNode,
     FigureNode,
     Node,
@@ -28,6 +26,7 @@ from minerva_bus.grammar.scene import (
 )
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.unique_ids import UniqueIds, no_id
 
 
 class HasKind(Protocol):
@@ -132,7 +131,7 @@ class Vocabulary:
 
         Nodes that are so already are shared. Raises VocabularyError; ids must be unique.
         """
-        taken = _Taken()
+        taken = UniqueIds()
 
         def leave(node: Node, scope: Scene) -> Node:
             try:
@@ -165,7 +164,7 @@ class Vocabulary:
                 return False
         return True
 
-    def _with_known_ids(self, part: Columns, taken: _Taken, source: str) -> Columns:
+    def _with_known_ids(self, part: Columns, taken: UniqueIds, source: str) -> Columns:
         if part.ids is not None:
             try:
                 taken.add_all(part.ids)
@@ -258,7 +257,7 @@ class Vocabulary:
             self.check_condition(events.type, events.condition, source)
         for ids in (events.senders, events.receivers):
             if ids is not None and ids.strange is not None:
-                raise VocabularyError(f"{ids.strange!r} is no id of an agent", source=source)
+                raise VocabularyError(no_id(ids.strange), source=source)
         return events
 
 
@@ -275,35 +274,6 @@ def _entry(entry: Entry | type[HasKind]) -> Entry:
             ' and agent classes with a symbol, class Fox(Agent, symbol="AFox")'
         )
     return kind
-
-
-class _Taken:
-    """The ids of a string, none of them twice."""
-
-    def __init__(self) -> None:
-        self._single: set[str] = set()
-        self._many: list[Ids] = []
-
-    def add(self, name: str) -> None:
-        """One more. Raises Unfit."""
-        if AGENT_ID.fullmatch(name) is None:
-            raise Unfit(f"{name!r} is no id of an agent: letters, digits and _ : - only")
-        if name in self._single or any(ids.row_of(name) >= 0 for ids in self._many):
-            raise Unfit(f"two agents have the id #{name}")
-        self._single.add(name)
-
-    def add_all(self, ids: Ids) -> None:
-        """Many more. Raises Unfit."""
-        if (strange := ids.strange) is not None:
-            raise Unfit(f"{strange!r} is no id of an agent: letters, digits and _ : - only")
-        if (twice := ids.duplicate) is not None:
-            raise Unfit(f"two agents have the id #{twice}")
-        singles = Ids.of(sorted(self._single)) if self._single else None
-        for others in (*self._many, *((singles,) if singles is not None else ())):
-            rows = ids.rows_of(others)
-            if (rows >= 0).any():
-                raise Unfit(f"two agents have the id #{ids[int(rows.max())]}")
-        self._many.append(ids)
 
 
 def _in_order(receivers: tuple[str, ...]) -> tuple[str, ...]:

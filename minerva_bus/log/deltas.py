@@ -22,8 +22,8 @@ from typing import Any, Final, cast
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.patch import difference, patched
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,

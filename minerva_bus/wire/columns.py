@@ -22,11 +22,12 @@ from minerva_bus.grammar.arrays import fits
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.column import Column
 from minerva_bus.grammar.columns import CHAIN, Columns
+from minerva_bus.grammar.delta import Change, Delta
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.patch import Change, Delta
-from minerva_bus.grammar.turnover import RowDelta
+from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.unique_ids import same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.arrays import (
     are_ids,
@@ -160,7 +161,7 @@ class ColumnsReader:
             if (letter == "A") == (ids is not None):
                 read = read_ids(ids, count) if ids is not None else None
                 if read is not None and read.duplicate is not None:
-                    raise ProtocolError(f"two agents have the id #{read.duplicate}")
+                    raise ProtocolError(same_id(read.duplicate))
                 return Columns(symbol, fields.names, columns, count, read, scope)
         raise ProtocolError(f"{symbol[:40]!r} cannot stand in columns like this")
 
@@ -221,7 +222,7 @@ class ColumnsReader:
             raise ProtocolError(f"born row {born[-1]} is not below {turnover.after}")
         newborn = None if ids is None else read_ids(ids, len(born))
         if newborn is not None and newborn.duplicate is not None:
-            raise ProtocolError(f"two agents have the id #{newborn.duplicate}")
+            raise ProtocolError(same_id(newborn.duplicate))
         return turnover, newborn
 
     def _change(self, plain: Any, count: int, fields: list[Fields]) -> Change:

@@ -45,6 +45,7 @@ from minerva_bus.grammar.scene import (
     agents,
 )
 from minerva_bus.grammar.types import Unfit
+from minerva_bus.grammar.unique_ids import same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.wire.columns import (
     ColumnsReader,
@@ -195,7 +196,7 @@ class Reader:
             [*self._columns_ids, *([Ids.of(sorted(self._ids))] if self._ids else [])]
         )
         if twice is not None:
-            raise ProtocolError(f"two agents have the id #{twice}"[:_MAX_ERROR_CHARS])
+            raise ProtocolError(same_id(twice)[:_MAX_ERROR_CHARS])
 
     def _scene(self, flat: list[Any]) -> Scene:
         if not flat:
@@ -254,7 +255,7 @@ class Reader:
     def _new_id(self, plain: Any) -> str:
         agent_id = self._id(plain)
         if agent_id in self._ids:
-            raise ProtocolError(f"two agents have the id #{agent_id}"[:_MAX_ERROR_CHARS])
+            raise ProtocolError(same_id(agent_id)[:_MAX_ERROR_CHARS])
         self._ids.add(agent_id)
         return agent_id
 

@@ -36,6 +36,7 @@ from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import AGENT_ID, EMPTY, AgentNode, Scene
 from minerva_bus.grammar.symbols import AgentKind
+from minerva_bus.grammar.unique_ids import no_id
 from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import (
     ON,
@@ -156,7 +157,7 @@ class Agent:
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(id) is None:
-            raise MisuseError(f"{id!r} is no id of an agent: letters, digits and _ : - only")
+            raise MisuseError(no_id(id))
         fields = self.kind.fields
         values = fields.bind(f"{self.kind.name}#{id}", (), state)
         self.__dict__.update(zip(fields.names, values, strict=True))
@@ -242,7 +243,7 @@ class Agent:
         if not len(column):
             return EMPTY
         if (strange := column.strange) is not None:
-            raise MisuseError(f"{strange!r} is no id of an agent: letters, digits and _ : - only")
+            raise MisuseError(no_id(strange))
         return Scene((Columns(owner, fields.names, columns, len(column), column),))
 
     @property

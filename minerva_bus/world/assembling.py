@@ -13,8 +13,8 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.column import Column, Rows, bits
 from minerva_bus.grammar.columns import Columns, packed
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import EMPTY, Piece, Scene
-from minerva_bus.grammar.turnover import RowDelta
 from minerva_bus.world.population import Birth, PopulationState
 
 _FEW = 0.25

@@ -28,9 +28,9 @@ from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.views import patch_all
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import Delta, difference, patched
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.patch import Delta, difference, patched
-from minerva_bus.grammar.turnover import RowDelta
+from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.log.deltas import apply_delta, delta_between
 from minerva_bus.wire.columns import plain_columns, plain_patch
 from minerva_bus.wire.limits import Limits

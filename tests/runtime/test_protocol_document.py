@@ -18,8 +18,8 @@ import pytest
 from minerva_bus import Event, Events, Scene
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.delta import patched
 from minerva_bus.grammar.parser import parse_value
-from minerva_bus.grammar.patch import patched
 from minerva_bus.grammar.printer import value_text
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.wire import codec

@@ -1,4 +1,4 @@
-"""What differs between two strings in columns: what travels instead of all of the new one."""
+"""The difference between two states of columns, which travels instead of the new state."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from minerva_bus.grammar.column import Column, Rows
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.turnover import RowDelta
+from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.unique_ids import same_id
 
-FEW: Final = 0.25
-"""Of a column in which more has changed all travels, which is shorter."""
+MAX_PART: Final = 0.25
+"""Part of a column that may have changed; if more has, the whole column is shorter than its rows
+with their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """Other values of one name at one level of the shape: in some rows, or (None) in all."""
+    """New values of one name at one level of the shape, in these rows or (None) in all."""
 
     level: int
     place: int
@@ -30,10 +32,10 @@ class Change:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delta:
-    """Changes of columns that have this many rows and these symbols, from outside to inside.
+    """Changes of columns with `count` rows and these symbols, from outside to inside.
 
-    With a `turnover` the changes are of the rows as they are after it, and every column has one
-    for those born, as they have values nowhere else. `born` are their ids, where they are agents.
+    With a `turnover` the row numbers of changes are those after it, and each column has a change
+    for the added rows, whose values are nowhere else. `born` are the ids of added agents.
     """
 
     count: int
@@ -44,9 +46,9 @@ class Delta:
 
 
 def difference(old: Columns, new: Columns, turnover: RowDelta | None = None) -> Delta | None:
-    """What makes the new columns of the old; None where it has to be all of them.
+    """The delta from the old columns to the new; None where the new ones must be sent as they are.
 
-    Agents have come and gone as their ids say. For others `turnover` says so.
+    Ids tell which agents were removed and added; for columns without ids, `turnover` tells it.
     """
     if old.shape != new.shape:
         return None
@@ -66,57 +68,59 @@ def difference(old: Columns, new: Columns, turnover: RowDelta | None = None) -> 
 
 def _changes(old: Columns, new: Columns, turnover: RowDelta | None) -> Iterator[Change]:
     for level, (before, after) in enumerate(zip(old.levels(), new.levels(), strict=True)):
-        for place, (column, other) in enumerate(zip(before.columns, after.columns, strict=True)):
-            rows = _other_rows(column, other) if turnover is None else _in(turnover, column, other)
-            if rows is None or len(rows) > FEW * len(other):
-                yield Change(level, place, None, other)
+        for place, (was, now) in enumerate(zip(before.columns, after.columns, strict=True)):
+            rows = _changed_rows(was, now) if turnover is None else _rows_after(turnover, was, now)
+            if rows is None or len(rows) > MAX_PART * len(now):
+                yield Change(level, place, None, now)
             elif len(rows):
-                yield Change(level, place, rows, other.take(rows))
+                yield Change(level, place, rows, now.take(rows))
 
 
-def _other_rows(old: Column, new: Column) -> Rows | None:
+def _changed_rows(old: Column, new: Column) -> Rows | None:
     if old is new:
         return np.empty(0, np.intp)
     rows = new.rows_since(old)
     return old.differs(new) if rows is None else rows
 
 
-def _in(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
-    """The rows that have other values after a turnover, among them all that are born."""
+def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
+    """The rows with new values after a turnover, including all added rows."""
     if old.ids is not None and new.ids is not None and new.ids.since(old.ids) is turnover:
         return turnover.born
     rows = old.take(turnover.source).differs(new)
     if rows is None or not len(turnover.born):
         return rows
-    found = np.zeros(turnover.after, np.bool_)
-    found[rows] = found[turnover.born] = True
-    return np.flatnonzero(found)
+    changed = np.zeros(turnover.after, np.bool_)
+    changed[rows] = changed[turnover.born] = True
+    return np.flatnonzero(changed)
 
 
-def check(old: Columns, patch: Delta) -> None:
-    """Raise Unfit where a patch is none of these columns."""
+def check(old: Columns, delta: Delta) -> None:
+    """Raise Unfit where a delta does not apply to these columns."""
     symbols = tuple([level.symbol for level in old.levels()])
-    if patch.count != old.count or patch.symbols != symbols:
+    if delta.count != old.count or delta.symbols != symbols:
         raise Unfit(f"a patch of {old.count} {old.symbol}")
-    turnover = patch.turnover
+    turnover = delta.turnover
     if turnover is None:
         return
     if not turnover.after or turnover.count != old.count:
         raise Unfit(f"a patch that leaves nothing of {old.count} {old.symbol}")
-    born = 0 if patch.born is None else len(patch.born)
+    born = 0 if delta.born is None else len(delta.born)
     if born != (len(turnover.born) if old.ids is not None else 0):
         raise Unfit(f"a patch with {born} ids for {len(turnover.born)} more {old.symbol}")
-    told = {(change.level, change.place) for change in patch.changes if _tells(change, turnover)}
-    if len(turnover.born) and len(told) < len(old.all_columns()):
+    complete = {
+        (change.level, change.place) for change in delta.changes if _covers_born(change, turnover)
+    }
+    if len(turnover.born) and len(complete) < len(old.all_columns()):
         raise Unfit(f"a patch without values for {len(turnover.born)} more {old.symbol}")
 
 
-def patched(old: Columns, patch: Delta) -> Columns:
-    """The old columns with a patch. Raises Unfit where it is none of theirs."""
-    check(old, patch)
-    turned = old if patch.turnover is None else _turned(old, patch.turnover, patch.born)
+def patched(old: Columns, delta: Delta) -> Columns:
+    """The old columns with a delta applied. Raises Unfit where it does not apply to them."""
+    check(old, delta)
+    turned = old if delta.turnover is None else _turned(old, delta.turnover, delta.born)
     columns = [list(level.columns) for level in turned.levels()]
-    for change in patch.changes:
+    for change in delta.changes:
         before = columns[change.level][change.place]
         columns[change.level][change.place] = (
             change.column if change.rows is None else before.with_rows(change.rows, change.column)
@@ -125,20 +129,20 @@ def patched(old: Columns, patch: Delta) -> Columns:
 
 
 def _turned(old: Columns, turnover: RowDelta, born: Ids | None) -> Columns:
-    """The rows after a turnover; those born have no values of their own yet."""
+    """The rows after a turnover; added rows have values of other rows until the changes apply."""
     turned = old.changed(lambda column: column.take(turnover.source), turnover.after)
     if old.ids is None:
         return turned
     ids = old.ids.turned(turnover, born)
     if ids.duplicate is not None:
-        raise Unfit(f"a patch by which two agents have the id #{ids.duplicate}")
+        raise Unfit(f"a patch by which {same_id(ids.duplicate)}")
     return replace(turned, ids=ids)
 
 
-def _tells(change: Change, turnover: RowDelta) -> bool:
-    """Whether a change has values for all who are born."""
+def _covers_born(change: Change, turnover: RowDelta) -> bool:
+    """Whether a change has values for all added rows."""
     if change.rows is None or not len(turnover.born):
         return True
-    told = np.zeros(turnover.after, np.bool_)
-    told[change.rows] = True
-    return bool(told[turnover.born].all())
+    changed = np.zeros(turnover.after, np.bool_)
+    changed[change.rows] = True
+    return bool(changed[turnover.born].all())

@@ -1,4 +1,4 @@
-"""Deaths and births in columns: which rows stay, in their order, and where new ones are."""
+"""Which rows of columns were removed, which were added, and where."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class RowDelta:
-    """`count` rows become others: those `gone` are no more, those `born` were not there before.
+    """Rows removed from columns of `count` rows, and rows added; the others keep their order.
 
-    `gone` are rising row numbers of the old, `born` rising ones of the new.
+    `gone` are ascending row numbers before the change, `born` ascending row numbers after it.
     """
 
     count: int
@@ -24,12 +24,12 @@ class RowDelta:
 
     @property
     def after(self) -> int:
-        """How many rows there are then."""
+        """Number of rows after the change."""
         return self.count - len(self.gone) + len(self.born)
 
     @cached_property
     def source(self) -> Rows:
-        """The old row of each new one, shape (after,); of those born row 0, which says nothing."""
+        """The old row of each new one, shape (after,); 0 for added rows, which have none."""
         stays = np.ones(self.count, np.bool_)
         stays[self.gone] = False
         old = np.ones(self.after, np.bool_)
@@ -40,9 +40,9 @@ class RowDelta:
 
     @staticmethod
     def of(was: Rows, count: int) -> RowDelta | None:
-        """By the old row of each new one, -1 where it was not there.
+        """From the old row of each new one, -1 for added rows.
 
-        None where they are not in their order any more, or none of them is there.
+        None where the rows are in another order, or none of the old ones is left.
         """
         stays = was[was >= 0]
         if not len(stays) or (stays[1:] <= stays[:-1]).any():

@@ -1,0 +1,42 @@
+"""Ids of agents are unique in a string: the check, and what is said where one is not."""
+
+from __future__ import annotations
+
+from minerva_bus.grammar.fitting import Unfit
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.grammar.scene import AGENT_ID
+
+
+def same_id(agent_id: str) -> str:
+    """What is wrong where two agents have this id."""
+    return f"two agents have the id #{agent_id}"
+
+
+def no_id(text: str) -> str:
+    """What is wrong with a text that cannot be an agent's id."""
+    return f"{text!r} is no id of an agent: letters, digits and _ : - only"
+
+
+class UniqueIds:
+    """The ids of a string, added one by one or as columns. Raises Unfit at the second of two."""
+
+    def __init__(self) -> None:
+        self._single: set[str] = set()
+        self._columns: list[Ids] = []
+
+    def add(self, agent_id: str) -> None:
+        """Add the id of one agent. Raises Unfit."""
+        if AGENT_ID.fullmatch(agent_id) is None:
+            raise Unfit(no_id(agent_id))
+        if agent_id in self._single or any(ids.row_of(agent_id) >= 0 for ids in self._columns):
+            raise Unfit(same_id(agent_id))
+        self._single.add(agent_id)
+
+    def add_all(self, ids: Ids) -> None:
+        """Add the ids of agents in columns. Raises Unfit."""
+        if (strange := ids.strange) is not None:
+            raise Unfit(no_id(strange))
+        known = [*self._columns, *([Ids.of(sorted(self._single))] if self._single else [])]
+        if (duplicate := Ids.in_common([ids, *known])) is not None:
+            raise Unfit(same_id(duplicate))
+        self._columns.append(ids)
