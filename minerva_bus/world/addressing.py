@@ -48,19 +48,17 @@ class Addressed:
         Only those whose index is greater than `after`.
         """
         events = self.events
-        indexes = [
-            index
-            for event_type, every in self._everyone.items()
-            if event_type in event_types
-            for index in every
-        ]
-        indexes += [
-            index for index in self._single.get(agent_id, ()) if events[index].type in event_types
-        ]
-        concerning = [(index, events[index]) for index in indexes if index > after]
+        concerning: list[tuple[int, AnyEvent]] = []
+        for event_type, indexes in self._everyone.items():
+            if event_type in event_types:
+                concerning += [(index, events[index]) for index in indexes if index > after]
+        for index in self._single.get(agent_id, ()):
+            if index > after and events[index].type in event_types:
+                concerning.append((index, events[index]))
         if self._batches:
             concerning += self._in_batches(agent_id, event_types, after)
-        concerning.sort(key=_index)
+        if len(concerning) > 1:
+            concerning.sort(key=_index)
         return concerning
 
     def _in_batches(

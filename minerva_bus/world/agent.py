@@ -47,6 +47,7 @@ from minerva_bus.world.declaring import (
     chances_of,
     handlers,
     state_of,
+    takes_batch,
 )
 from minerva_bus.world.lineage import check_births, child_id
 from minerva_bus.world.population_of_one import as_one, view_as_one
@@ -121,6 +122,8 @@ class Agent:
     views: ClassVar[dict[str, ViewHandler]] = {}
     population: ClassVar[dict[str, Handler]] = {}
     population_views: ClassVar[dict[str, ViewHandler]] = {}
+    batches: ClassVar[frozenset[str]] = frozenset()
+    """Event types of which a method for one agent takes all events of a frame in one call."""
 
     id: str
     scope: Scene
@@ -133,6 +136,7 @@ class Agent:
         activities, views = handlers(cls, ON), handlers(cls, VIEW)
         cls.population = _for_many(activities)
         cls.population_views = _for_many(views)
+        cls.batches = frozenset([e for e, function in activities.items() if takes_batch(function)])
         cls.activities = activities | {e: as_one(f) for e, f in cls.population.items()}
         cls.views = views | {e: view_as_one(f) for e, f in cls.population_views.items()}
         inherited: AgentKind | None = getattr(cls, "kind", None)

@@ -26,7 +26,6 @@ from minerva_bus.source import assignments
 from minerva_bus.world.addressing import Addressed
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.context import Context
-from minerva_bus.world.declaring import takes_batch
 from minerva_bus.world.event_batch import EventBatch, merged
 from minerva_bus.world.kinds import ActivityError, Kinds
 
@@ -80,27 +79,31 @@ class AgentStep:
 
         Returns the index of the last event processed.
         """
-        symbol, place, index = self.symbol, 0, -1
+        symbol, batches, place, index = self.symbol, self._batches(), 0, -1
         while place < len(events) and self.symbol == symbol:
             index, event = events[place]
-            items = [event]
-            if self._takes_batch(event.type):
-                items = [item for _, item in takewhile(_of_type(event.type), events[place:])]
-                index = events[place + len(items) - 1][0]
-            place += len(items)
-            for each in merged(items) if len(items) > 1 else items:
-                self.meet(each)
+            place += 1
+            if event.type in batches:
+                same = [item for _, item in takewhile(_of_type(event.type), events[place:])]
+                place += len(same)
+                index = events[place - 1][0]
+                for batch in merged([event, *same]) if same else (event,):
+                    self.meet(batch)
+            elif isinstance(event, Event):
+                self._meet_single(event)
+            else:
+                self.meet(event)
         return index
 
     def meet(self, event: AnyEvent) -> None:
         """Process an event, or the events of a batch in order. Raises ActivityError."""
-        if isinstance(event, Event) and not self._takes_batch(event.type):
+        if isinstance(event, Event) and event.type not in self._batches():
             self._meet_single(event)
             return
         start, count = 0, count_of(event)
         while start < count and self._responds(event.type):
             rest = event.take(slice(start, None)) if start and isinstance(event, Events) else event
-            if self._takes_batch(event.type):
+            if event.type in self._batches():
                 self._meet_batch(rest)
                 return
             symbol = self.symbol
@@ -114,9 +117,9 @@ class AgentStep:
         cls = self._kinds.get(self.symbol)
         return cls is not None and event_type in cls.activities
 
-    def _takes_batch(self, event_type: str) -> bool:
+    def _batches(self) -> frozenset[str]:
         cls = self._kinds.get(self.symbol)
-        return cls is not None and takes_batch(cls.activities.get(event_type))
+        return cls.batches if cls is not None else frozenset()
 
     def _meet_batch(self, event: AnyEvent) -> None:
         events = event if isinstance(event, Events) else Events.repeated(event, 1)
@@ -140,7 +143,10 @@ class AgentStep:
         return events.take(np.array(rows, np.intp))
 
     def _meet_single(self, event: Event) -> None:
-        agent = self._thawed_once(event)
+        agent = self._agent
+        if agent is None:
+            agent = self._thawed_once(event)
+        self._event = event
         if event.condition and not holds(event.condition, self._now(agent, event).state):
             return
         probability = agent.kind.chance(event.type)

@@ -19,6 +19,7 @@ from minerva_bus.world.rng import (
     Streams,
     answer_key,
     frame_key,
+    hash_of,
     stream,
 )
 
@@ -46,6 +47,11 @@ class FrameStreams:
         self._answers: dict[str, Streams] = {}
         self._generators: dict[str, np.random.Generator] = {}
         self.draws = Streams(ids, frame_key(frame.seed, frame.number))
+
+    @property
+    def alone(self) -> bool:
+        """Whether these are the streams of one agent."""
+        return len(self._ids) == 1
 
     def answers(self, event_type: str) -> Streams:
         """The streams that decide which events of a type are answered by chance."""
@@ -99,11 +105,18 @@ class Context(InFrame):
     emitted: list[Event] = field(default_factory=list[Event])
     streams: FrameStreams | None = None
     row: int = 0
+    _rng: Rng | None = field(default=None, repr=False)
+
+    def enter(self, row: int, agent_id: str) -> None:
+        """Continue as the agent with this id, which has the streams in this row."""
+        self.row, self.who, self._rng = row, "#" + agent_id, None
 
     def shared_streams(self) -> FrameStreams:
         """The streams that this one is among; those of it alone unless others were given."""
         if self.streams is None:
             self.streams = FrameStreams((self.who.removeprefix("#"),), self.frame)
+            if self._rng is not None:
+                self.streams.draws.adopt(self.row, self._rng)
         return self.streams
 
     @property
@@ -114,7 +127,22 @@ class Context(InFrame):
     @property
     def chance(self) -> Rng:
         """The draws of this agent or generator in this frame; equal to those of a population."""
-        return self.shared_streams().draws.row(self.row)
+        rng = self._rng
+        if rng is None:  # kept, because most methods draw several times
+            if self.streams is not None:
+                rng = self.streams.draws.row(self.row)
+            else:
+                key = frame_key(self.frame.seed, self.frame.number)
+                rng = Rng.of(hash_of(self.who.removeprefix("#")), key)
+            self._rng = rng
+        return rng
+
+    def batch(self, population: Population) -> BatchContext:
+        """The same frame for a population of this one agent, with the same streams."""
+        alone = self.streams is None or self.streams.alone
+        rows = None if alone else np.array([self.row], np.intp)
+        streams, self._rng = self.shared_streams(), None  # its stream moves on in the batch
+        return BatchContext(self.frame, streams.draws, population, rows)
 
     def answers(self, event_type: str, probability: float) -> bool:
         """Whether an agent answers the next event of a type that it answers by chance.

@@ -49,7 +49,7 @@ def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
     return {event_type: getattr(cls, name) for event_type, name in found.items()}
 
 
-def takes_batch(function: Callable[..., Any] | None) -> bool:
+def takes_batch(function: Callable[..., Any]) -> bool:
     """Whether a method for single agents takes all events of a frame in one call."""
     return getattr(function, TOGETHER, False) and not getattr(function, POPULATION, False)
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene
-from minerva_bus.world.context import BatchContext, Context
+from minerva_bus.world.context import Context
 from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.event_batch import EventBatch
 from minerva_bus.world.population import Population, PopulationState, returns_nothing
@@ -28,10 +26,8 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
 
     def alone(agent: Agent, event: Event, moment: Context) -> Scene | None:
         state, population = _population_of(agent)
-        draws = moment.shared_streams().draws
-        context = BatchContext(moment.frame, draws, population, np.array([moment.row], np.intp))
         given = EventBatch(Events.repeated(event, 1)) if together else event
-        returns_nothing(activity(population, given, context))
+        returns_nothing(activity(population, given, moment.batch(population)))
         for name, array in state.arrays.items():
             setattr(agent, name, array.tolist()[0])
         for _, sent in state.sent:

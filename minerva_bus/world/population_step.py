@@ -24,7 +24,7 @@ from minerva_bus.world.agent import Agent
 from minerva_bus.world.agent_step import AgentStep, at_fault
 from minerva_bus.world.assembling import Unsound, assembled, emissions
 from minerva_bus.world.context import BatchContext, Context, Frame, FrameStreams
-from minerva_bus.world.declaring import TOGETHER, takes_batch
+from minerva_bus.world.declaring import TOGETHER
 from minerva_bus.world.event_batch import EventBatch, joined
 from minerva_bus.world.kinds import ActivityError, Kinds
 from minerva_bus.world.population import Population, PopulationState, returns_nothing
@@ -63,8 +63,8 @@ class PopulationStep:
             activity = self._cls.activities.get(event_type)
             if population is not None and getattr(population, TOGETHER, False):
                 self._run_together(population, list(group))
-            elif takes_batch(activity):
-                self._run_batches(cast("Activity", activity), list(group))
+            elif activity is not None and event_type in self._cls.batches:
+                self._run_batches(activity, list(group))
             else:
                 self._run_in_rounds(population, activity, group)
 
@@ -232,7 +232,7 @@ class PopulationStep:
         self._ran.append((activity, item))
         try:
             for row, agent, (event, given) in zip(chosen, agents, calls, strict=True):
-                context.row, context.who = row, "#" + agent.id
+                context.enter(row, agent.id)
                 result = activity(agent, given, context)
                 if context.emitted:
                     self._sent.append((row, context.emitted))

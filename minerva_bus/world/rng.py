@@ -197,10 +197,15 @@ class Streams:
     def batch(self, rows: Rows | None = None) -> RngBatch:
         """The streams of some rows, or of all."""
         batch = self._begun()
-        for row, rng in self._single.items():
-            batch.words[row] = rng.word
-        self._single = {}
-        return batch.of(rows)
+        if self._single:
+            for row, rng in self._single.items():
+                batch.words[row] = rng.word
+            self._single = {}
+        return batch if rows is None else batch.of(rows)
+
+    def adopt(self, row: int, rng: Rng) -> None:
+        """Continue the stream in a row where this one is."""
+        self._single[row] = rng
 
     def row(self, row: int) -> Rng:
         """The stream of one agent."""
@@ -216,9 +221,12 @@ class Streams:
 
     def _begun(self) -> RngBatch:
         if self._batch is None:
-            ids = self._ids
-            hashes = ids.hashes if isinstance(ids, Ids) else np.array([*map(hash_of, ids)], "u8")
-            self._batch = RngBatch(RngBatch.begin(hashes, self._key))
+            if isinstance(self._ids, Ids):
+                words = RngBatch.begin(self._ids.hashes, self._key)
+            else:  # few agents: faster without arrays
+                begun = [Rng.of(hash_of(agent), self._key).word for agent in self._ids]
+                words = np.array(begun, np.uint64)
+            self._batch = RngBatch(words)
         return self._batch
 
 
