@@ -48,7 +48,7 @@ HEAD = """\
 """
 
 
-class Wire:
+class MessageDigests:
     """Digests of the messages of a run, by the type of the message."""
 
     def __init__(self) -> None:
@@ -67,9 +67,9 @@ class Wire:
 
 
 class Tapped:
-    """A member whose messages, in both directions, are also given to a Wire."""
+    """A member whose messages, in both directions, are also given to a MessageDigests."""
 
-    def __init__(self, member: Member, wire: Wire) -> None:
+    def __init__(self, member: Member, wire: MessageDigests) -> None:
         self._member, self._wire = member, wire
 
     def __getattr__(self, name: str) -> Any:
@@ -89,7 +89,7 @@ def golden_values(name: str) -> dict[str, str]:
     file = read_world_file(
         ROOT / path if path.endswith(".toml") else find_world(path), Overrides(**overrides)
     )
-    algorithm, wire, digests = FrameAlgorithm(file.world), Wire(), [""]
+    algorithm, wire, digests = FrameAlgorithm(file.world), MessageDigests(), [""]
 
     def watch(instruction: s.Instruction) -> None:
         if isinstance(instruction, s.FrameDone):

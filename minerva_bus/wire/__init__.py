@@ -1,1 +1,1 @@
-"""PROTOCOL.md in code: keys, limits, and every message from bytes and to bytes."""
+"""PROTOCOL.md in Python: keys, limits, and the encoding and decoding of every message."""

@@ -72,7 +72,7 @@ def from_member(vocabulary):
                 lambda found: tuple(vocabulary.kinds[one] for one in found)
             ),
             generates=few, lockstep=st.booleans(), orders=few, draws=few, coupled=st.booleans(),
-            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(),
+            every=numbers, rate=reals().map(abs), topics=few, publishes=few, pid=numbers, host=texts(), people=st.booleans(), ahead=st.booleans(), plain=st.booleans(),
         ),
         st.builds(m.TickReply, members, numbers, some, saved),
         st.builds(
