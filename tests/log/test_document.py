@@ -21,7 +21,7 @@ DOCUMENT = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encodin
 
 
 def test_the_example_runs(tmp_path, monkeypatch, capsys):
-    (example,) = re.findall(r"^```python\n(.*?)^```$", DOCUMENT, re.M | re.S)
+    example, cursor = re.findall(r"^```python\n(.*?)^```$", DOCUMENT, re.M | re.S)
     (tmp_path / "run.mcap").write_bytes(bytes_of("meadow"))
     monkeypatch.chdir(tmp_path)
     exec(compile(example, "records.md", "exec"), {})
@@ -30,6 +30,11 @@ def test_the_example_runs(tmp_path, monkeypatch, capsys):
     record, _ = happened("meadow")[1][2]
     assert said[3] == f"2 {len(record.events)} events, {record.digest.hex()}"
     assert said[61] == str(strings_of("meadow")[10])
+    exec(compile(cursor, "records.md", "exec"), {})
+    state, ahead, after = capsys.readouterr().out.splitlines()
+    assert state.startswith(strings_of("meadow")[10].digest.hex())
+    assert ahead.startswith("10 ")
+    assert after == strings_of("meadow")[11].digest.hex()
 
 
 def test_the_messages_are_as_written(tmp_path):
@@ -60,5 +65,5 @@ def test_the_figures_are_those_of_the_code():
         f"at most {FEWEST_MESSAGES} messages",
         f"{ON_DISK.items // 1_000_000} million items",
     ):
-        assert said in DOCUMENT
+        assert said in " ".join(DOCUMENT.split())
     assert PATIENCE == 1.0
