@@ -1,7 +1,7 @@
-"""Playing a record again, into any view: `minerva replay FILE --view svg`.
+"""Replays a record in any view: `minerva replay FILE --view svg`.
 
-The bus, the views and the launcher are those of any world; only the coordinator takes its frames
-from the record. Code of agents is needed for their views alone, and comes with the world file.
+Bus, views and launcher are those of any world; only the coordinator reads its frames from the
+record. The world file provides the code of agents, which is needed for their views.
 """
 
 from __future__ import annotations
@@ -81,16 +81,16 @@ def replay_coordinator(
 
 
 def _reject(_: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
-    raise ProtocolError("this is a replay: what has happened stays as it was")
+    raise ProtocolError("this is a replay: recorded frames cannot change")
 
 
 def read_replay(
     path: Path, world: str, overrides: Overrides, *, begin: int = 0, speed: float = 1.0
 ) -> Replay:
-    """A record from frame `begin` on, `speed` times as fast as real time; 0: as fast as it goes.
+    """A replay from frame `begin`, `speed` times as fast as real time; 0: as fast as possible.
 
-    `world` names its world file, if that has moved. Raises RecordError and WorldFileError, and
-    MinervaError where the world file is of another world or there is no such frame.
+    `world` names the world file if it has moved. Raises RecordError and WorldFileError, and
+    MinervaError if the file is of another world or the frame does not exist.
     """
     from minerva_bus.log.cursor import Cursor
     from minerva_bus.log.reader import Record
@@ -126,9 +126,9 @@ def _name(overrides: Overrides, told: Description) -> str:
 
 
 def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> Difference:
-    """Run λ over a record again; `progress` is told how many frames are done, and of how many.
+    """Run λ again on a record; `progress` receives the frames done and their total.
 
-    Raises RecordError and WorldFileError, and ActivityError where user code raised.
+    Raises RecordError and WorldFileError, and ActivityError if user code fails.
     """
     from minerva_bus.launch.rerunning import recompute
     from minerva_bus.log.reader import Record
@@ -140,9 +140,9 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
 
 
 def world_file_of(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
-    """The world file that a record's code comes with."""
-    found = find_file(world, told, f"minerva replay {path} WORLD")
-    file = read_world_file(found, completed(given, told))
+    """The world file with the code of a record's agents."""
+    world_file = find_file(world, told, f"minerva replay {path} WORLD")
+    file = read_world_file(world_file, completed(given, told))
     what = differing_vocabulary(file.world, told.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")

@@ -1,10 +1,9 @@
-"""Going on where a record ends: `minerva run --resume FILE`.
+"""Resumes a run where its record ends: `minerva run --resume FILE`.
 
-A record has strings, events and checkpoints, but no code: that comes with the world file, which
-must be of the same vocabulary and the same rules. What a command line does not say, the record
-says: options, seed, name, rate and end. Views of the last frames are made anew by θ, which depends
-on nothing but the string and the events (equation 5), for coupled devices act on them in the frame
-that comes next.
+A record has strings, events and checkpoints, but no code. The code comes from the world file, which
+must have the same vocabulary and rules. Options, seed, name, rate and end come from the record
+unless the command line sets them. θ computes the last views again, because coupled devices act on
+them in the next frame; views depend only on the string and the events (equation 5).
 """
 
 from __future__ import annotations
@@ -39,16 +38,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Resumed(WorldFile):
-    """A world file whose world goes on where the record `origin` ends."""
+    """A world file whose world continues where the record `origin` ends."""
 
     origin: Path = field(default_factory=Path)
 
 
 def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
-    """The world of a record, to go on where it ends; `world` names its file, if it has moved.
+    """The world of a record in its last known state; `world` names its file if it has moved.
 
-    Raises RecordError, WorldFileError and SceneError, and MinervaError where the world file is of
-    another world, or the run is over.
+    Raises RecordError, WorldFileError and SceneError, and MinervaError if the file is of another
+    world or the run is over.
     """
     from minerva_bus.log.reader import Record
 
@@ -77,14 +76,14 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
 
 
 def damage_of(record: Record) -> Iterator[str]:
-    """Words about what is damaged in a record, and what that has cost."""
+    """Messages about the damage of a record and the frames lost."""
     losses = record.losses()
     if losses.damage:
         yield f"{record.path} is damaged: {losses.damaged}; lost: {losses.frames}"
 
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
-    """Words about what was saved for members that are not in a world file."""
+    """Messages about saved data of members that are not in the world file."""
     own = {SOURCE, GIVEN_UP, HALTED, *(one.name for one in file.processes)}
     for name in sorted(checkpoint.saved.keys() - own):
         yield f"what {name} has saved waits for a member of this name: no process has it"
@@ -94,9 +93,9 @@ def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
 
 
 def find_file(world: str, told: Description, wanted: str) -> Path:
-    """The world file that a command line names, or that a record was made with.
+    """The world file that the command line names, or the one a record was made with.
 
-    `wanted` is how it is named where it has moved. Raises WorldFileError.
+    `wanted` is the command that names a file that has moved. Raises WorldFileError.
     """
     if world:
         return find_world(world)
@@ -155,13 +154,13 @@ def _toml(value: Any) -> str:
 
 
 def check_same(world: World, recorded: World, path: Path) -> None:
-    """Complain of a world whose frames would be others. Raises MinervaError."""
+    """Raises MinervaError if the frames of two worlds would differ."""
     for what in differing(world, recorded):
         raise MinervaError(f"{path}: it is the record of another world: {what}")
 
 
 def differing(world: World, recorded: World) -> Iterator[str]:
-    """What makes the frames of two worlds differ, beside their strings."""
+    """Differences between two worlds, beside their strings, that change their frames."""
     for what in ("seed", "dt", "policy"):
         mine, theirs = getattr(world, what), getattr(recorded, what)
         if mine != theirs:
@@ -177,13 +176,13 @@ def differing(world: World, recorded: World) -> Iterator[str]:
 
 
 def differing_vocabulary(world: World, recorded: World) -> str:
-    """How the vocabularies of two worlds differ, or the empty text."""
+    """A message if the vocabularies of two worlds differ, or an empty string."""
     same = plain_vocabulary(world.vocabulary) == plain_vocabulary(recorded.vocabulary)
     return "" if same else "its vocabulary is not the one of the world file"
 
 
 def check_unfinished(world: World, path: Path) -> None:
-    """Complain of a run that is over. Raises MinervaError."""
+    """Raises MinervaError if the run is over."""
     algorithm = FrameAlgorithm(world)
     if algorithm.composition.empty:
         raise MinervaError(f"{path}: this run is over: its string is empty")
@@ -208,7 +207,7 @@ def kinds_in(file: WorldFile) -> Kinds:
 
 
 def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[str, LastView]:
-    """What the coupled devices of a world have been shown last, by visual event type."""
+    """The last views of coupled devices, by visual event type."""
     from minerva_bus.log.errors import RecordError
 
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
@@ -218,7 +217,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[
         mine = [event for event in events if event.type == event_type]
         try:
             string = record.string(frame)
-        except RecordError:  # It is damaged: the device waits for the next view.
+        except RecordError:  # Damaged: the device waits for the next view.
             continue
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
         found[event_type] = LastView(frame, visualize(string, mine, kinds, frame), still)
@@ -226,7 +225,7 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[
 
 
 def _coupled(file: WorldFile) -> frozenset[str]:
-    """The visual event types whose views something may follow from."""
+    """Visual event types whose views can influence later frames."""
     if any(process.command for process in file.processes):  # Nobody knows what they draw.
         return frozenset(one.name for one in file.world.vocabulary.events.values() if one.visual)
     hellos = [process.participant().hello() for process in file.processes]

@@ -1,4 +1,4 @@
-"""The coordinator's process; where it is killed in the midst of a run, another one follows."""
+"""Runs the coordinator's process, and starts a successor if it is killed during a run."""
 
 from __future__ import annotations
 
@@ -15,27 +15,28 @@ from minerva_bus.runtime.coordinator import Coordinator
 
 MAX_SUCCESSIONS = 100
 MAX_FAILURES = 3
-"""Coordinators that may fail by an exception before one gets beyond their frame."""
+"""Coordinators that may fail in the same frame before the run is given up."""
 
 
 class Succession:
-    """One coordinator after another: `count` of them have followed the first.
+    """A sequence of coordinator processes; `count` is the number of successors so far.
 
-    `told` gets each report of theirs, `printed` each line that they print. `listens_at` is where
-    the first one could be reached, and so must the others; `frame` is the last one they reported.
+    `on_report` receives their reports, `on_line` the lines that they print. `listens_at` is the
+    endpoint of the first coordinator, which its successors reuse. `frame` is the last frame
+    reported.
     """
 
     def __init__(
         self,
         around: Surroundings,
         make: Callable[..., Coordinator],
-        told: Callable[[dict[str, Any]], None],
-        printed: Callable[[str], None],
+        on_report: Callable[[dict[str, Any]], None],
+        on_line: Callable[[str], None],
     ) -> None:
         self._around = around
         self._make = make
-        self._told = told
-        self._printed = printed
+        self._on_report = on_report
+        self._on_line = on_line
         self._commands = self._reports = self._output = NOWHERE
         self._report_lines, self._output_lines = Lines(), Lines()
         self.child: Child | None = None
@@ -45,9 +46,9 @@ class Succession:
         self._failed_at, self._failures = -1, 0
 
     def start(self, queued: frozenset[str]) -> None:
-        """Start the first one, or one that goes on from the journal of the last.
+        """Start the first coordinator, or a successor that reads the journal.
 
-        `queued` are the members yet to be started.
+        `queued`: members that are yet to be started.
         """
         around, again = self._around, self.count > 0
         file = around.file
@@ -59,30 +60,30 @@ class Succession:
         self.child, self._commands, self._reports = started
         self._output = self.child.output
         self._report_lines, self._output_lines = Lines(), Lines()
-        around.pipes.listen(self._reports, self._hear_reports)
-        around.pipes.listen(self._output, self._hear_output)
+        around.pipes.listen(self._reports, self._read_reports)
+        around.pipes.listen(self._output, self._read_output)
 
     def command(self, line: str) -> None:
-        """Tell the coordinator something; one that does not listen must not stop us, too."""
+        """Send the coordinator a line; a stuck coordinator must not block the launcher."""
         try:
             self._around.machine.write(self._commands, line.encode() + b"\n")
         except OSError:
-            return  # It has just died, which its exit says, or is stuck, which will be seen.
+            return  # It has died or is stuck; the launcher detects both.
 
     def ended(self) -> None:
-        """The coordinator's process has ended; hear what it said last."""
+        """Read the last reports and lines of a process that has ended."""
         self.child = None
         self._around.machine.close(self._commands)
         self._commands = NOWHERE
         if self._reports != NOWHERE:
-            self._hear_reports()
+            self._read_reports()
         if self._output != NOWHERE:
-            self._hear_output()
+            self._read_output()
 
     def may_go_on(self, code: int) -> bool:
-        """Whether another one follows: its world runs, and it was killed, or failed by a defect.
+        """Whether to start a successor: the world runs, and the process was killed or failed.
 
-        A defect that shows again in the same frame is not transient.
+        A failure that repeats in the same frame is not transient.
         """
         if code == FAILED:
             self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
@@ -91,24 +92,24 @@ class Succession:
         return unexpected and bool(self._around.endpoint) and self.count < MAX_SUCCESSIONS
 
     def go_on(self, queued: frozenset[str]) -> None:
-        """Let another one follow."""
+        """Start a successor."""
         self.count += 1
         self._around.pipes.forget(self._reports)
         self._around.pipes.forget(self._output)
         self.start(queued)
 
-    def _hear_reports(self) -> None:
+    def _read_reports(self) -> None:
         data = self._around.pipes.read(self._reports)
         if data is None:
             self._reports = NOWHERE
         for line in self._report_lines.feed(data or b""):
             report = parsed(line)
             if report is not None:
-                self._told(report)
+                self._on_report(report)
 
-    def _hear_output(self) -> None:
+    def _read_output(self) -> None:
         data = self._around.pipes.read(self._output)
         if data is None:
             self._output = NOWHERE
         for line in self._output_lines.feed(data or b""):
-            self._printed(line)
+            self._on_line(line)

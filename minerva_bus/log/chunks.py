@@ -1,7 +1,7 @@
-"""What is in the chunks of a record: its messages, as far as they are intact.
+"""Messages in the intact chunks of a record.
 
-A chunk whose checksum is wrong is left out as a whole, and said; nothing is unpacked that is larger
-than it says, or than a record can be.
+A chunk with a wrong checksum is skipped as a whole and reported. No chunk is unpacked beyond its
+declared size, or beyond the limits of a record.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _MESSAGE: Final = 0x05
 _MESSAGE_BEGIN: Final = struct.Struct("<HIQQ")
 FEWEST_MESSAGES: Final = 100
 MESSAGES_PER_BYTE: Final = 4
-"""A chunk has at most so many messages, and so many for each of its packed bytes: times differ."""
+"""Maximum messages of a chunk, plus this many per packed byte: messages differ at least in time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message as it is in the file; times are in nanoseconds."""
+    """A message as stored in the file; times in nanoseconds."""
 
     channel_id: int
     sequence: int
@@ -49,11 +49,11 @@ class Message:
 
 
 class Chunks:
-    """The chunks of one file of ours. Raises RecordError where it is none.
+    """The chunks of a record. Raises RecordError if the file is not a record.
 
-    `complete`: it was finished; otherwise its world was killed or its disk was full, and what is
-    missing is at most what came after the last flush; `cut` bytes at its end are then of no whole
-    chunk. `indexed`: its summary is as it was written. `size` is in bytes.
+    `complete`: the file was finished; otherwise the world was killed or the disk was full, and at
+    most the data after the last flush are missing. `cut`: bytes at the end that belong to no
+    complete chunk. `indexed`: the summary is intact. `size`: in bytes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -78,16 +78,16 @@ class Chunks:
 
     @property
     def damage(self) -> list[Damage]:
-        """What is damaged, in order: all outside of chunks, and chunks that were read so far."""
-        return sorted(self._damage.values(), key=lambda one: one.begin)
+        """Damage in order: outside of chunks, and in the chunks read so far."""
+        return sorted(self._damage.values(), key=lambda damage: damage.begin)
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, Message]]:
-        """Topic and message, in order, of some topics; those of damaged chunks are left out."""
+        """Topic and message of some topics, in order; damaged chunks are skipped."""
         for chunk in range(len(self.places)):
             yield from self.messages_in(chunk, topics) or ()
 
     def messages_in(self, chunk: int, topics: Collection[str]) -> list[tuple[str, Message]] | None:
-        """Topic and message, in order, of some topics, in this chunk; None where it is damaged."""
+        """Topic and message of some topics in one chunk, in order; None if it is damaged."""
         wanted = {number: topic for number, topic in self.topics.items() if topic in topics}
         place = self.places[chunk]
         if place.begin in self._damage:
@@ -105,7 +105,7 @@ class Chunks:
     def torn(self, chunk: int) -> bool:
         """Whether a chunk may be lost between this one and the one before.
 
-        The summary knows where all of them lay; without it, any damaged bytes may have been one.
+        The summary lists all chunks; without it, any damaged bytes may have been one.
         """
         return chunk in self._torn
 
@@ -113,25 +113,25 @@ class Chunks:
 
     def _scan(self) -> None:
         self._check_beginning()
-        found = scan(self._file, self.size)
-        _check_profile(self.path, found.header)
-        for one in found.damage:
-            self._note(one)
-        if not found.places:
+        scanned = scan(self._file, self.size)
+        _check_profile(self.path, scanned.header)
+        for damage in scanned.damage:
+            self._note(damage)
+        if not scanned.places:
             raise RecordError(f"{self.path}: it was cut off before anything was in it")
         self._summary = read_summary(self._file, self.size)
-        self.places, self.indexed = found.places, self._summary.sound
-        self.complete = found.complete or self.indexed
-        self.cut = 0 if self.complete else found.cut
-        if found.cut and self.complete:
-            self._note(Damage(self.size - found.cut, self.size, "no record of an MCAP file"))
+        self.places, self.indexed = scanned.places, self._summary.sound
+        self.complete = scanned.complete or self.indexed
+        self.cut = 0 if self.complete else scanned.cut
+        if scanned.cut and self.complete:
+            self._note(Damage(self.size - scanned.cut, self.size, "no record of an MCAP file"))
         begins = [place.begin for place in self.places]
         lay = self._summary.channels.keys() - {*begins} if self.indexed else self._damage.keys()
         self._torn = {bisect(begins, at) for at in lay}
         self.topics = self._topics()
 
     def _check_beginning(self) -> None:
-        """Complain of what never was a record; the beginning of one that was may be damaged."""
+        """Refuse files that never were records; the beginning of a record may be damaged."""
         begin = self._file.read(256)
         self._file.seek(max(0, self.size - len(MAGIC)))
         known = begin.startswith(MAGIC) or b"minerva-bus" in begin or self._file.read() == MAGIC
@@ -139,7 +139,7 @@ class Chunks:
             raise RecordError(f"{self.path}: this is no MCAP file")
 
     def _topics(self) -> dict[int, str]:
-        """All channels are in the first chunk and in the summary; ours always have the same ids."""
+        """Channels are in the first chunk and in the summary; ours always have the same ids."""
         try:
             data = _unpacked(self._file, self.places[0])
             first = _channels(data)
@@ -148,12 +148,12 @@ class Chunks:
             first = {}
         return {**self._summary.topics, **first} or dict(enumerate(OWN, 1))
 
-    def _note(self, one: Damage) -> None:
-        self._damage[one.begin] = one
+    def _note(self, damage: Damage) -> None:
+        self._damage[damage.begin] = damage
 
 
 def _check_profile(path: Path, header: bytes) -> None:
-    """Complain of a file of others; a header of ours may be damaged."""
+    """Refuse MCAP files of other programs; the header of a record may be damaged."""
     size = int.from_bytes(header[:4], "little")
     profile = header[4 : 4 + size].decode("utf-8", "replace")
     if header and profile != PROFILE and b"minerva" not in header:
@@ -171,7 +171,7 @@ def _why(error: Exception) -> str:
 
 
 def _unpacked(file: IO[bytes], place: Place) -> bytes:
-    """What is in a chunk. Raises ValueError, and what decompressors raise."""
+    """The unpacked data of a chunk. Raises ValueError, and the errors of decompressors."""
     file.seek(place.data)
     packed = file.read(place.size)
     data = _decompressed(packed, place)
@@ -183,7 +183,7 @@ def _unpacked(file: IO[bytes], place: Place) -> bytes:
 
 
 def _decompressed(packed: bytes, place: Place) -> bytes:
-    """At most one byte more than the chunk says that there is."""
+    """At most one byte more than the declared size."""
     most = place.unpacked + 1
     if place.packing == "zstd":
         import zstandard
@@ -214,16 +214,16 @@ def _messages(data: bytes, wanted: dict[int, str], place: Place) -> Iterator[tup
 
 
 def _channels(data: bytes) -> dict[int, str]:
-    """The topics of the channels that are in a chunk, by their numbers."""
+    """Topics of the channels in a chunk, by id."""
     from mcap.data_stream import ReadDataStream
     from mcap.records import Channel
 
-    found: dict[int, str] = {}
+    topics: dict[int, str] = {}
     for opcode, begin, end in split(data):
         if opcode == _MESSAGE:
             break  # All channels come before.
         if opcode == CHANNEL:
             channel: Any = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
             topic: str = channel.topic
-            found[channel.id] = FORMER.get(topic, topic)
-    return found
+            topics[channel.id] = FORMER.get(topic, topic)
+    return topics

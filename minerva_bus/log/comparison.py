@@ -1,4 +1,4 @@
-"""Where two records part: `minerva diff`."""
+"""First difference between two records: `minerva diff`."""
 
 from __future__ import annotations
 
@@ -23,82 +23,82 @@ from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import counted
 
 MOST: Final = 10
-"""Of many differences, and of many events, so many are said one by one."""
+"""Maximum number of differences, and of events, that are listed."""
 
 FEW: Final = 3
-"""Of the events that an agent may have had."""
+"""Maximum number of listed events that an agent may have received."""
 
 _LONGEST: Final = 120
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """An attribute that differs, with both its values; `attribute` is empty for a whole agent.
+    """An attribute that differs, with its values in A and B; empty for a whole agent.
 
-    `told` are the events of the frame that the agent may have had.
+    `events`: events of the frame that the agent may have received.
     """
 
     agent: str
     attribute: str
-    one: str
-    other: str
-    told: tuple[str, ...] = ()
+    a: str
+    b: str
+    events: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object."""
+        """As a JSON object."""
         return {
             "agent": self.agent,
             "attribute": self.attribute,
-            "a": self.one,
-            "b": self.other,
-            "events": list(self.told),
+            "a": self.a,
+            "b": self.b,
+            "events": list(self.events),
         }
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first frame in which two records differ, and in what; `frame` is None where in none.
+    """The first frame in which two records differ; `frame` is None if no frame differs.
 
-    `before` says what differed before the first frame, `ended` which record goes on where the
-    other ends. `one` and `other` are the events of the frame that only one of them has. `sides` are
-    what the two are called.
+    `before`: differences before the first frame. `ended`: which record continues where the other
+    ends. `only_a`, `only_b`: events of the frame that only one record has. `sides`: names of the
+    two records.
     """
 
     frame: int | None
     frames: int
     before: tuple[str, ...] = ()
     ended: str = ""
-    one: tuple[str, ...] = ()
-    other: tuple[str, ...] = ()
+    only_a: tuple[str, ...] = ()
+    only_b: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     more: int = 0
     sides: tuple[str, str] = ("A", "B")
 
     @property
     def same(self) -> bool:
-        """Whether the two runs are the same, frame by frame."""
+        """Whether all frames are the same."""
         return self.frame is None and not self.ended
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object."""
+        """As a JSON object."""
         return {
             "same": self.same,
             "frame": self.frame,
             "frames": self.frames,
             "before": list(self.before),
             "ended": self.ended,
-            "events": {"a": list(self.one), "b": list(self.other)},
+            "events": {"a": list(self.only_a), "b": list(self.only_b)},
             "changes": [change.plain() for change in self.changes],
             "more": self.more,
         }
 
     def lines(self) -> list[str]:
-        """As a person reads it."""
-        shown = [f"before the first frame: {one}" for one in self.before]
+        """As lines of text."""
+        shown = [f"before the first frame: {text}" for text in self.before]
         if self.frame is None:
             return [*shown, self.ended or f"the same: {counted(self.frames, 'frame')}"]
         shown.append(f"frame {self.frame} is the first that differs")
-        for side, events in zip(self.sides, (self.one, self.other), strict=True):
+        for side, events in zip(self.sides, (self.only_a, self.only_b), strict=True):
             shown += _listed(f"events of {side} alone", events)
         for agent, changes in groupby(self.changes, lambda change: change.agent):
             shown += _agent_shown(agent, list(changes), *self.sides)
@@ -112,11 +112,11 @@ def _listed(title: str, texts: Sequence[str]) -> list[str]:
 
 
 def _agent_shown(agent: str, changes: Sequence[Change], a: str, b: str) -> list[str]:
-    told = f", told {'; '.join(changes[0].told)}" if changes[0].told else ""
-    shown = [f"  {agent}{told}"]
+    events = f", told {'; '.join(changes[0].events)}" if changes[0].events else ""
+    shown = [f"  {agent}{events}"]
     for change in changes:
         what = f"{change.attribute}: " if change.attribute else ""
-        shown.append(f"    {what}{change.one} in {a}, {change.other} in {b}")
+        shown.append(f"    {what}{change.a} in {a}, {change.b} in {b}")
     return shown
 
 
@@ -127,64 +127,64 @@ def compare(a: Record, b: Record) -> Difference:
     """Compare two records frame by frame. Raises RecordError."""
     before = tuple(_before(a, b))
     count = 0
-    for one, other in zip_longest(a.frames(), b.frames()):
-        if one is None or other is None:
-            return Difference(None, count, before, _ended(one, count))
-        same = one.number == other.number and one.digest == other.digest
-        if not same or not same_events(one.events, other.events):
-            return _apart(a, b, one, other, count, before)
+    for in_a, in_b in zip_longest(a.frames(), b.frames()):
+        if in_a is None or in_b is None:
+            return Difference(None, count, before, _ended(in_a, count))
+        same = in_a.number == in_b.number and in_a.digest == in_b.digest
+        if not same or not same_events(in_a.events, in_b.events):
+            return _apart(a, b, in_a, in_b, count, before)
         count += 1
     return Difference(None, count, before)
 
 
 def _before(a: Record, b: Record) -> Iterator[str]:
-    one, other = a.description, b.description
+    da, db = a.description, b.description
     for what in ("name", "seed", "dt", "policy"):
-        x, y = getattr(one.world, what), getattr(other.world, what)
+        x, y = getattr(da.world, what), getattr(db.world, what)
         if x != y:
             yield f"{what} {x} in A, {y} in B"
-    if plain_vocabulary(one.world.vocabulary) != plain_vocabulary(other.world.vocabulary):
+    if plain_vocabulary(da.world.vocabulary) != plain_vocabulary(db.world.vocabulary):
         yield "the vocabularies differ"
-    if one.world.order != other.world.order:
+    if da.world.order != db.world.order:
         yield "the order relations differ"
-    if one.world.scene != other.world.scene:
+    if da.world.scene != db.world.scene:
         yield "the initial strings differ"
-    for name in sorted({*one.versions, *other.versions}):
-        x, y = one.versions.get(name, "none"), other.versions.get(name, "none")
+    for name in sorted({*da.versions, *db.versions}):
+        x, y = da.versions.get(name, "none"), db.versions.get(name, "none")
         if x != y:
             yield f"{name} {x} in A, {y} in B"
 
 
-def _ended(one: RecordedFrame | None, count: int) -> str:
-    ended, longer = ("A", "B") if one is None else ("B", "A")
+def _ended(in_a: RecordedFrame | None, count: int) -> str:
+    ended, longer = ("A", "B") if in_a is None else ("B", "A")
     return f"the same for {counted(count, 'frame')}, all that {ended} has; {longer} goes on"
 
 
-def same_events(one: Sequence[AnyEvent], other: Sequence[AnyEvent]) -> bool:
-    """Whether two lists are of the same events in the same order, however they are held."""
-    if [plain_event(event) for event in one] == [plain_event(event) for event in other]:
+def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
+    """Whether two lists have the same events in the same order, single or in columns."""
+    if [plain_event(event) for event in a] == [plain_event(event) for event in b]:
         return True
-    pairs = zip_longest(single(one), single(other))
+    pairs = zip_longest(single(a), single(b))
     return all(event == counterpart for event, counterpart in pairs)
 
 
 def _apart(
     a: Record,
     b: Record,
-    one: RecordedFrame,
-    other: RecordedFrame,
+    in_a: RecordedFrame,
+    in_b: RecordedFrame,
     count: int,
     before: tuple[str, ...],
 ) -> Difference:
-    if one.number != other.number:
-        first, missing = min((one.number, "B"), (other.number, "A"))
+    if in_a.number != in_b.number:
+        first, missing = min((in_a.number, "B"), (in_b.number, "A"))
         return Difference(first, count, (*before, f"frame {first} is missing in {missing}"))
     strings = None
-    if one.digest != other.digest:
-        strings = a.string(one.number + 1), b.string(one.number + 1)
+    if in_a.digest != in_b.digest:
+        strings = a.string(in_a.number + 1), b.string(in_a.number + 1)
     vocabulary = a.description.world.vocabulary
-    found = apart(vocabulary, one, strings, (one.events, other.events))
-    return replace(found, frames=count, before=before)
+    difference = apart(vocabulary, in_a, strings, (in_a.events, in_b.events))
+    return replace(difference, frames=count, before=before)
 
 
 def apart(
@@ -194,43 +194,43 @@ def apart(
     events: tuple[Sequence[AnyEvent], Sequence[AnyEvent]],
     sides: tuple[str, str] = ("A", "B"),
 ) -> Difference:
-    """In what two runs differ after a frame: in these strings, and in these events of it."""
+    """The difference of two runs in a frame: its events, and the strings after it."""
     changes = list(_changes(*strings, vocabulary, frame.events)) if strings is not None else []
-    mine, theirs = list(single(events[0])), list(single(events[1]))
+    a, b = list(single(events[0])), list(single(events[1]))
     return Difference(
         frame.number,
         frame.number,
-        one=_only(mine, theirs),
-        other=_only(theirs, mine),
+        only_a=_only(a, b),
+        only_b=_only(b, a),
         changes=tuple(changes[:MOST]),
         more=len(changes[MOST:]),
         sides=sides,
     )
 
 
-def _only(mine: Sequence[Event], theirs: Sequence[Event]) -> tuple[str, ...]:
-    known = set(theirs)
-    return tuple(_short(str(one)) for one in islice((e for e in mine if e not in known), MOST))
+def _only(events: Sequence[Event], others: Sequence[Event]) -> tuple[str, ...]:
+    known = set(others)
+    return tuple(_short(str(e)) for e in islice((e for e in events if e not in known), MOST))
 
 
 def _changes(
-    one: Scene, other: Scene, vocabulary: Vocabulary, events: Sequence[AnyEvent]
+    a: Scene, b: Scene, vocabulary: Vocabulary, events: Sequence[AnyEvent]
 ) -> Iterator[Change]:
-    mine, theirs = _by_id(one), _by_id(other)
-    for name in dict.fromkeys(chain(mine, theirs)):
-        x, y = mine.get(name), theirs.get(name)
+    in_a, in_b = _by_id(a), _by_id(b)
+    for name in dict.fromkeys(chain(in_a, in_b)):
+        x, y = in_a.get(name), in_b.get(name)
         if x is None or y is None:
             yield Change(_named(x or y), "", _there(x), _there(y))
         elif x.symbol != y.symbol:
             yield Change(f"#{name}", "", f"is an {x.symbol}", f"is an {y.symbol}")
         elif not same_values(x.values, y.values):
-            told = tuple(_told(x, vocabulary, events))
+            received = tuple(_received(x, vocabulary, events))
             for attribute, p, q in zip(x.names, x.values, y.values, strict=True):
                 if not same_values((p,), (q,)):
-                    yield Change(_named(x), *_values(attribute, p, q), told)
-    if list(mine) != list(theirs) and mine.keys() == theirs.keys():
-        yield Change("the agents", "order", _short(" ".join(mine)), _short(" ".join(theirs)))
-    x, y = without_agents(one), without_agents(other)
+                    yield Change(_named(x), *_values(attribute, p, q), received)
+    if list(in_a) != list(in_b) and in_a.keys() == in_b.keys():
+        yield Change("the agents", "order", _short(" ".join(in_a)), _short(" ".join(in_b)))
+    x, y = without_agents(a), without_agents(b)
     if x != y:
         yield Change("what is no agent", "", _short(str(x)), _short(str(y)))
 
@@ -243,35 +243,37 @@ def _named(agent: AgentNode | None) -> str:
     return f"{agent.symbol}#{agent.id}" if agent is not None else ""
 
 
-def _told(agent: AgentNode, vocabulary: Vocabulary, events: Sequence[AnyEvent]) -> Iterator[str]:
+def _received(
+    agent: AgentNode, vocabulary: Vocabulary, events: Sequence[AnyEvent]
+) -> Iterator[str]:
     kind = vocabulary.kinds.get(agent.symbol)
     types = kind.subscribes if kind is not None else frozenset[str]()
-    mine = (
+    received = (
         event
-        for event in single(one for one in events if one.type in types)
+        for event in single(batch for batch in events if batch.type in types)
         if not event.receivers or agent.id in event.receivers
     )
-    for place, event in enumerate(mine):
+    for place, event in enumerate(received):
         if place < FEW:
             yield _short(str(event))
         else:
-            yield f"and {1 + sum(1 for _ in mine):,} more"
+            yield f"and {1 + sum(1 for _ in received):,} more"
 
 
 def _there(agent: AgentNode | None) -> str:
     return "is not there" if agent is None else "is there"
 
 
-def _values(attribute: str, one: Value, other: Value) -> tuple[str, str, str]:
-    """An attribute and its two values; of matrices, the first cell in which they differ."""
-    if not isinstance(one, np.ndarray) or not isinstance(other, np.ndarray):
-        return attribute, _short(value_text(one)), _short(value_text(other))
-    if shape_text(one) != shape_text(other):
-        return attribute, f"is {shape_text(one)}", f"is {shape_text(other)}"
-    where = np.argwhere(bits(one) != bits(other))
+def _values(attribute: str, a: Value, b: Value) -> tuple[str, str, str]:
+    """An attribute and its two values; for matrices, the first cell that differs."""
+    if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
+        return attribute, _short(value_text(a)), _short(value_text(b))
+    if shape_text(a) != shape_text(b):
+        return attribute, f"is {shape_text(a)}", f"is {shape_text(b)}"
+    where = np.argwhere(bits(a) != bits(b))
     row, column = where[0].tolist()
     more = f" and {len(where) - 1:,} cells more" if len(where) > 1 else ""
-    return f"{attribute}[{row}, {column}]{more}", str(one[row, column]), str(other[row, column])
+    return f"{attribute}[{row}, {column}]{more}", str(a[row, column]), str(b[row, column])
 
 
 def _short(text: str) -> str:

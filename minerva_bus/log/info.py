@@ -1,4 +1,4 @@
-"""What is in a record: `minerva info`."""
+"""Summary of a record: `minerva info`."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ from minerva_bus.world.norms import SOURCE
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """A record in figures.
+    """Numbers about a record.
 
-    `seconds` are the world's, `wall_seconds` the clock's; `missing` counts frames that were left
-    out, `topics` readings by topic, `dropped` messages on topics that could not be kept.
-    `first_agents` and `last_agents` say how many agents of each kind there were,
-    `broken` how often norms have been broken. `checked`: all
-    digests have been compared. `losses` say what is damaged.
+    `seconds`: world time. `wall_seconds`: time by the clock. `missing`: frames that were not
+    recorded. `topics`: readings by topic. `dropped`: messages on topics that were not recorded.
+    `first_agents`, `last_agents`: agents by kind. `broken`: violations by norm. `checked`: all
+    digests were compared. `losses`: damage.
     """
 
     world: str
@@ -53,12 +52,12 @@ class Info:
     losses: Losses
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object."""
+        """The summary as a JSON object."""
         shown = {name: _plain(getattr(self, name)) for name in self.__slots__ if name != "losses"}
         return shown | self.losses.plain()
 
     def lines(self) -> list[str]:
-        """As a person reads it."""
+        """The summary as lines of text."""
         state = "complete" if self.complete else "cut off: its world did not end as it should"
         first, last = self.first_agents, self.last_agents
         kinds = {
@@ -75,7 +74,7 @@ class Info:
             "norms": _pairs({name: f"{count:,}" for name, count in self.broken.items()}),
             "topics": _pairs({name: f"{count:,}" for name, count in self.topics.items()})
             + (f" ({self.dropped:,} messages dropped)" if self.dropped else ""),
-            "a frame": _pairs({one: f"{1000 * s:.2f} ms" for one, s in self.timings.items()}),
+            "a frame": _pairs({name: f"{1000 * s:.2f} ms" for name, s in self.timings.items()}),
             "log": counted(self.log_lines, "line") if self.log_lines else "",
             "options": _pairs(options),
             "written by": _pairs(self.versions),
@@ -90,7 +89,7 @@ class Info:
 
 
 def info_of(record: Record, check: bool = False) -> Info:
-    """Read all of a record. Raises RecordError; with `check` also where a digest is wrong."""
+    """Summary of a record. Raises RecordError, with `check` also for a wrong digest."""
     world = record.description.world
     events: Counter[str] = Counter()
     count = 0
@@ -127,7 +126,7 @@ def info_of(record: Record, check: bool = False) -> Info:
 
 
 def _broken(record: Record) -> dict[str, int]:
-    """How often each norm of a world has been broken."""
+    """Number of violations of each norm."""
     if not record.description.world.norms:
         return {}
     try:
@@ -145,19 +144,19 @@ def _counted(frame: RecordedFrame) -> Counter[str]:
 
 
 def _sensed(record: Record) -> tuple[dict[str, int], int]:
-    """How many readings there are by topic, and how many messages were dropped."""
+    """Number of readings by topic, and of dropped messages."""
     counts: Counter[str] = Counter()
     dropped = 0
-    for _, told in record.sensed():
-        if isinstance(told, Dropped):
-            dropped += told.count
+    for _, sensed in record.sensed():
+        if isinstance(sensed, Dropped):
+            dropped += sensed.count
         else:
-            counts[told.topic] += len(told.readings)
+            counts[sensed.topic] += len(sensed.readings)
     return dict(sorted(counts.items())), dropped
 
 
 def kinds_in(scene: Scene) -> dict[str, int]:
-    """How many agents of each kind are in a string."""
+    """Number of agents of each kind in a string."""
     counts: Counter[str] = Counter()
     for piece in scene.pieces:
         if not isinstance(piece, Columns):
@@ -170,9 +169,9 @@ def kinds_in(scene: Scene) -> dict[str, int]:
 def _means(timings: Iterable[Mapping[str, float]]) -> dict[str, float]:
     sums: dict[str, float] = {}
     count = 0
-    for one in timings:
+    for timing in timings:
         count += 1
-        for name, seconds in one.items():
+        for name, seconds in timing.items():
             sums[name] = sums.get(name, 0.0) + seconds
     return {name: total / count for name, total in sums.items() if name not in _NO_TIMING}
 

@@ -31,7 +31,7 @@ def plain_norm(norm: Norm) -> dict[str, Any]:
 
 def read_norms(plain: Any, reader: Reader) -> tuple[Norm, ...]:
     """Norms from what msgpack held. Raises ProtocolError, VocabularyError and ValueError."""
-    return tuple([_norm(as_map(one, "a norm"), reader) for one in as_list(plain, "norms")])
+    return tuple([_norm(as_map(norm, "a norm"), reader) for norm in as_list(plain, "norms")])
 
 
 def _norm(plain: dict[str, Any], reader: Reader) -> Norm:
@@ -52,4 +52,4 @@ def _norm(plain: dict[str, Any], reader: Reader) -> Norm:
 
 
 def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple([as_text(one, "a name") for one in as_list(plain, "names")])
+    return tuple([as_text(name, "a name") for name in as_list(plain, "names")])

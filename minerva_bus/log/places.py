@@ -1,11 +1,11 @@
-"""Where agents are: found in their state, by the names of attributes.
+"""Positions of agents, posed by the names of their attributes.
 
     x, y                        metres
     row, column, cell, x0, y0   cells: x = x0 + row · cell, y = y0 + column · cell (cell defaults
                                 to 1, x0 and y0 to 0)
 
-and where they head, if they do: `angle` or `heading` in degrees, or `vx` and `vy`. Kinds without
-such attributes have no place. What stands around an agent moves it as its symbol's motion says.
+The heading is `angle` or `heading` in degrees, or the direction of `vx` and `vy`. Kinds without
+such attributes have no position. Transformations around an agent move it by their motions.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _GRID: Final = frozenset(("row", "column"))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """Where some agents of one kind are: n ids, and x, y in metres and angle in degrees, (n,)."""
+    """Positions of agents of one kind: n ids, x and y in metres, angle in degrees, each (n,)."""
 
     kind: str
     ids: Sequence[str]
@@ -50,24 +50,24 @@ class Places:
     angle: Numbers
 
     def of(self, wanted: Container[str]) -> Iterator[tuple[str, float, float, float]]:
-        """Id, x, y and angle of those with these ids."""
+        """Id, x, y and angle of the agents with these ids."""
         rows = zip(self.ids, self.x.tolist(), self.y.tolist(), self.angle.tolist(), strict=True)
         return (row for row in rows if row[0] in wanted)
 
 
 def placed_kinds(vocabulary: Vocabulary) -> dict[str, frozenset[str]]:
-    """The kinds whose agents have places, each with its attributes that are numbers."""
+    """Kinds whose agents have positions, with their numeric attributes."""
     numbers = {
-        kind.name: frozenset([one.name for one in kind.fields.all if one.type.kind in _NUMBERS])
+        kind.name: frozenset([f.name for f in kind.fields.all if f.type.kind in _NUMBERS])
         for kind in vocabulary.kinds.values()
     }
     return {kind: names for kind, names in numbers.items() if names >= _PLANE or names >= _GRID}
 
 
 class Surveyor:
-    """Tells where the agents of strings over a vocabulary are; of each kind about `most` (0: all).
+    """Finds the positions of agents, about `most` of each kind (0: all).
 
-    Of many in columns every n-th is taken, so that they are the same ones as long as they live.
+    Of a population in columns every n-th agent is taken, so the selection is stable over time.
     """
 
     def __init__(self, vocabulary: Vocabulary, most: int = 0) -> None:
@@ -76,11 +76,11 @@ class Surveyor:
         self._most = most
 
     def places(self, scene: Scene) -> dict[str, Places]:
-        """Where the agents of each kind are that has a place."""
-        found: dict[str, list[Places]] = {}
-        for one in self._all_places(scene):
-            found.setdefault(one.kind, []).append(one)
-        return {kind: _together(kind, some) for kind, some in sorted(found.items())}
+        """Positions of agents by kind."""
+        parts: dict[str, list[Places]] = {}
+        for part in self._all_places(scene):
+            parts.setdefault(part.kind, []).append(part)
+        return {kind: _together(kind, of_kind) for kind, of_kind in sorted(parts.items())}
 
     def _all_places(self, scene: Scene) -> Iterator[Places]:
         nodes: list[Piece] = []
@@ -99,39 +99,39 @@ class Surveyor:
 
 def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
     step = -(-piece.count // most) if most else 1
-    some = piece.take(slice(0, None, step)) if step > 1 else piece
+    sample = piece.take(slice(0, None, step)) if step > 1 else piece
 
     def get(name: str, default: float) -> Numbers:
         known = name in names
-        return some.column(name).astype(np.float64) if known else np.full(some.count, default)
+        return sample.column(name).astype(np.float64) if known else np.full(sample.count, default)
 
     x, y, angle = _place(names, get)
-    ids = some.ids.texts() if some.ids is not None else []
-    return Places(some.symbol, ids, x, y, angle)
+    ids = sample.ids.texts() if sample.ids is not None else []
+    return Places(sample.symbol, ids, x, y, angle)
 
 
 def _of_nodes(
     pieces: Sequence[Piece], vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
 ) -> Iterator[Places]:
-    """Those of some pieces, moved by the transformations in whose scopes they are."""
-    found: dict[str, list[tuple[AgentNode, Pose]]] = {}
+    """Positions of agents in these pieces, moved by the transformations around them."""
+    posed: dict[str, list[tuple[AgentNode, Pose]]] = {}
     for piece in pieces:
-        if isinstance(piece, AgentNode) and not piece.scope.pieces:  # As most are.
+        if isinstance(piece, AgentNode) and not piece.scope.pieces:  # The usual case.
             if piece.symbol in placed:
-                found.setdefault(piece.symbol, []).append((piece, _ORIGIN))
+                posed.setdefault(piece.symbol, []).append((piece, _ORIGIN))
         else:
-            _find(piece, vocabulary, placed, found)
-    for kind, some in found.items():
-        yield _of_agents(kind, some, placed[kind])
+            _find(piece, vocabulary, placed, posed)
+    for kind, agents in posed.items():
+        yield _of_agents(kind, agents, placed[kind])
 
 
 def _find(
     piece: Piece,
     vocabulary: Vocabulary,
     placed: Container[str],
-    found: dict[str, list[tuple[AgentNode, Pose]]],
+    posed: dict[str, list[tuple[AgentNode, Pose]]],
 ) -> None:
-    """Those that are within a piece, or are it."""
+    """Collect the agents within a piece, or the piece itself, with their poses."""
     poses = [_ORIGIN]
     for opens, node in walk(Scene((piece,))):
         if isinstance(node, FigureNode):
@@ -142,7 +142,7 @@ def _find(
             else:
                 poses.pop()
         elif opens and node.symbol in placed:
-            found.setdefault(node.symbol, []).append((node, poses[-1]))
+            posed.setdefault(node.symbol, []).append((node, poses[-1]))
 
 
 def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose:
@@ -158,8 +158,8 @@ def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose
     )
 
 
-def _of_agents(kind: str, some: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]) -> Places:
-    nodes = [node for node, _ in some]
+def _of_agents(kind: str, posed: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]) -> Places:
+    nodes = [node for node, _ in posed]
 
     def get(name: str, default: float) -> Numbers:
         if name not in names:
@@ -173,9 +173,9 @@ def _of_agents(kind: str, some: Sequence[tuple[AgentNode, Pose]], names: frozens
 
     x, y, angle = _place(names, get)
     ids = [node.id for node in nodes]
-    if all(pose is _ORIGIN for _, pose in some):
+    if all(pose is _ORIGIN for _, pose in posed):
         return Places(kind, ids, x, y, angle)
-    at = np.array([(pose.x, pose.y, pose.angle) for _, pose in some])
+    at = np.array([(pose.x, pose.y, pose.angle) for _, pose in posed])
     turned = np.radians(at[:, 2])
     cos, sin = np.cos(turned), np.sin(turned)
     return Places(
@@ -184,7 +184,7 @@ def _of_agents(kind: str, some: Sequence[tuple[AgentNode, Pose]], names: frozens
 
 
 def _place(names: frozenset[str], get: _Get) -> tuple[Numbers, Numbers, Numbers]:
-    """x, y and angle of one agent, or of many in columns."""
+    """x, y and angle of agents."""
     if names >= _PLANE:
         x, y = get("x", 0.0), get("y", 0.0)
     else:
@@ -196,13 +196,13 @@ def _place(names: frozenset[str], get: _Get) -> tuple[Numbers, Numbers, Numbers]
     return x, y, get("angle" if "angle" in names else "heading", 0.0)
 
 
-def _together(kind: str, some: Sequence[Places]) -> Places:
-    if len(some) == 1:
-        return some[0]
+def _together(kind: str, parts: Sequence[Places]) -> Places:
+    if len(parts) == 1:
+        return parts[0]
     return Places(
         kind,
-        [one for part in some for one in part.ids],
-        np.concatenate([part.x for part in some]),
-        np.concatenate([part.y for part in some]),
-        np.concatenate([part.angle for part in some]),
+        [name for part in parts for name in part.ids],
+        np.concatenate([part.x for part in parts]),
+        np.concatenate([part.y for part in parts]),
+        np.concatenate([part.angle for part in parts]),
     )

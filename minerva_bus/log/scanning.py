@@ -1,8 +1,8 @@
-"""Where the chunks of an MCAP file lie, also of one that was cut off or damaged anywhere.
+"""Locates the chunks of an MCAP file, even if it is cut off or damaged.
 
-A reader of MCAP files begins at their end, where the index is. A record whose world has crashed
-has no end, so this one goes along the file from its beginning, from record to record, and reads no
-chunk. Where something is no record that can stand there, it goes on at the next whole chunk.
+MCAP readers start at the end of a file, where the index is. The record of a crashed world has no
+end, so this scanner walks from record to record without reading chunks. After invalid data it
+continues at the next complete chunk.
 """
 
 from __future__ import annotations
@@ -19,41 +19,40 @@ from minerva_bus.log.channels import FORMER
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
-"""What each record of an MCAP file begins with: its opcode, and the length of what follows."""
+"""Head of each record of an MCAP file: opcode and length of the body."""
 
 HEADER, FOOTER, CHANNEL, CHUNK, MESSAGE_INDEX = 0x01, 0x02, 0x04, 0x06, 0x07
 _CHUNK_INDEX, _ATTACHMENT, _METADATA, _DATA_END = 0x08, 0x09, 0x0C, 0x0F
 _SUMMARY: Final = b"\x02\x03\x04\x08\x0a\x0b\x0d\x0e"
-"""Opcodes that may follow the end of the data."""
+"""Opcodes allowed after the end of the data."""
 
 _CHUNK_BEGIN: Final = struct.Struct("<QQQII")
 _FOOTER: Final = struct.Struct("<BQQQI")
 _LENGTH: Final = struct.Struct("<Q")
 _LEAST: Final = _CHUNK_BEGIN.size + 4 + _LENGTH.size
 _SHOWN: Final = 64
-"""Bytes of a record that tell whether it can be one."""
+"""Bytes of a record that are examined to decide whether it is valid."""
 
 _BLOCKS: Final = (1 << 12, 1 << 20)
-"""Bytes that are searched at once: few at first, since the next chunk is often near."""
+"""Bytes searched at once: few at first, because the next chunk is often near."""
 
 _WHOLE: Final = re.compile(
     rb"(?=\x06.{7}\x00.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)|\x0f\x04\x00{7})", re.DOTALL
 )
-"""How a chunk, or the end of the data, may begin (MCAP specification, Chunk and Data End)."""
+"""Possible beginnings of a chunk or of the end of data (MCAP specification, Chunk, Data End)."""
 
 FLOOR: Final = 256 << 20
 CHUNK_FLOOR: Final = 80 << 20
 RATIO: Final = 1000
-"""A chunk unpacks to at most CHUNK_FLOOR bytes, all chunks to FLOOR, and to RATIO more for each
-packed byte: frames differ, so records do not compress that well; what is made to exhaust does."""
+"""A chunk unpacks to at most CHUNK_FLOOR bytes, all chunks to FLOOR, plus RATIO for each packed
+byte. Frames differ, so records never compress that well; decompression bombs do."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a chunk lies: its record begins at byte `begin`, its `size` packed bytes at `data`.
+    """Location of a chunk: its record begins at byte `begin`, its `size` packed bytes at `data`.
 
-    `first` is the time of its first message in nanoseconds, `unpacked` its size before
-    compression.
+    `first`: time of its first message in nanoseconds. `unpacked`: size before compression.
     """
 
     begin: int
@@ -66,13 +65,13 @@ class Place:
 
     @property
     def end(self) -> int:
-        """The byte behind it."""
+        """Offset of the byte after it."""
         return self.data + self.size
 
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Bytes of a file, from `begin` up to but without `end`, that cannot be read, and why."""
+    """Unreadable bytes of a file, from `begin` to `end` (exclusive), and the reason."""
 
     begin: int
     end: int
@@ -81,10 +80,10 @@ class Damage:
 
 @dataclass(slots=True)
 class Scan:
-    """What a file has: its chunks in order, and what is damaged between them.
+    """Result of a scan: chunks in order, and the damage between them.
 
-    `complete`: the end of the data is there. `cut` bytes at the end of one that is not belong to
-    no whole record. `header` is the body of its first record.
+    `complete`: the end of the data was scanned. Otherwise `cut` bytes at the end belong to no
+    complete record. `header`: body of the first record.
     """
 
     places: list[Place] = field(default_factory=list[Place])
@@ -95,42 +94,42 @@ class Scan:
 
 
 def scan(file: IO[bytes], size: int) -> Scan:
-    """Go along a file of this many bytes. What it begins with need not be MCAP's magic."""
-    found = Scan()
+    """Scan a file of this many bytes. It need not begin with MCAP's magic bytes."""
+    scanned = Scan()
     left = FLOOR + RATIO * size
     at = 0
     if _read(file, 0, len(MAGIC)) == MAGIC:
         at = len(MAGIC)
-    while at < size and not found.complete:
+    while at < size and not scanned.complete:
         head = _Head.read(file, at, size)
         if head is None:
-            at = _gone_on(file, at, size, found)
+            at = _next_record(file, at, size, scanned)
             continue
         place = head.place()
         if place is not None and place.unpacked > min(left, CHUNK_FLOOR + RATIO * place.size):
-            found.damage.append(Damage(at, head.end, "it unpacks to more than a file may hold"))
+            scanned.damage.append(Damage(at, head.end, "it unpacks to more than a file may hold"))
         elif place is not None:
             left -= place.unpacked
-            found.places.append(place)
+            scanned.places.append(place)
         elif head.opcode == HEADER:
-            found.header = head.body
-        found.complete = head.opcode == _DATA_END
+            scanned.header = head.body
+        scanned.complete = head.opcode == _DATA_END
         at = head.end
-    return found
+    return scanned
 
 
-def _gone_on(file: IO[bytes], at: int, size: int, found: Scan) -> int:
-    """Where the next whole record is behind one that is none; the file's end, where none is."""
+def _next_record(file: IO[bytes], at: int, size: int, scanned: Scan) -> int:
+    """Offset of the next complete record after invalid data, or the end of the file."""
     for begin in _candidates(file, at + 1, size):
         if _Head.read(file, begin, size) is not None:
-            found.damage.append(Damage(at, begin, "no record of an MCAP file"))
+            scanned.damage.append(Damage(at, begin, "no record of an MCAP file"))
             return begin
-    found.cut = size - at
+    scanned.cut = size - at
     return size
 
 
 def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
-    """Where something is, from a byte on, that may begin a chunk or end the data."""
+    """Offsets from a byte on at which a chunk or the end of the data may begin."""
     block, largest = _BLOCKS
     while at < size:
         for match in _WHOLE.finditer(_read(file, at, block + _SHOWN)):
@@ -142,7 +141,7 @@ def _candidates(file: IO[bytes], at: int, size: int) -> Iterator[int]:
 
 @dataclass(frozen=True, slots=True)
 class _Head:
-    """A record that is there as a whole: where, which, and the first bytes of its body."""
+    """A complete record: its offset, opcode, length, and the first bytes of its body."""
 
     at: int
     opcode: int
@@ -151,12 +150,12 @@ class _Head:
 
     @property
     def end(self) -> int:
-        """The byte behind it."""
+        """Offset of the byte after it."""
         return self.at + RECORD.size + self.length
 
     @classmethod
     def read(cls, file: IO[bytes], at: int, size: int) -> _Head | None:
-        """The record at a byte; None where none that may stand in the data is whole there."""
+        """The record at an offset, or None if there is no complete and valid one."""
         begin = _read(file, at, RECORD.size + _SHOWN)
         if len(begin) < RECORD.size:
             return None
@@ -169,7 +168,7 @@ class _Head:
         return head
 
     def fits(self) -> bool:
-        """Whether its body can be that of its opcode: lengths in it must be its own."""
+        """Whether its body fits its opcode: the lengths in it must agree."""
         if self.opcode == CHUNK:
             return self.place() is not None
         if self.opcode == MESSAGE_INDEX:
@@ -184,7 +183,7 @@ class _Head:
         return self.opcode == _ATTACHMENT or (self.opcode == HEADER and self.at <= len(MAGIC))
 
     def place(self) -> Place | None:
-        """Where the chunk lies that it is; None where it is none."""
+        """Location of the chunk, or None if the record is not a chunk."""
         if self.opcode != CHUNK or len(self.body) < _LEAST:
             return None
         first, _, unpacked, crc, named = _CHUNK_BEGIN.unpack_from(self.body)
@@ -209,9 +208,9 @@ def _read(file: IO[bytes], at: int, count: int) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What the end of a finished file says: topics by channel, and each chunk's channels.
+    """Summary at the end of a finished file: topics by channel, and channels by chunk.
 
-    `sound`: it is as it was written.
+    `sound`: the summary is intact.
     """
 
     sound: bool
@@ -220,7 +219,7 @@ class Summary:
 
 
 def read_summary(file: IO[bytes], size: int) -> Summary:
-    """The summary of a finished file; it has a checksum of its own, so what it says can be used."""
+    """The summary of a finished file, which has a checksum of its own."""
     end = size - len(MAGIC) - _FOOTER.size
     footer = _read(file, max(0, end), _FOOTER.size + len(MAGIC))
     if end < 0 or footer[_FOOTER.size :] != MAGIC:
@@ -249,13 +248,13 @@ def _summarized(data: bytes) -> Summary:
             elif opcode == _CHUNK_INDEX:
                 index = ChunkIndex.read(stream)
                 channels[index.chunk_start_offset] = frozenset(index.message_index_offsets)
-    except Exception:  # whatever mcap raises for what somebody has made
+    except Exception:  # whatever mcap raises for invalid data
         return Summary(False)
     return Summary(True, topics, channels)
 
 
 def split(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Of each record that these bytes have, its opcode and where its body is. Raises ValueError."""
+    """Opcode and body range of each record in these bytes. Raises ValueError."""
     at = 0
     while at < len(data):
         begin = at + RECORD.size

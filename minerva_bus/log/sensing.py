@@ -1,9 +1,9 @@
-"""Raw sensor data in a record: ours, which loses nothing, and what other tools show of it.
+"""Raw sensor data in a record: lossless messages of our own, and messages for other tools.
 
     topic = ["topic", name, member, frame, [reading, ...]]      as on the bus (PROTOCOL.md)
-          | ["dropped", count]                                  so many more could not be kept
+          | ["dropped", count]                                  number of missing messages
 
-`frame` is that of whom measures in step with the frames, and -1 from those who run freely.
+`frame` is -1 for free-running members.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from minerva_bus.world.readings import Image, Mount, Odometry, Position, Reading
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """So many messages on topics came faster than they could be written."""
+    """Number of messages on topics that arrived faster than they could be written."""
 
     count: int
 
 
-def encode_readings(told: Readings) -> bytes:
-    """What came on a topic, as bytes."""
-    readings = [plain_reading(one) for one in told.readings]
-    return pack(["topic", told.topic, told.member, told.frame, readings])
+def encode_readings(message: Readings) -> bytes:
+    """Readings of a topic as bytes."""
+    readings = [plain_reading(reading) for reading in message.readings]
+    return pack(["topic", message.topic, message.member, message.frame, readings])
 
 
 def encode_dropped(count: int) -> bytes:
-    """That so many messages are not in the record, as bytes."""
+    """A number of missing messages as bytes."""
     return pack(["dropped", count])
 
 
@@ -49,7 +49,7 @@ def decode_sensed(data: bytes) -> Readings | Dropped:
         return Dropped(as_int(items[1], "a count"))
     if items[:1] != ["topic"] or len(items) != 5:
         raise ProtocolError("a message of a topic has 5 items and begins with its name")
-    readings = tuple([read_reading(one) for one in as_list(items[4], "readings")])
+    readings = tuple([read_reading(reading) for reading in as_list(items[4], "readings")])
     return Readings(
         as_text(items[2], "a member"),
         as_text(items[1], "a topic"),
@@ -58,12 +58,12 @@ def decode_sensed(data: bytes) -> Readings | Dropped:
     )
 
 
-# --- what others show ---
+# --- for other tools ---
 
 
-def shown_readings(told: Readings, time: int) -> Iterator[tuple[str, bytes]]:
-    """The schema and the message in JSON for each reading of which other tools know the kind."""
-    for reading in told.readings:
+def shown_readings(message: Readings, time: int) -> Iterator[tuple[str, bytes]]:
+    """Schema and JSON message of each reading whose kind other tools know."""
+    for reading in message.readings:
         shown = _shown(reading, time)
         if shown is not None:
             schema, plain = shown
@@ -71,7 +71,7 @@ def shown_readings(told: Readings, time: int) -> Iterator[tuple[str, bytes]]:
 
 
 def encode_transform(robot: str, time: int, x: float, y: float, angle: float) -> bytes:
-    """Where a robot is, so that what its sensors say can be shown there: degrees and metres."""
+    """Pose of a robot, at which its sensor data are shown: metres and degrees."""
     pose = pose_of(x, y, angle)
     plain = {
         "timestamp": time_stamp(time),
@@ -99,11 +99,11 @@ def _shown(reading: Reading, time: int) -> tuple[str, dict[str, Any]] | None:
 
 
 _UNKNOWN, _APPROXIMATED = 0, 1
-"""Types of a position's covariance in foxglove.LocationFix."""
+"""Types of covariance in foxglove.LocationFix."""
 
 
 def _location(position: Position) -> dict[str, Any]:
-    """A position; the schema has no unknown altitude, so that is 0 there."""
+    """A position; an unknown altitude is 0, because the schema requires a number."""
     return {
         "latitude": position.latitude,
         "longitude": position.longitude,
@@ -125,7 +125,7 @@ def _scan(scan: Scan) -> dict[str, Any]:
         "pose": _mounted(Mount(scan.mount_x, scan.mount_y, scan.mount_angle)),
         "start_angle": math.radians(scan.first),
         "end_angle": math.radians(last),
-        "ranges": [one if math.isfinite(one) else 0.0 for one in ranges],
+        "ranges": [value if math.isfinite(value) else 0.0 for value in ranges],
         "intensities": [],
     }
 

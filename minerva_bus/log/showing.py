@@ -1,4 +1,4 @@
-"""What other tools show of a record: poses, the map and the log, in Foxglove's JSON messages."""
+"""Poses, map and log of a record as Foxglove's JSON messages, for other tools."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry, Pose, resolve
 
 GROUND: Final = "world"
-"""The frame of reference of all that is shown."""
+"""Name of the frame of reference."""
 
 _POSES: Final = '{"timestamp":{"sec":%d,"nsec":%d},"frame_id":"%s","poses":[%s]}'
 _POSE: Final = (
     '{"position":{"x":%.4f,"y":%.4f,"z":0},"orientation":{"x":0,"y":0,"z":%.6f,"w":%.6f}}'
 )
-"""Written out, since a population has very many of them."""
+"""A template instead of `json.dumps`, because a population has very many poses."""
 
 _UINT8: Final = 1
 _INFO, _WARNING = 2, 3
@@ -44,23 +44,23 @@ def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
     return _json(plain | {"file": "", "line": 0})
 
 
-def encode_poses(time: int, some: Places) -> bytes:
-    """Where agents of a kind are: `foxglove.PosesInFrame`."""
-    half = np.radians(some.angle) / 2
-    rows = np.column_stack((some.x, some.y, np.sin(half), np.cos(half))).tolist()
+def encode_poses(time: int, places: Places) -> bytes:
+    """Poses of the agents of a kind: `foxglove.PosesInFrame`."""
+    half = np.radians(places.angle) / 2
+    rows = np.column_stack((places.x, places.y, np.sin(half), np.cos(half))).tolist()
     poses = ",".join([_POSE % tuple(row) for row in rows])
     return (_POSES % (time // NANO, time % NANO, GROUND, poses)).encode()
 
 
 def encode_maps(scene: Scene, vocabulary: Vocabulary) -> Iterator[bytes]:
-    """The rasters that stand in a string outside of all agents: `foxglove.Grid`."""
+    """The rasters of a string outside of all agents: `foxglove.Grid`."""
     maps = _Maps(vocabulary)
     interpret(without_agents(scene), maps)
-    return (_json(one) for one in maps.found)
+    return (_json(grid) for grid in maps.grids)
 
 
 def without_agents(scene: Scene) -> Scene:
-    """What is left of a string where all agents are gone."""
+    """A string without its agents."""
     made: list[Piece] = []
     for piece in scene.pieces:
         if isinstance(piece, Columns | FigureNode):
@@ -71,15 +71,15 @@ def without_agents(scene: Scene) -> Scene:
 
 
 class _Maps(PlaneGeometry):
-    """A geometry in which rasters are grids and everything else is nothing."""
+    """A geometry that interprets rasters as grids and ignores everything else."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
-        self.found: list[dict[str, Any]] = []
+        self.grids: list[dict[str, Any]] = []
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         if isinstance(shape, Raster):
-            self.found.append(_grid(shape, figure, self.pose))
+            self.grids.append(_grid(shape, figure, self.pose))
 
 
 def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
 
 
 def corner_of(raster: Raster, figure: FigureNode, at: Pose) -> Pose:
-    """Where the outer corner of a raster's cell (0, 0) lies, and how the raster is turned."""
+    """Pose of the outer corner of a raster's cell (0, 0)."""
     parameters = figure.parameters
     return at.then(
         resolve(raster.x, parameters),
@@ -126,18 +126,18 @@ def _rgba(color: str, opacity: float) -> tuple[int, int, int, int]:
 
 
 def time_stamp(nanoseconds: int) -> dict[str, int]:
-    """A time as Foxglove's messages have it."""
+    """A time in the form of Foxglove's messages."""
     return {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}
 
 
 def pose_of(x: float, y: float, angle: float) -> dict[str, dict[str, float]]:
-    """A pose in the plane, metres and degrees, as Foxglove's messages have it."""
+    """A pose in the plane (metres, degrees) in the form of Foxglove's messages."""
     half = math.radians(angle) / 2
     return _pose(x, y, math.sin(half), math.cos(half))
 
 
 def _pose(x: float, y: float, sine: float, cosine: float) -> dict[str, dict[str, float]]:
-    """Sine and cosine are those of half the angle, about the z axis."""
+    """`sine` and `cosine` are of half the angle about the z axis."""
     return {
         "position": {"x": x, "y": y, "z": 0.0},
         "orientation": {"x": 0.0, "y": 0.0, "z": sine, "w": cosine},

@@ -70,7 +70,7 @@ def test_it_is_paused_stepped_wound_and_looked_at(recorded):
         assert (status["frame"], status["paused"]) == (7, True)
         for words, problem in (
             (("seek", 61), "the record ends before frame 60, not 61"),
-            (("pub", "eWish", "x=1", "name=n"), "what has happened stays as it was"),
+            (("pub", "eWish", "x=1", "name=n"), "recorded frames cannot change"),
         ):
             done = here(folder, *words)
             assert (done.returncode, problem in done.stderr) == (2, True), done.stderr

@@ -222,5 +222,5 @@ def test_events_that_agents_send_no_more_are_a_difference(tmp_path, monkeypatch)
         found = recompute(record, kinds, lambda _: None)
     assert sends
     assert found.frame == first
-    assert found.one
+    assert found.only_a
     assert "events of the record alone:" in found.lines()[1]
