@@ -1,19 +1,19 @@
-"""`minerva` and `python -m minerva_bus`: the command line, which may be interrupted at any time."""
+"""`minerva` and `python -m minerva_bus`: start the command line, interruptible at any time."""
 
 import os
 
-TYPE_CHECKING = False  # As typing has it, which would be read first.
+TYPE_CHECKING = False  # Instead of typing.TYPE_CHECKING, because importing typing takes time.
 if TYPE_CHECKING:
     import signal
 else:
-    import _signal as signal  # signal itself imports enum, and may be interrupted in that
+    import _signal as signal  # signal imports enum, during which Ctrl-C would be a traceback
 
 INTERRUPTED = 130
-"""As cli/exit_codes.py has it, which may not be there yet."""
+"""The value of cli/exit_codes.py, which may not be imported yet."""
 
 
 def leave(number: int, frame: object) -> None:
-    """End at once: an exception in the midst of an import is a traceback, or is swallowed."""
+    """Exit at once: an exception during an import is printed as a traceback, or is swallowed."""
     os._exit(INTERRUPTED)
 
 
@@ -22,7 +22,7 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C is no traceback, also while its modules are read."""
+    """Run the command line; Ctrl-C exits quietly, also during imports."""
     try:
         from minerva_bus.cli.main import main as run
 

@@ -1,7 +1,7 @@
-"""Which line of a user's code an error comes from, and a report of it in at most ten lines.
+"""Reports of errors in user code: the line that caused an error, in at most ten lines.
 
-Frames of this framework, of the standard library and of installed packages do not help the author
-of a world: a report names the last frame in the author's own code. `whole` has all of them.
+Frames of this framework, of the standard library and of installed packages are omitted: a report
+names the last frame in user code. `whole` returns all frames.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from minerva_bus.errors import (
 from minerva_bus.source import LINE_LENGTH, Place, assignments, defined, handler_name, place_of
 
 MESSAGE_LINES: Final = 3
-"""Lines of an exception's text that are shown: an error in a string has a line and a caret."""
+"""Lines of an exception's text to show: an error in a string has an excerpt and a caret."""
 
 TRACEBACK_LENGTH: Final = 60_000
 
 
 def report(error: BaseException) -> str:
-    """An error as its author needs it, in at most ten lines: what, where, the line, the cause."""
+    """A report of an error in at most ten lines: what, where, the source line, the cause."""
     main = error.__cause__ if isinstance(error, UserCodeError) and error.__cause__ else error
     head = f"{error.where}: " if main is not error and isinstance(error, UserCodeError) else ""
     place = defined(main.handler) if isinstance(main, SignatureError) else place_of(main)
@@ -46,7 +46,7 @@ def report(error: BaseException) -> str:
 
 
 def described(error: BaseException) -> str:
-    """An exception's type and text, and what a misspelt name may have been; few lines."""
+    """An exception's type and text, with a suggestion for a misspelt name."""
     text = str(error.msg if isinstance(error, SyntaxError) else error).strip("\n")
     if not isinstance(error, MinervaError):
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
@@ -55,12 +55,12 @@ def described(error: BaseException) -> str:
     lines = text.split("\n")
     if len(lines) > MESSAGE_LINES:
         lines = [*lines[: MESSAGE_LINES - 1], f"… ({len(lines) - MESSAGE_LINES + 1} more lines)"]
-    cut = [one if len(one) <= LINE_LENGTH else one[: LINE_LENGTH - 1] + "…" for one in lines]
+    cut = [line if len(line) <= LINE_LENGTH else line[: LINE_LENGTH - 1] + "…" for line in lines]
     return "\n".join(cut) + _suggestion(error)
 
 
 def whole(error: BaseException) -> str:
-    """The whole traceback of an error, with its causes; of a very long one, both ends."""
+    """The traceback of an error with its causes; a very long one is cut in the middle."""
     text = "".join(traceback.format_exception(error))
     if len(text) <= TRACEBACK_LENGTH:
         return text
@@ -70,10 +70,7 @@ def whole(error: BaseException) -> str:
 
 @contextmanager
 def blamed(handler: Callable[..., Any]) -> Generator[None]:
-    """Call a service's method: whatever goes wrong is the method's. Raises UserCodeError.
-
-    Also an exit of the process, which is no way to end a world.
-    """
+    """Call a service's method. Raises UserCodeError for any exception, including SystemExit."""
     try:
         yield
     except UserCodeError:
@@ -83,7 +80,7 @@ def blamed(handler: Callable[..., Any]) -> Generator[None]:
 
 
 def _handler_place(handler: Callable[..., Any], error: BaseException) -> Place | None:
-    """Where a handler went wrong: where it sets the attribute in question, or where it begins."""
+    """The line of a handler that sets the attribute in question, or its first line."""
     attribute = error.attribute if isinstance(error, StateError) else ""
     places = assignments(handler, attribute) if attribute else []
     return places[-1] if places else defined(handler)
@@ -93,7 +90,7 @@ def _handler_place(handler: Callable[..., Any], error: BaseException) -> Place |
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
-    """What led to an exception, as a traceback shows it."""
+    """The exceptions that led to an exception, as a traceback shows them."""
     seen = {id(error)}
     cause = _cause(error)
     while cause is not None and id(cause) not in seen:
@@ -108,7 +105,7 @@ def _cause(error: BaseException) -> BaseException | None:
 
 
 def _root(error: BaseException) -> BaseException | None:
-    """The first cause of an exception that user code has something to do with."""
+    """The first cause of an exception that involves user code."""
     own = [cause for cause in _causes(error) if place_of(cause) is not None]
     return own[-1] if own else None
 
@@ -125,7 +122,7 @@ def _caused_by(root: BaseException, shown: Place | None) -> Iterable[str]:
 
 
 def _suggestion(error: BaseException) -> str:
-    """`; did you mean 'energy'?` for a misspelt name, which Python 3.11 says on its own only."""
+    """`; did you mean 'energy'?` for a misspelt name: Python itself adds it only to tracebacks."""
     if isinstance(error, SceneError) or not isinstance(error, AttributeError | NameError):
         return ""
     name: str | None = getattr(error, "name", None)

@@ -1,6 +1,6 @@
-"""Modules that have moved: worlds and scripts written for their former names keep working.
+"""Former names of modules, so that existing worlds and scripts keep working.
 
-A former name gives the same module as the new one, and a DeprecationWarning.
+A former name imports the module at its new name, with a DeprecationWarning.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class _Alias:
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        module.__spec__ = self._spec  # The import system has put the former name here.
+        module.__spec__ = self._spec  # The import system has set the former name.
 
 
 class _Finder:

@@ -1,10 +1,10 @@
-"""Output files: nothing that a user made, and nothing that this run has read, is overwritten.
+"""Output files: never overwrite a user's file or an input of this run.
 
-Every file that the program writes carries a mark, so a later run recognises it without a list of
-its own: a comment, a text chunk or a tag, as its format allows. In text formats the mark has a
-checksum, so a file that somebody has edited since is that person's.
+Every file that the program writes carries a mark (a comment, a text chunk or a tag, depending on
+the format), so a later run recognises it. In text formats the mark has a checksum, so a file that
+was edited afterwards counts as the user's.
 
-The rules hold per process; processes that are forked later inherit what was read and allowed.
+The rules apply per process; forked processes inherit the inputs and permissions.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ MARK: Final = "Made by Minerva Bus"
 
 _Identity: TypeAlias = tuple[int, int]
 _EDGE: Final = 1 << 16
-"""Bytes at the beginning and the end of a file in which its mark is."""
+"""Bytes at the start and the end of a file that are searched for its mark."""
 
 
 class _Policy:
-    """What holds for the files of this process."""
+    """The rules for the files of this process."""
 
     def __init__(self) -> None:
         self.read: set[_Identity] = set()
@@ -41,32 +41,32 @@ _policy = _Policy()
 
 
 def forget_inputs() -> None:
-    """A new command begins: what earlier ones of this process have read is no input of it."""
+    """Forget the inputs of earlier commands of this process."""
     _policy.read.clear()
 
 
 def force_overwriting(forced: bool) -> None:
-    """Allow (`--force`) or forbid to overwrite any file."""
+    """Allow (`--force`) or forbid overwriting any file."""
     _policy.forced = forced
 
 
 def note_read(path: str | Path) -> None:
-    """Remember a file as an input, which no output may overwrite."""
+    """Register a file as an input, which no output may overwrite."""
     with contextlib.suppress(OSError):
         _policy.read.add(_identity(Path(path).stat()))
 
 
 def check_output(path: Path, kind: str = "output") -> None:
-    """Raises MisuseError where writing `path` would destroy an input or a user's own file.
+    """Raise MisuseError if writing `path` would destroy an input or a user's file.
 
-    `kind` says in the message what was about to be written. A missing file, an empty one and one
-    with the program's mark may be written, as may a pipe or a device.
+    `kind` names the output in the message. A missing file, an empty file, a file with the
+    program's mark, a pipe and a device may be written.
     """
     _check(path, kind, inputs=True)
 
 
 def check_new(path: Path, kind: str = "output") -> None:
-    """Raises MisuseError where `path` is an input, or exists and nothing is forced."""
+    """Raise MisuseError if `path` is an input, or exists without `--force`."""
     with contextlib.suppress(OSError):
         if _identity(path.stat()) in _policy.read:
             raise MisuseError(f"{kind}: {path} is an input of this run; choose another path")
@@ -77,7 +77,7 @@ def check_new(path: Path, kind: str = "output") -> None:
 
 
 def check_replaceable(path: Path, kind: str = "output") -> None:
-    """As `check_output`, for a file whose old content is kept under another name."""
+    """Like `check_output`, for a file whose old content is kept under another name."""
     _check(path, kind, inputs=False)
 
 
@@ -87,7 +87,7 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
     try:
         status = path.stat()
     except OSError:
-        return  # There is none, or the attempt to write it says why it cannot be reached.
+        return  # It is missing, or the attempt to write it reports why it is unreachable.
     if stat.S_ISDIR(status.st_mode):
         raise MisuseError(f"{kind}: cannot write {path}: it is a folder; choose a file's name")
     if not stat.S_ISREG(status.st_mode):
@@ -105,13 +105,13 @@ def _check(path: Path, kind: str, *, inputs: bool) -> None:
 
 
 def write_output(path: Path, content: bytes, kind: str = "output") -> None:
-    """Write a file with the program's mark, in one step: whoever opens it finds a whole one.
+    """Write a file with the program's mark atomically.
 
-    Raises MisuseError where the file is not the program's to overwrite, or cannot be written.
+    Raises MisuseError if the file must not be overwritten or cannot be written.
     """
     check_output(path, kind)
     if path.exists() and not path.is_file():
-        _write(path, kind, lambda: _write_into(path, content))  # a pipe or a device stays one
+        _write(path, kind, lambda: _write_into(path, content))  # Keeps a pipe or a device.
         return
     _write(path, kind, lambda: _replace(path, marked(content, path.suffix)))
 
@@ -138,10 +138,10 @@ def _replace(path: Path, content: bytes) -> None:
 
 @contextlib.contextmanager
 def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Generator[IO[bytes]]:
-    """A new file that takes the name `path` at the end of the block, and is gone if that fails.
+    """A new file that is renamed to `path` at the end of the block, and removed on failure.
 
-    So whoever opens `path` finds a whole file. `mode` is as for `os.open`; `durable`: what was
-    written is on the disk before it has its name. Raises OSError.
+    So readers of `path` never see a partial file. `mode` is as for `os.open`; `durable`: the
+    content is on disk before the file is renamed. Raises OSError.
     """
     draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     descriptor = open_itself(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
@@ -159,21 +159,21 @@ def replacing(path: Path, *, mode: int = 0o666, durable: bool = False) -> Genera
 
 
 def open_itself(path: Path, flags: int, mode: int = 0o600) -> int:
-    """A descriptor of a file, never opened through a link. Raises OSError."""
+    """A descriptor of a file; links are not followed. Raises OSError."""
     return os.open(path, flags | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
 
 
 def marked(content: bytes, suffix: str) -> bytes:
-    """The content of a file with the program's mark, as the format of its suffix allows.
+    """The content with the program's mark in the format of the file's suffix.
 
-    A format without a place for a mark is returned unchanged.
+    Content of a format without a place for a mark is returned unchanged.
     """
     add = _MARKERS.get(suffix.lower())
     return add(content) if add else content
 
 
 def is_own(path: Path) -> bool:
-    """Whether a file carries the program's mark, and, in a text format, is unchanged since."""
+    """Whether a file carries the program's mark and, in a text format, is unchanged."""
     try:
         if path.suffix.lower() in _COMMENTS:
             return _is_unchanged(path.read_bytes())
@@ -205,7 +205,7 @@ _COMMENTS: Final[Mapping[str, tuple[str, str]]] = {
     ".mnv": ("// ", ""),
     ".mmd": ("%% ", ""),
 }
-"""How a comment begins and ends in text formats."""
+"""Start and end of a comment in text formats."""
 
 _LAST_LINE: Final = re.compile(
     rb"(?:<!--|#|//|%%) " + MARK.encode() + rb", checksum ([0-9a-f]{8})(?: -->)?\n\Z"

@@ -1,7 +1,6 @@
-"""Where a user's code is: the line that an error came through, where a method begins, what it sets.
+"""Positions in user code: the line of an error, the start of a method, the lines that set a name.
 
-Frames of this framework, of the standard library and of installed packages do not help the author
-of a world, so they are passed over.
+Frames of this framework, of the standard library and of installed packages are skipped.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _LIBRARIES: Final = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A line of a user's code; `shown` is its source, with marks below it where they are known."""
+    """A line of user code; `shown` is its source, with markers below it if known."""
 
     file: str
     line: int
@@ -68,9 +67,9 @@ def place_of(error: BaseException) -> Place | None:
 def _user_frame(
     frames: list[tuple[FrameType, int]],
 ) -> tuple[FrameType, int, int] | None:
-    """The last frame of user code, its line, and which of the frames it is.
+    """The last frame of user code, its line and its index.
 
-    A package that the framework calls is user code even where it is installed.
+    A package that the framework calls is user code even if it is installed.
     """
     entry = next((frame for frame, _ in frames if not is_foreign(frame.f_code.co_filename)), None)
     if entry is None:
@@ -86,9 +85,9 @@ def _user_frame(
 
 
 def innermost(frames: Sequence[Place]) -> Place | None:
-    """The first frame of user code in a stack, the most recent call first; with its source line.
+    """The first frame of user code in a stack, most recent call first, with its source line.
 
-    A package that the framework calls is user code where there is no other.
+    A package that the framework calls is user code if there is no other.
     """
     own = [frame for frame in frames if not is_foreign(frame.file)]
     outside = (frame for frame in frames if not frame.file.startswith(_FRAMEWORK))
@@ -101,12 +100,12 @@ def innermost(frames: Sequence[Place]) -> Place | None:
 
 
 def is_foreign(file: str) -> bool:
-    """Whether a source file is not the user's own: framework, library or no file at all."""
+    """Whether a source file belongs to the framework or a library, or is not a file."""
     return file.startswith((_FRAMEWORK, "<frozen", *_LIBRARIES))
 
 
 def _is_standard(file: str) -> bool:
-    """Whether a file is of Python's own library, and not of an installed package."""
+    """Whether a file belongs to the standard library."""
     return file.startswith("<frozen") or (
         file.startswith(_LIBRARIES) and "-packages" + os.sep not in file
     )
@@ -118,7 +117,7 @@ def _package(frame: FrameType) -> str:
 
 
 def function_name(code: CodeType) -> str:
-    """A function as its author calls it: `Fox.starve`; nothing for a module's own code."""
+    """The qualified name of a function, `Fox.starve`; empty for code at module level."""
     name = code.co_qualname.rpartition("<locals>.")[2]
     return "" if name == "<module>" else name
 
@@ -134,18 +133,18 @@ def _syntax_place(error: SyntaxError) -> Place:
     return Place(str(error.filename), error.lineno or 0, "", tuple(shown))
 
 
-# --- handlers: what was called where no frame of it is left ---
+# --- handlers, for errors without a frame in them ---
 
 
 def handler_name(handler: Callable[..., Any]) -> str:
-    """A method as its author calls it: `Fox.starve`."""
+    """The qualified name of a method: `Fox.starve`."""
     bare = inspect.unwrap(handler)
     name: str = getattr(bare, "__qualname__", type(bare).__name__)
     return name.rpartition("<locals>.")[2]
 
 
 def defined(handler: Callable[..., Any]) -> Place | None:
-    """The line where a function begins, without its decorators."""
+    """The first line of a function, without its decorators."""
     code: CodeType | None = getattr(inspect.unwrap(handler), "__code__", None)
     if code is None:
         return None

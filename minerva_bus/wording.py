@@ -1,22 +1,22 @@
-"""Words for people that more than one layer needs."""
+"""Phrases for messages that several layers use."""
 
 from collections.abc import Sequence
 
 
-def counted(number: int, one: str) -> str:
-    """A number and what there is of it: `1 agent`, `1,200 agents`, `2 processes`."""
-    ending = "" if number == 1 else "es" if one.endswith("s") else "s"
-    return f"{number:,} {one}{ending}"
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: `1 agent`, `1,200 agents`, `2 processes`."""
+    ending = "" if number == 1 else "es" if noun.endswith("s") else "s"
+    return f"{number:,} {noun}{ending}"
 
 
 def named_some(names: Sequence[str], most: int) -> str:
-    """The first names, and how many more there are: `a, b and 7 more`."""
+    """The first names and the number of the others: `a, b and 7 more`."""
     more = f" and {len(names) - most:,} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def frames_up_to(end: int) -> str:
-    """The frames before `end`: `no frames`, `frame 0`, `the frames 0 to 12`."""
+    """The frames before `end` in words: `no frames`, `frame 0`, `the frames 0 to 12`."""
     if end <= 1:
         return "frame 0 only" if end == 1 else "no frames"
     return f"the frames 0 to {end - 1}"

@@ -23,7 +23,7 @@ from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
 def list_members(connect: str, world: str, json_too: bool) -> None:
-    """Print who takes part, or which worlds run where there are several."""
+    """Print the members of a world, or the worlds if several run."""
     worlds = running()
     if not connect and not world and len(worlds) != 1:
         if json_too:
@@ -57,8 +57,8 @@ def _doing(status: WorldStatus) -> str:
 
 
 def listing(status: WorldStatus) -> dict[str, Any]:
-    """A status as JSON has it."""
-    members = [{"member": one.name, **asdict(one)} for one in status.members]
+    """A status as a JSON object."""
+    members = [{"member": each.name, **asdict(each)} for each in status.members]
     for member in members:
         del member["name"]
     return {**asdict(status), "members": members, "happenings": []}
@@ -87,7 +87,7 @@ def _table(titles: list[str], rows: list[list[str]]) -> None:
 
 
 def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) -> None:
-    """Print events, fragments or views of a type as they come."""
+    """Print events, fragments or views of a type as they arrive."""
     own = identity() if connect else None
     endpoint, world = place(connect, world, own)
     with Client(endpoint, world, own) as asked:
@@ -148,7 +148,7 @@ def _echo_view(
     from minerva_bus.world.services import Device, View
 
     class Echo(Device):
-        """A geometric system whose action for a string is to print it."""
+        """A geometric system that prints each string."""
 
         draws = (event_type,)
         every = 1
@@ -198,7 +198,7 @@ def publish(
 
 
 def stop_world(connect: str, world: str) -> None:
-    """End a running world."""
+    """Stop a running world."""
     with client(connect, world) as asked:
         asked.ask("stop")
         say(f"{asked.world}: asked to stop")
@@ -211,14 +211,14 @@ def show_version(json_too: bool) -> None:
 
     from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 
-    found: dict[str, Any] = {
+    versions: dict[str, Any] = {
         "minerva-bus": version("minerva-bus"),
         "protocol": PROTOCOL_VERSION,
         "python": platform.python_version(),
     }
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
-        found[package] = version(package)
+        versions[package] = version(package)
     if json_too:
-        say(json.dumps(found))
+        say(json.dumps(versions))
     else:
-        _table(["part", "version"], [[name, str(value)] for name, value in found.items()])
+        _table(["part", "version"], [[name, str(value)] for name, value in versions.items()])

@@ -38,10 +38,10 @@ KEEP_TRYING: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """The way to a world: where, its name, and for how many seconds it is looked for if lost.
+class ConnectOptions:
+    """How to reach a world: endpoint, name, and seconds to try to reconnect.
 
-    One of this machine listens elsewhere when it is run again, so that is not awaited for long.
+    A local world that is restarted listens at another endpoint, so its time is short.
     """
 
     connect: str = ""
@@ -49,18 +49,18 @@ class Way:
     keep_trying: float | None = None
 
     def back_within(self, local: bool) -> float:
-        """For how many seconds it is looked for."""
+        """Seconds to try to reconnect."""
         if self.keep_trying is not None:
             return self.keep_trying
         return BACK_WITHIN if local else KEEP_TRYING
 
 
 def attach_member(
-    spec: str, way: Way, name: str, options: dict[str, str], process: str = ""
+    spec: str, way: ConnectOptions, name: str, options: dict[str, str], process: str = ""
 ) -> int:
-    """Take part in a running world until it ends, or Ctrl-C, or no more comes; the exit code.
+    """Run a member until the world, its source or the user ends it; returns the exit code.
 
-    Who shows a certificate and says no name has that of the certificate.
+    Without `name`, the member has the name in its certificate.
     """
     shown = identity() if way.connect and not name and not process else None
     name = name if shown is None else shown.name
@@ -72,17 +72,17 @@ def attach_member(
         try:
             return _attached(participant, way)
         except Anew as anew:
-            tell(f"{participant.name}: {anew}; it joins again, from the beginning")
+            tell(f"{participant.name}: {anew}; joining again")
 
 
-def _attached(participant: Member, way: Way) -> int:
+def _attached(participant: Member, way: ConnectOptions) -> int:
     connect, world = way.connect, way.world
     own = identity(participant.name) if connect else None
     if own is not None and own.name != participant.name:
         raise KeysError(f"the certificate is of {own.name}: attach with --name {own.name}")
     endpoint, world = place(connect, world, own)
     there = check_endpoint(endpoint)
-    if not there.local:  # As long as that takes, Ctrl-C is no leaving yet.
+    if not there.local:  # Before Ctrl-C is handled as leaving, because this can take long.
         check_reachable(there, CONNECT_SECONDS)
 
     service = participant.service
@@ -100,19 +100,21 @@ def _attached(participant: Member, way: Way) -> int:
     return code
 
 
-def bridge_source(kind: str, source: str, way: Way, name: str, options: dict[str, str]) -> int:
-    """Bring what a source says into a running world until either ends or Ctrl-C; the exit code."""
+def bridge_source(
+    kind: str, source: str, way: ConnectOptions, name: str, options: dict[str, str]
+) -> int:
+    """Connect a source to a running world until either ends, or Ctrl-C; returns the exit code."""
     option = getattr(find_service(kind, Path.cwd()), "source_option", "")
     if source and not option:
-        raise WorldFileError(f"{kind} is no bridge that a source can be named for; see its options")
+        raise WorldFileError(f"{kind} takes no source; see its options")
     if source:
-        path = Path(source)  # Not resolved: a device's link may lead elsewhere when it is back.
+        path = Path(source)  # Not resolved: a link to a device may have another target later.
         options = {**options, option: str(path.absolute()) if path.exists() else source}
     return attach_member(kind, way, name, options)
 
 
 def leave_on_signals(member: BusMember) -> None:
-    """Let signals that ask to end make the member leave its world; a second one ends it."""
+    """Leave the world on a signal that ends a process; a second signal terminates at once."""
 
     def leave(number: int, frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_DFL)
@@ -137,9 +139,9 @@ def _participant(spec: str, name: str, options: dict[str, str]) -> Member:
 
 
 def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Member:
-    """The process of that name of a world file. Raises WorldFileError where there is none."""
+    """The process of a world file with this name. Raises WorldFileError if there is none."""
     file = read_world_file(find_world(spec), Overrides(options=options))
-    known = {one.name: one for one in file.processes}
+    known = {each.name: each for each in file.processes}
     if process not in known:
         raise WorldFileError(
             f"{file.path}: there is no process {process!r}{nearest(process, list(known))};"
@@ -153,5 +155,5 @@ def _of_file(spec: str, process: str, name: str, options: dict[str, str]) -> Mem
 def _names_agents(spec: str, folder: Path) -> bool:
     if ":" not in spec:
         return spec in entries(AGENTS)
-    found = load(spec, folder)
-    return isinstance(found, type) and issubclass(found, Agent)
+    cls = load(spec, folder)
+    return isinstance(cls, type) and issubclass(cls, Agent)

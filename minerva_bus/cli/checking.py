@@ -19,7 +19,7 @@ from minerva_bus.wording import counted
 
 
 def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True) -> int:
-    """Check one file, and run the code that it names only if `code` allows it; the exit code."""
+    """Check a file, running its code only if `code` is true; returns the exit code."""
     found: dict[str, Any] = {"file": str(file), "ok": True}
     try:
         if not code and file.suffix == ".toml":
@@ -36,8 +36,8 @@ def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True
         say(json.dumps(found))
     elif found["ok"]:
         say(f"{file}: {found['what']}")
-        for one in found.get("code", []):
-            say(f"  not run: {one}")
+        for name in found.get("code", []):
+            say(f"  not run: {name}")
         for warning in found.get("warnings", []):
             tell(f"warning: {warning}")
     else:
@@ -46,7 +46,7 @@ def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True
 
 
 def _check_structure(file: Path) -> tuple[str, list[str]]:
-    """What a world file is, as far as that needs no code, and the code that it names."""
+    """A description of a world file without running code, and the code that it names."""
     found = structure_of(file)
     string = "a string that code makes" if found.string is None else _size(found.string)
     processes = counted(len(found.processes), "process")
@@ -54,7 +54,7 @@ def _check_structure(file: Path) -> tuple[str, list[str]]:
 
 
 def _check(file: Path, vocabulary: str) -> tuple[str, list[str]]:
-    """What a file is, and warnings."""
+    """A description of a file, and warnings."""
     if file.suffix == ".toml":
         world = read_world_file(file)
         processes = counted(len(world.processes), "process")
@@ -63,7 +63,9 @@ def _check(file: Path, vocabulary: str) -> tuple[str, list[str]]:
     if vocabulary:
         alphabet = load(vocabulary, file.resolve().parent)
         if not isinstance(alphabet, Vocabulary):
-            raise WorldFileError(f"{vocabulary} names a {type(alphabet).__name__}, no Vocabulary")
+            raise WorldFileError(
+                f"{vocabulary} names a {type(alphabet).__name__}, not a Vocabulary"
+            )
         return f"a string of its vocabulary, {_size(alphabet.read(text, str(file)))}", []
     return f"a string of L(M), {_size(parse(text, str(file)))}", []
 
@@ -72,7 +74,7 @@ def _read(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise WorldFileError(f"{file}: this is no text in UTF-8") from None
+        raise WorldFileError(f"{file}: not a text in UTF-8") from None
     except OSError as error:
         raise WorldFileError(f"{file}: {error.strerror}") from None
 

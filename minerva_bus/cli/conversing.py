@@ -1,4 +1,4 @@
-"""`minerva conversation`: who said what to whom in a record, as a sequence diagram."""
+"""`minerva conversation`: the messages between agents in a record, as a sequence diagram."""
 
 from __future__ import annotations
 

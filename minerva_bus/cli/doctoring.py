@@ -1,4 +1,4 @@
-"""`minerva doctor`: what this machine has of what worlds need."""
+"""`minerva doctor`: check the environment for dependencies of worlds."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ EXTRAS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at. `needed`: no world runs without it."""
+    """The result of one check. `needed`: no world runs without it."""
 
     what: str
     good: bool
@@ -53,16 +53,16 @@ class Finding:
 
 
 def examine(json_too: bool) -> int:
-    """Print what was found; the exit code is 1 where something is wrong that worlds need."""
-    found = list(_findings())
+    """Print the results; returns 1 if a required dependency is missing, otherwise 0."""
+    findings = list(_findings())
     if json_too:
-        say(json.dumps([asdict(one) for one in found]))
+        say(json.dumps([asdict(finding) for finding in findings]))
     else:
-        width = max(len(one.what) for one in found)
-        for one in found:
-            mark = "✓" if one.good else ("✗" if one.needed else "–")
-            say(f"{mark} {one.what.ljust(width)}  {one.note}")
-    return 0 if all(one.good for one in found if one.needed) else 1
+        width = max(len(finding.what) for finding in findings)
+        for finding in findings:
+            mark = "✓" if finding.good else ("✗" if finding.needed else "–")
+            say(f"{mark} {finding.what.ljust(width)}  {finding.note}")
+    return 0 if all(finding.good for finding in findings if finding.needed) else 1
 
 
 def _findings() -> Iterator[Finding]:
@@ -74,7 +74,7 @@ def _findings() -> Iterator[Finding]:
     yield _memory()
     yield _screen()
     for name, (modules, purpose) in EXTRAS.items():
-        missing = [one for one in modules if find_spec(one) is None]
+        missing = [name for name in modules if find_spec(name) is None]
         hint = f"; pip install 'minerva-bus[{name}]'" if missing else ""
         yield Finding(name, not missing, purpose + hint)
 
@@ -87,7 +87,7 @@ def _tried(what: str, deed: Callable[[], str]) -> Finding:
 
 
 def _exchange() -> str:
-    """Open a hub and a client of it, as a world does."""
+    """Open a session that listens and one that connects, as a world does."""
     from minerva_bus.runtime.session import open_client, open_hub
 
     hub, endpoint = open_hub("doctor")
@@ -99,7 +99,7 @@ def _registry() -> str:
     from minerva_bus.launch.registry import running
     from minerva_bus.launch.runtime_folder import runtime_folder
 
-    worlds = ", ".join(one.world for one in running()) or "none"
+    worlds = ", ".join(each.world for each in running()) or "none"
     return f"{worlds}; noted in {runtime_folder()}"
 
 

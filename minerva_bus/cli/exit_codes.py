@@ -1,4 +1,4 @@
-"""Exit codes of `minerva`; 0 is for what is done."""
+"""Exit codes of `minerva`; 0 means success."""
 
 from typing import Final
 
@@ -7,4 +7,4 @@ FAILED: Final = 1
 WRONG: Final = 2
 """The input is wrong."""
 INTERRUPTED: Final = 130
-"""Ctrl-C ended it, as a shell says it of SIGINT."""
+"""Interrupted by Ctrl-C: the convention of shells for SIGINT."""

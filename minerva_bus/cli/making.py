@@ -12,11 +12,10 @@ KINDS = {"bridge": write_bridge}
 
 
 def make_new(kind: str, name: str, folder: Path) -> None:
-    """Write the beginnings of something, and say what to do next. Raises MisuseError."""
+    """Scaffold a package and print the next steps. Raises MisuseError."""
     if kind not in KINDS:
         raise MisuseError(
-            f"there is nothing new of the kind {kind!r}{nearest(kind, list(KINDS))}; expected"
-            f" {', '.join(KINDS)}"
+            f"cannot create a {kind!r}{nearest(kind, list(KINDS))}; expected {', '.join(KINDS)}"
         )
     made = KINDS[kind](name, folder)
     say(f"{made} is written; it works as it is:")

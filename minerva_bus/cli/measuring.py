@@ -13,7 +13,7 @@ from minerva_bus.launch.interrupts import end_signals
 
 
 def serve_metrics(listen: str, connect: str, world: str) -> None:
-    """Serve a world's figures until Ctrl-C; a world that ends meanwhile is said to be down."""
+    """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
     stop = threading.Event()
 
     def end(number: int, frame: FrameType | None) -> None:

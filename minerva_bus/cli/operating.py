@@ -16,63 +16,63 @@ LAST = 1000
 
 
 def pause_world(connect: str, world: str) -> None:
-    """Let a world begin no frame."""
+    """Pause a world before its next frame."""
     with client(connect, world) as asked:
         asked.operator.pause()
         say(f"{asked.world}: paused before frame {_resting(asked)}")
 
 
 def resume_world(connect: str, world: str) -> None:
-    """Let a world go on."""
+    """Resume a world."""
     with client(connect, world) as asked:
         asked.operator.resume()
         say(f"{asked.world}: goes on")
 
 
 def step_world(frames: int, connect: str, world: str) -> None:
-    """Let a world run some frames and pause; come back when it has."""
+    """Run a number of frames, wait for them, and pause."""
     with client(connect, world) as asked:
         asked.operator.step(frames)
         say(f"{asked.world}: paused before frame {_resting(asked)}")
 
 
 def set_rate(hz: float, connect: str, world: str) -> None:
-    """Change how many frames a world begins in a second."""
+    """Change the frame rate of a world."""
     with client(connect, world) as asked:
         asked.operator.set_rate(hz)
         say(f"{asked.world}: {f'{hz:g} frames per second' if hz else 'as fast as it goes'}")
 
 
 def restart_member(member: str, connect: str, world: str) -> None:
-    """Start a process of a world's file anew."""
+    """Restart a process of a world."""
     with client(connect, world) as asked:
         asked.operator.restart(member)
         say(f"{asked.world}: {member} is started anew")
 
 
 def drain_member(member: str, connect: str, world: str) -> None:
-    """Let other hosts take over a host's agents."""
+    """Move the agents of a host to other hosts."""
     with client(connect, world) as asked:
         others = asked.operator.drain(member)
         say(f"{asked.world}: the agents of {member} go to {', '.join(others)}")
 
 
 def _resting(asked: Client) -> int:
-    """Wait until the world rests, as it was told to; say for whom it waits if it does not."""
-    told: tuple[str, ...] = ()
+    """Wait until the world has paused and return its frame; report members it waits for."""
+    reported: tuple[str, ...] = ()
     while True:
         status = asked.operator.status()
         resumed = not status.paused and not status.left
         if resumed or (status.paused and status.phase == "between frames"):
             return status.frame
-        if status.waited > 1 and status.waiting != told:
-            told = status.waiting
-            tell(f"waiting for {', '.join(told)}")
+        if status.waited > 1 and status.waiting != reported:
+            reported = status.waiting
+            tell(f"waiting for {', '.join(reported)}")
         time.sleep(LOOK_EVERY)
 
 
 def show_logs(member: str, follow: bool, connect: str, world: str, json_too: bool) -> None:
-    """Print what members have printed, and what the world has said of them."""
+    """Print the logs of members, with the messages of the world about them."""
     with client(connect, world) as asked:
         _check_member(asked, member)
         since, answered = 0, False
@@ -82,7 +82,7 @@ def show_logs(member: str, follow: bool, connect: str, world: str, json_too: boo
             except MinervaError:
                 if not (follow and answered):
                     raise
-                return  # The world that was followed has ended.
+                return  # The followed world has ended.
             answered = True
             for line in lines:
                 say(_entry(line, asked.world).json() if json_too else _shown(line))
@@ -94,7 +94,7 @@ def show_logs(member: str, follow: bool, connect: str, world: str, json_too: boo
 
 
 def _check_member(asked: Client, member: str) -> None:
-    known = [one.name for one in asked.operator.status().members]
+    known = [each.name for each in asked.operator.status().members]
     if member and member not in [*known, "coordinator"]:
         raise MinervaError(f"{asked.world} has no member {member!r}{nearest(member, known)}")
 

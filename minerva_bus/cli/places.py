@@ -1,4 +1,4 @@
-"""Which running world a command is about, and who gives the command."""
+"""The running world that a command addresses, and the identity that it uses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minerva_bus.security.credentials import Credentials
 
 @dataclass(slots=True)
 class _Chosen:
-    """What the command line has said once, for whichever command it is."""
+    """The identity chosen on the command line, for any command."""
 
     keys: str = ""
 
@@ -21,14 +21,14 @@ _chosen = _Chosen()
 
 
 def choose_keys(keys: str) -> None:
-    """Let this process be who its keys say: a folder, or one's certificate in it, NAME.pem."""
+    """Choose the identity of this process: a folder of keys, or a certificate in it, NAME.pem."""
     _chosen.keys = keys
 
 
 def identity(name: str = "") -> Credentials | None:
-    """Who this process is, by --keys; `name` is whose keys they should be in a folder of several.
+    """The credentials of --keys; `name` selects a certificate in a folder with several.
 
-    Raises KeysError where there are none of these.
+    Raises KeysError if there is none.
     """
     if not _chosen.keys:
         return None
@@ -43,8 +43,8 @@ def client(connect: str, world: str) -> Client:
     """A connection to the world that --connect and --world choose. Raises BusError."""
     if connect:
         return Client(connect, world, identity())
-    found = find(world)
-    return Client(found.endpoint, found.world)
+    entry = find(world)
+    return Client(entry.endpoint, entry.world)
 
 
 def place(connect: str, world: str, own: Credentials | None = None) -> tuple[str, str]:
@@ -54,5 +54,5 @@ def place(connect: str, world: str, own: Credentials | None = None) -> tuple[str
     if connect:
         with Client(connect, own=own) as asked:
             return connect, asked.world
-    found = find(world)
-    return found.endpoint, found.world
+    entry = find(world)
+    return entry.endpoint, entry.world

@@ -1,7 +1,7 @@
 """`minerva run --json` prints one JSON object on standard output, however it ends.
 
-What has run prints its own summary. Where nothing could, because the options or the world file are
-wrong, or a signal came before there was a world, the object says why, with the keys of a summary.
+A world that ran prints its own summary. If none could start, because the options or the world file
+are wrong or a signal came first, the object has the keys of a summary and the reason.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _said: list[str] = []
 
 
 def say_summary(plain: Mapping[str, Any]) -> None:
-    """Print a summary, which is the only one of this command."""
+    """Print the summary of this command."""
     text = json.dumps(plain)
     _said.append(text)
     say(text)
@@ -34,7 +34,7 @@ def say_summary(plain: Mapping[str, Any]) -> None:
 
 @contextmanager
 def promised(words: Sequence[str]) -> Generator[None]:
-    """Run a command of these words; a summary is printed where they promise one."""
+    """Run a command with these arguments; print a summary if they ask for JSON."""
     if not _promise(words):
         yield
         return
@@ -60,9 +60,9 @@ def _promise(words: Sequence[str]) -> bool:
 
 
 def _catch_signals() -> None:
-    """Let signals end the command in order; a supervisor has its own way, for as long as it runs.
+    """Exit in order on signals; a running supervisor installs its own handlers.
 
-    A hang-up that is ignored, as under `nohup`, stays ignored.
+    An ignored SIGHUP, as under `nohup`, stays ignored.
     """
 
     def end(number: int, _: FrameType | None) -> None:
@@ -79,15 +79,15 @@ def _say_why(error: BaseException) -> None:
 
 
 def _why(error: BaseException | None) -> str:
-    """The first cause that was meant for people: an exit code comes from an error before it."""
+    """The first cause with a message for users: an exit code follows from an earlier error."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):  # Ctrl-C has no arguments, other signals do.
             return "terminated" if error.args else "interrupted"
         if isinstance(error, MinervaError):
             return str(error).partition("\n")[0]
-        told = getattr(error, "format_message", None)  # An error of the command line's words.
-        if told is not None:
-            return str(told())
+        usage = getattr(error, "format_message", None)  # A usage error of the command line.
+        if usage is not None:
+            return str(usage())
         if not isinstance(error, SystemExit) and isinstance(error, OSError | MemoryError):
             return f"{type(error).__name__}: {error}"
         error = error.__cause__ or error.__context__

@@ -1,4 +1,4 @@
-"""`minerva info`, `diff` and `plot`: what is in the records of runs."""
+"""`minerva info`, `diff`, `plot` and `recover`: contents of records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from minerva_bus.outputs import check_output
 
 
 def show_info(file: Path, check: bool, json_too: bool) -> None:
-    """Print what is in a record. Raises RecordError."""
+    """Print the contents of a record. Raises RecordError."""
     with Record(file) as record:
         info = info_of(record, check)
     say(json.dumps(info.plain()) if json_too else "\n".join(info.lines()))
@@ -35,7 +35,7 @@ def show_moment(file: Path, frame: int | None, string: bool, json_too: bool) -> 
 
 
 def show_difference(a: Path, b: Path, json_too: bool) -> int:
-    """Print where two records part; the exit code, 0 where they do not. Raises RecordError."""
+    """Print the first difference of two records; returns the exit code. Raises RecordError."""
     with Record(a) as one, Record(b) as other:
         found = compare(one, other)
     say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
@@ -59,7 +59,7 @@ def recover_record(file: Path, output: Path | None, json_too: bool) -> None:
 
 
 def draw_plot(file: Path, output: Path | None) -> None:
-    """Draw a record into a picture. Raises RecordError and MisuseError."""
+    """Plot a record to a file. Raises RecordError and MisuseError."""
     from minerva_bus.study.plot import plot
 
     into = output or file.with_suffix(".png")

@@ -32,7 +32,7 @@ def replay_record(
     json_too: bool,
     quiet: bool,
 ) -> int:
-    """Play a record to its end; the exit code. Raises RecordError and WorldFileError."""
+    """Replay a record to its end; returns the exit code. Raises RecordError and WorldFileError."""
     replay = read_replay(path, world, overrides, begin=begin, speed=speed)
     console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
     supervisor = Supervisor(replay.file, console, began, coordinator=replay.coordinator)
@@ -46,9 +46,9 @@ def replay_record(
 
 
 def recompute_record(path: Path, world: str, json_too: bool) -> int:
-    """Run λ over a record again and print where it differs; the exit code, 0 where it does not.
+    """Run λ on a record again and print the first difference; returns the exit code.
 
-    Raises RecordError and WorldFileError, and ActivityError where user code raised.
+    Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
     with _progress() as told:
         found = recomputed(path, world, told)
@@ -62,9 +62,9 @@ def recompute_record(path: Path, world: str, json_too: bool) -> int:
 
 
 def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -> int:
-    """Run a record again with one member replaced; the exit code, 0 where nothing differs.
+    """Run a record again with one member replaced; returns the exit code.
 
-    Raises RecordError and WorldFileError, and MisuseError for what cannot be swapped.
+    Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
     """
     try:
         with _progress() as told:
@@ -78,7 +78,7 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -
 
 @contextmanager
 def _progress() -> Generator[Callable[[int, int], None]]:
-    """A progress bar on standard error, where a person looks at it."""
+    """A progress bar on standard error, if it is a terminal."""
     if not sys.stderr.isatty():
         yield lambda done, last: None
         return
@@ -92,7 +92,7 @@ def _progress() -> Generator[Callable[[int, int], None]]:
 
 
 def seek_frame(frame: int, connect: str, world: str) -> None:
-    """Let a replay go on from another frame."""
+    """Continue a replay at another frame."""
     with client(connect, world) as asked:
         asked.ask("seek", frame=frame)
         say(f"{asked.world}: goes on from frame {frame}")

@@ -1,4 +1,4 @@
-"""The two things that a command writes to."""
+"""Output of commands."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import sys
 
 
 def say(text: str) -> None:
-    """Print what was asked for: on standard output, at once, where nothing else is."""
+    """Print a result on standard output and flush it; nothing else is printed there."""
     print(text, flush=True)  # noqa: T201
 
 
 def tell(text: str) -> None:
-    """Print what people should know beside it: on standard error."""
+    """Print a message for the user on standard error."""
     print(text, file=sys.stderr, flush=True)  # noqa: T201

@@ -1,4 +1,4 @@
-"""How a run begins: since when its process is there, and fast."""
+"""Start of a run: when the program started, and imports without garbage collection."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 BEGAN = time.monotonic() - time.process_time()
-"""When this program began, on the monotonic clock, seconds.
+"""When this program started, on the monotonic clock, seconds.
 
-What has happened until here is start-up, which computes. The age of the process is no measure: a
-shell that has installed the program may have become this process.
+It is derived from CPU time, because start-up only computes. The age of the process is no measure: a
+shell may have become this process by exec.
 """
 
 
 @contextmanager
 def uncollected() -> Generator[None]:
-    """Leave garbage lying while all is imported and read: of that, next to nothing is any."""
+    """Disable garbage collection during imports, which create almost no garbage."""
     gc.disable()
     try:
         yield

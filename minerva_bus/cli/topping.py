@@ -15,13 +15,13 @@ MEASURED_FOR = 0.5
 
 
 def watch_world(connect: str, world: str, json_too: bool) -> None:
-    """Watch a world until q or Ctrl-C; as JSON, once."""
+    """Monitor a world until q or Ctrl-C; as JSON, print its status once."""
     if not json_too:
         _check_terminal()
     with client(connect, world) as asked:
         if json_too:
             asked.operator.status()
-            time.sleep(MEASURED_FOR)  # What is measured is known from the first question on.
+            time.sleep(MEASURED_FOR)  # Measurement starts with the first request.
             say(json.dumps(listing(asked.operator.status())))
             return
         try:

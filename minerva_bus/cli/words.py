@@ -1,4 +1,4 @@
-"""The words of a command line that typer does not know: a world's or a service's own options."""
+"""Options of a world or a service, which typer does not know."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from minerva_bus.errors import MinervaError
 
 
 def options_of(words: list[str]) -> dict[str, str]:
-    """`--name value` and `--name=value` pairs that typer does not know."""
-    found: dict[str, str] = {}
+    """Parse `--name value` and `--name=value` pairs. Raises MinervaError."""
+    options: dict[str, str] = {}
     rest = list(words)
     while rest:
         word = rest.pop(0)
@@ -18,5 +18,5 @@ def options_of(words: list[str]) -> dict[str, str]:
             if not rest:
                 raise MinervaError(f"--{name} needs a value")
             value = rest.pop(0)
-        found[name.replace("-", "_")] = value
-    return found
+        options[name.replace("-", "_")] = value
+    return options

@@ -39,7 +39,7 @@ def command(
     Other options are passed to the service: `attach svg --every 5`. With --process they are
     options of the world: `attach robot --process physics --map house.yaml`.
     """
-    from minerva_bus.cli.attaching import Way, attach_member
+    from minerva_bus.cli.attaching import ConnectOptions, attach_member
 
-    way, options = Way(connect, world, keep_trying), options_of(context.args)
+    way, options = ConnectOptions(connect, world, keep_trying), options_of(context.args)
     raise typer.Exit(attach_member(spec, way, name, options, process))

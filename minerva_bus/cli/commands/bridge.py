@@ -38,10 +38,10 @@ def command(
 
     Other options are passed to the bridge: `bridge carmen LOG --speed 4`.
     """
-    from minerva_bus.cli.attaching import Way, bridge_source
+    from minerva_bus.cli.attaching import ConnectOptions, bridge_source
 
     words = context.args
     if source.startswith("--"):
         words, source = [source, *words], ""
-    way = Way(connect, world, keep_trying)
+    way = ConnectOptions(connect, world, keep_trying)
     raise typer.Exit(bridge_source(kind, source, way, name, options_of(words)))
