@@ -118,7 +118,7 @@ def test_a_world_that_is_run_anew_gets_a_member_that_begins_anew(tmp_path):
             world.kill()
             steps.says("cannot be seen since")
             with World(path, "--json", "--listen", f"tcp/127.0.0.1:{port}") as again:
-                steps.says("has begun anew, at frame 0; it joins again, from the beginning")
+                steps.says("has begun anew, at frame 0; joining again")
                 found = again.summary()
             assert steps.ends() == 0
     assert (found["frames"], found["digest"]) == (30, undisturbed["digest"])
