@@ -15,7 +15,8 @@ def make_new(kind: str, name: str, folder: Path) -> None:
     """Scaffold a package and print the next steps. Raises MisuseError."""
     if kind not in KINDS:
         raise MisuseError(
-            f"cannot create the kind {kind!r}{nearest(kind, list(KINDS))}; expected {', '.join(KINDS)}"
+            f"cannot create the kind {kind!r}{nearest(kind, list(KINDS))};"
+            f" expected {', '.join(KINDS)}"
         )
     made = KINDS[kind](name, folder)
     say(f"{made} is written; it works as it is:")
