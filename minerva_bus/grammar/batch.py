@@ -1,4 +1,4 @@
-"""Many events of one type as columns: what would be n events, held as n rows."""
+"""Batches: events of one type, held as columns with a row for each event."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import Value
 
 MANY: Final = 1_000
-"""Events from which on a generator's are put in columns: to decode one by itself takes long."""
+"""A generator's events are put in columns if they are more: decoding them singly takes long."""
 
 _MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
 
@@ -25,8 +25,8 @@ _MIX: Final = np.uint64(0xBF58476D1CE4E5B9)
 class Events:
     """`count` events of one type, in order.
 
-    `senders` and `receivers` have one id for each; None: no sender, or for every agent that
-    subscribes to the type. Their condition is one and the same.
+    `senders` and `receivers` have one id for each event. None means no sender, or that the events
+    are for every agent that subscribes to the type. All have the same condition.
     """
 
     type: str
@@ -41,7 +41,7 @@ class Events:
         return self.count
 
     def __iter__(self) -> Iterator[Event]:
-        """Row by row."""
+        """Single events, row by row."""
         lists = [column.list() for column in self.columns]
         rows: Iterable[tuple[Value, ...]] = zip(*lists, strict=True) if lists else [()] * self.count
         senders = self.senders.texts() if self.senders is not None else [""] * self.count
@@ -55,12 +55,12 @@ class Events:
         return [(text,) for text in self.receivers.texts()]
 
     def event(self, row: int) -> Event:
-        """One of them."""
+        """The event of one row."""
         return next(iter(self.take(slice(row, row + 1))))
 
     @staticmethod
     def repeated(event: Event, count: int) -> Events:
-        """One event again and again."""
+        """A batch of `count` copies of an event."""
         rows = np.zeros(count, np.intp)
         columns = tuple([Column.of([value]).take(rows) for value in event.values])
         to = Ids.of(event.receivers).take(rows) if event.receivers else None
@@ -68,7 +68,7 @@ class Events:
         return Events(event.type, event.names, columns, count, event.condition, sender, to)
 
     def take(self, rows: Rows | slice) -> Events:
-        """Some of them."""
+        """The events of these rows."""
         count = len(range(*rows.indices(self.count))) if isinstance(rows, slice) else len(rows)
         return Events(
             self.type,
@@ -81,11 +81,11 @@ class Events:
         )
 
     def data(self, name: str) -> NDArray[Any]:
-        """The column of a datum."""
+        """The values of a datum, shape (count,)."""
         return self.columns[self.names.index(name)].array
 
     def to(self, receiver: str) -> Events:
-        """Those for one agent; these very ones where all are."""
+        """The events for one agent; this very batch if all are."""
         if self.receivers is None:
             return self
         rows = np.flatnonzero(Ids.of([receiver]).rows_of(self.receivers) >= 0)
@@ -93,7 +93,7 @@ class Events:
 
     @staticmethod
     def of(events: Sequence[Event]) -> Events | None:
-        """Events as columns; None where they cannot be."""
+        """Events as a batch; None where their forms differ or their data are no scalars."""
         first = events[0]
         alike = all(
             event.type == first.type
@@ -127,7 +127,7 @@ class Events:
 
     @staticmethod
     def concatenated(parts: Sequence[Events]) -> Events | None:
-        """All in one; None where they differ in more than their rows."""
+        """Several batches as one; None where they differ in more than their rows."""
         first = parts[0]
         if len(parts) == 1:
             return first
@@ -148,7 +148,7 @@ class Events:
         )
 
     def distinct(self) -> Events:
-        """Each of them once, where it is first (equation 6)."""
+        """Each event once, at its first occurrence (equation 6)."""
         if self.count < 2 or any(map(_distinct, (self.senders, self.receivers))):
             return self
         hashes = self._hashes()
@@ -162,7 +162,7 @@ class Events:
         return self if kept.all() else self.take(np.flatnonzero(kept))
 
     def _again(self) -> NDArray[np.bool_]:
-        """Which of them are the same as an earlier one, shape (n,)."""
+        """Which events equal an earlier one, shape (count,)."""
         known = [ids.spelled for ids in (self.senders, self.receivers) if ids is not None]
         arrays = [*[bits(column.array) for column in self.columns], *known]
         codes = [np.unique(array, return_inverse=True)[1] for array in arrays]
@@ -194,12 +194,12 @@ AnyEvent: TypeAlias = Event | Events
 
 
 def count_of(event: AnyEvent) -> int:
-    """How many events it is."""
+    """Number of events: 1, or those of a batch."""
     return event.count if isinstance(event, Events) else 1
 
 
 def single(events: Iterable[AnyEvent]) -> Iterator[Event]:
-    """Every event by itself."""
+    """Single events, in order."""
     for event in events:
         if isinstance(event, Events):
             yield from event
@@ -213,9 +213,9 @@ def first_of(event: AnyEvent) -> Event:
 
 
 def in_columns(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
-    """Very many events, those of each type in columns where they can be; a few as they are.
+    """More than `MANY` events with those of each type as a batch where possible; fewer unchanged.
 
-    They are the same events in the same order within each type, which is what counts of it.
+    The order within each type stays, and no other order matters.
     """
     if len(events) <= MANY:
         return events

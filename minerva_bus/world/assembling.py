@@ -1,4 +1,4 @@
-"""What has come of agents in columns at the end of a frame: their string and what they sent."""
+"""The end of a population's frame: the string that its agents have become, and what they sent."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ class Unsound(StateError):
 
 
 def assembled(state: PopulationState, lives: Mapping[int, Scene]) -> Scene:
-    """The string: rows that stayed, newborns behind their parents, and what single ones became."""
+    """The string of the remaining rows, newborns after their parents, and what others became.
+
+    `lives` has the strings of agents that have left the arrays, by row.
+    """
     part = _changed(state)
     if state.away is None and not state.born:
         return Scene((part,))
@@ -83,7 +86,7 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
 
 
 def _later_first(birth: Birth) -> int:
-    """Newborns of a later event stand nearer to their parent."""
+    """Sort key: newborns of a later event are nearer to their parent."""
     return -birth.turn
 
 
@@ -111,7 +114,7 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
 def emissions(
     batches: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
 ) -> tuple[AnyEvent, ...]:
-    """What agents sent, by type, in the order of the agents and, for each, of its sending."""
+    """Events sent, by type, in the order of the agents and then in the order of sending."""
     chunks: dict[str, list[tuple[Rows, Events]]] = {}
     for rows, events in batches:
         chunks.setdefault(events.type, []).append((rows, events))

@@ -33,7 +33,7 @@ def check_births(kind: AgentKind) -> None:
 
 
 def child_id(parent: str, births: int) -> str:
-    """An id that only this birth gives; a lineage too long to be spelled out is hashed."""
+    """The id of a child, unique to this birth; an id that would be too long is hashed."""
     return _derived(parent, f"{births}", "")
 
 

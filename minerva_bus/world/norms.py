@@ -1,7 +1,7 @@
 """Norms: what agents may do, where and how often, enforced while the world runs (section 1).
 
 A norm is about events of some types, or about what agents become. Its condition, in the language
-of grammar/condition.py, says what it forbids. Beside the attributes of the agent it may name
+of grammar/condition.py, says what it forbids. Besides the attributes of the agent, it may name
 
     was.x       what an agent's attribute was before the frame      norms on what agents become
     event.x     a datum of the event                                norms on events
@@ -24,21 +24,21 @@ from minerva_bus.grammar.terms import sort_of_kind
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 SOURCE: Final = "~norms"
-"""The source of sanctions, and the name under which checkpoints keep how often what was done."""
+"""Source of sanctions, and the key of the violation counts in checkpoints."""
 
 REFUSED: Final = "eRefused"
-"""The event type, where a world has it, by which an agent hears that a step of it was refused."""
+"""Event type, where a world declares it, that tells an agent that its step was rejected."""
 
 WAS: Final = "was."
 EVENT: Final = "event."
 
 
 class Then(Enum):
-    """What follows where a norm is broken.
+    """What follows a violation.
 
-    REFUSE    it does not happen: an event reaches nobody, an agent stands still in this frame
-    SANCTION  it happens, and who did it gets an event in the next frame
-    COUNT     it happens, and is counted
+    REFUSE    reject it: the event is dropped, or the agent keeps its state in this frame
+    SANCTION  allow it, and send the violator an event in the next frame
+    COUNT     allow it, and count it
     """
 
     REFUSE = "refuse"
@@ -50,10 +50,10 @@ class Then(Enum):
 class Norm:
     """One norm.
 
-    It `applies` to agents of these kinds and to what members of these names generate; none: to all.
-    It is about events of the types `on`; none: about what agents become. It forbids what fulfils
-    both `when` and `where`, beyond the `most` times in `per` frames that each may do it. With
-    `sanction`, who breaks it gets this event in the next frame, also where it is refused.
+    It `applies` to agents of these kinds and to events from members of these names; if empty, to
+    all. It concerns events of the types `on`; if empty, what agents become. It forbids what fulfils
+    both `when` and `where`, except `most` times in `per` frames for each agent. With `sanction`, a
+    violator gets this event in the next frame, even if the violation is rejected.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Norm:
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
-        """What is forbidden: all of these."""
+        """The conditions; what fulfils all of them is forbidden."""
         return tuple(
             [
                 parse_condition(condition)
@@ -79,22 +79,22 @@ class Norm:
 
     @property
     def refuses(self) -> bool:
-        """Whether what breaks it does not happen."""
+        """Whether violations are rejected."""
         return self.then is Then.REFUSE
 
     def holds(self, state: Mapping[str, Any]) -> bool:
-        """Whether it forbids what is so."""
+        """Whether it forbids this state."""
         return all(condition.holds(state) for condition in self.conditions)
 
     def concerns(self, *names: str) -> bool:
-        """Whether it applies to one of a kind, or to a member."""
+        """Whether it applies to a kind or a member with one of these names."""
         return not self.applies or any(name in self.applies for name in names)
 
 
 def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, source: str) -> None:
-    """Whether some whom a norm concerns can fulfil a condition of it at all.
+    """Check that a condition of a norm can hold for some agent or event that it concerns.
 
-    `w` is the initial string, in which agents that are named by their ids must be. Raises
+    `w` is the initial string; it must contain the agents that the condition names by id. Raises
     VocabularyError with a caret.
     """
     named = {agent.id: agent.symbol for agent in agents(w)} if "#" in text else {}
@@ -106,7 +106,7 @@ def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, sou
 def _concerned(
     norm: Norm, vocabulary: Vocabulary
 ) -> Iterator[tuple[AgentKind | None, EventType | None]]:
-    """Who may be judged, and what for."""
+    """The kinds (None: generators) and event types (None: states) that a norm concerns."""
     kinds: list[AgentKind | None] = [
         kind for name, kind in vocabulary.kinds.items() if norm.concerns(name)
     ]
@@ -120,7 +120,7 @@ def _concerned(
 def _scope(
     kind: AgentKind | None, about: EventType | None, others: Mapping[str, AgentKind]
 ) -> Scope:
-    """The names that a norm may use of an agent of a kind, and of what it does."""
+    """The names that a norm may use for an agent of a kind and for its event."""
     own = kind.fields.all if kind is not None else ()
     sorts = {field.name: field for field in own}
     if about is None:
@@ -139,7 +139,7 @@ def _scope(
 
 
 def sanction_of(norm: str, declared: EventType, data: Mapping[str, Any]) -> Event:
-    """The event that who breaks a norm gets; a datum `norm` has its name if nothing else.
+    """The event that a violator gets; a datum `norm` defaults to the norm's name.
 
     Raises MisuseError and VocabularyError.
     """
@@ -161,7 +161,7 @@ class ViolationCounts:
         }
 
     def breaks(self, norm: Norm, who: str, frame: int) -> bool:
-        """Note that somebody does what a norm forbids, or limits; whether that breaks it."""
+        """Count an act that a norm forbids or limits; whether it is a violation."""
         if norm.most:
             lately = self._lately.setdefault(norm.name, {})
             frames = [past for past in lately.get(who, ()) if past > frame - norm.per]
@@ -175,13 +175,13 @@ class ViolationCounts:
         return True
 
     def exceeds(self, norm: Norm, who: str, frame: int) -> bool:
-        """Whether somebody may not do what a norm forbids, or limits, in a frame; notes nothing."""
+        """Whether an act in this frame would be a violation; counts nothing."""
         lately = self._lately.get(norm.name, {}).get(who, ())
         count = sum(frame - norm.per < past < frame for past in lately)
         return count >= norm.most
 
     def saved(self, norms: tuple[Norm, ...], frame: int) -> dict[str, Any]:
-        """What is needed to go on from a frame, as plain data; what counts no more is left out."""
+        """The counts needed to continue from a frame, as plain data; expired ones are dropped."""
         lately: dict[str, dict[str, list[int]]] = {}
         for norm in norms:
             of = self._lately.get(norm.name, {})

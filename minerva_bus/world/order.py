@@ -30,8 +30,8 @@ class Order:
 def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
     """E(C*, t), equation 6: all events of all generators, in order, each once.
 
-    `sources` gives each source's events in the order in which it made them. Events of a type of
-    which some come in columns go on in columns.
+    `sources` has each source's events in the order in which it made them. The events of a type
+    become one batch if some of them are in a batch.
     """
     keyed = [
         (order.key(event.type, source, sequence), event)

@@ -1,4 +1,4 @@
-"""Generators and devices as people write them: C^d(t) of 3.3 and the output g of Table 2.
+"""Base classes of generators and devices: C^d(t) of 3.3 and the output g of Table 2.
 
     class Rain(Generator, events=("eRain",)):
         def __init__(self, chance: float = 0.1) -> None:
@@ -34,9 +34,9 @@ from minerva_bus.world.signatures import check_overridden
 
 @dataclass(frozen=True, slots=True)
 class WorldInfo:
-    """What a member learns of the world that it has joined.
+    """The world that a member has joined.
 
-    `operator` is for those that people give orders through.
+    `operator` is for services through which people control the world.
     """
 
     world: str
@@ -48,10 +48,10 @@ class WorldInfo:
 
 @dataclass(slots=True)
 class Tick(Context):
-    """The moment at which a lockstep generator is asked for C^d(t).
+    """The context in which a lockstep generator produces C^d(t).
 
-    `readings` are this frame's readings of the topics it subscribes to, sorted by topic and
-    publisher; `orders` what people have sent for its event types since it was last asked.
+    `readings` are this frame's readings of its topics, sorted by topic and publisher; `orders` are
+    the events that people have sent through it since the last tick.
     """
 
     readings: tuple[Reading, ...] = ()
@@ -65,15 +65,15 @@ class Tick(Context):
 
 @dataclass(frozen=True)
 class View:
-    """What π made of a frame's string for one visual event type: a string of L(E).
+    """The view π of a frame's string for one visual event type: a string of L(E).
 
     `skeleton` is that string with a slot `A#name()` for each outermost agent, or part of a
-    population, and `parts` has by these names what the agents look like. A part that is the same
-    object as in the view before has not changed. Who needs neither asks for the `scene`.
+    population, and `parts` has the views of these by name. A part that is the same object as in the
+    previous view has not changed. `scene` is the whole string.
 
-    `halted` are the ids of agents whose step does not count in this frame, because a norm refuses
-    it or their host is away. A device that carries out what agents show, as motors do, carries out
-    nothing for these: the string has them where they are.
+    `halted` are the ids of agents whose step does not count in this frame, because a norm rejects
+    it or their host is away. A device that executes commands in a view, such as motors, executes
+    none for these agents, because the string has them at their old place.
     """
 
     frame: int
@@ -89,10 +89,10 @@ class View:
 
 
 class Emit(Protocol):
-    """How a free-running generator speaks; from its own thread."""
+    """How a free-running generator sends, from its own thread."""
 
     def __call__(self, event: AnyEvent) -> None:
-        """Emit an event: it counts in the next frame."""
+        """Send an event, which belongs to the next frame."""
 
     def publish(self, topic: str, reading: Reading) -> None:
         """Put a reading on a sensor topic, which must be among the class's `publishes`."""
@@ -104,22 +104,22 @@ CALLED: Final = {
     "Generator": ("generates", "takes_orders", "generate", "run"),
     "Device": ("heard", "show"),
 }
-"""The methods that are called in a service, by the class that has them."""
+"""The methods of a service that its member calls, by the class that declares them."""
 
 
 class Service:
-    """Base of generators and devices: a process of a world that is no agent."""
+    """Base of generators and devices: processes of a world that are not hosts of agents."""
 
     topics: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     takes: str = "newest"
-    """Of readings that come faster than frames, "newest" counts, or "all" that have come."""
+    """Of readings that arrive faster than frames, use the "newest", or "all" of them."""
 
     nth: int = 1
-    """Of readings that come freely, only every n-th counts."""
+    """Use only every n-th reading of a free-running publisher."""
 
     interactive: bool = False
-    """People sit before it: a world that is given it as a view runs in real time, without end."""
+    """It has a user interface: a world with it as a view runs in real time, without an end."""
 
     pulse_every: float = 0.0
     """Seconds from one `pulse` to the next; 0: none."""
@@ -134,26 +134,26 @@ class Service:
         """Called once, when the member has joined a world and before anything else."""
 
     def save(self) -> Any:
-        """What a successor needs to go on after this frame; None: nothing.
+        """State that a successor needs to continue after this frame; None: nothing.
 
         A boolean, a number, a text, bytes, or a list or mapping (with texts as keys) of these.
         """
         return None
 
     def restore(self, saved: Any) -> None:
-        """Go on from what a predecessor saved; a tuple comes back as a list."""
+        """Continue from what a predecessor saved; tuples arrive as lists."""
 
     def pulse(self) -> None:
-        """Called every `pulse_every` seconds between messages: look at the keyboard, redraw."""
+        """Called every `pulse_every` seconds between messages, for example to poll the keyboard."""
 
     def leaves(self) -> bool:
-        """Whether it wants to leave the world, as a window that was closed; asked after a pulse."""
+        """Whether it leaves the world, as after its window was closed; called after a pulse."""
         return False
 
     def report(self) -> Mapping[str, bool | int | float | str]:
-        """Figures, for the summary of the run, and for people who look in the meantime.
+        """Metrics for the summary of the run and for `minerva top`.
 
-        A number that is not finite, as a mean of nothing, is left out.
+        Numbers that are not finite, such as the mean of no values, are left out.
         """
         return {}
 
@@ -170,17 +170,17 @@ def _several(cls: type, what: str, event_types: tuple[str, ...] | str) -> tuple[
 class Generator(Service):
     """An event generator, C^d(t).
 
-    Lockstep (the default): `generate` is asked once a frame. With `lockstep=False` the member
-    runs freely: `run` emits whenever something happens, and what has arrived by a frame's edge
-    counts in it. With `ahead=True` it is asked for a frame while the one before still runs: for
-    those that depend neither on the world nor on the hour, nor on readings, views or orders.
+    Lockstep (the default): `generate` is called once per frame. With `lockstep=False` the member
+    runs freely: `run` emits at any time, and events that arrive before a frame begins belong to it.
+    With `ahead=True`, `generate` is called while the previous frame still runs: for generators that
+    depend neither on the world nor on the time, nor on readings, views or orders.
     """
 
     events: ClassVar[tuple[str, ...]] = ()
     lockstep: ClassVar[bool] = True
     ahead: ClassVar[bool] = False
     people: bool = False
-    """What it emits is what people do with their hands: norms take it for theirs."""
+    """Its events are actions of people, and norms treat them as such."""
 
     def __init_subclass__(
         cls,
@@ -198,19 +198,19 @@ class Generator(Service):
             cls.lockstep = False
 
     def generates(self) -> tuple[str, ...]:
-        """The event types that this one makes; by default those of its class."""
+        """The event types that it generates; by default those of its class."""
         return self.events
 
     def takes_orders(self) -> tuple[str, ...]:
-        """The event types that people may send through this one; they come in `tick.orders`."""
+        """The event types that people may send through it; they arrive in `tick.orders`."""
         return ()
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent | None] | AnyEvent | None:
-        """C^d(t): the events of one frame: any number of them, one, or None."""
+        """C^d(t): the events of one frame; any number of them, a single one, or None."""
         return ()
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Emit events until `stop` is set; for a free-running generator, in a thread of its own."""
+        """Emit events until `stop` is set; runs in its own thread, for free-running generators."""
 
 
 class Device(Service):
