@@ -17,12 +17,12 @@ from minerva_bus.frame.collection import HANDED_OVER, visual_events
 from minerva_bus.frame.composition import Composition
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.description import World
-from minerva_bus.frame.goal import Goal
+from minerva_bus.frame.goal import WorldGoal
 from minerva_bus.frame.in_flight import FrameInFlight
-from minerva_bus.frame.inbox import PEOPLE, Inbox
+from minerva_bus.frame.inbox import PEOPLE, FrameInbox
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.instructions import Instructions
-from minerva_bus.frame.joining import Joining
+from minerva_bus.frame.joining import MemberLifecycle
 from minerva_bus.frame.live import FrameSource, LiveSource
 from minerva_bus.frame.members import MemberChange, Members
 from minerva_bus.frame.norms import Norms
@@ -61,13 +61,13 @@ class FrameAlgorithm:
         limit = world.placement.agents_per_host
         self.placement = Placement(world.vocabulary, self.composition, limit)
         self.views = Views(world)
-        self.inbox = Inbox(past)
+        self.inbox = FrameInbox(past)
         counts = past.saved.get(SOURCE, {})
         self.norms = Norms(world.norms, self.composition, world.vocabulary, counts)
-        self.goal = Goal(world, self.composition, self.members.saved)
+        self.goal = WorldGoal(world, self.composition, self.members.saved)
         self.shutdown = Shutdown()
         self.out = Instructions(self.members)
-        self.joining = Joining(self)
+        self.joining = MemberLifecycle(self)
         self.source: FrameSource = (source or LiveSource)(self)
 
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:

@@ -25,7 +25,7 @@ HANDED_OVER: Final = "~handed"
 """Name under which the inputs of a frame have the orders that generators took."""
 
 
-class Collection:
+class CollectionStep:
     """Collects the events of frames from generators, agents, people and norms."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:

@@ -1,4 +1,4 @@
-"""The string of a world, taken apart into its static skeleton and its agents."""
+"""Composition of a world's string: its static skeleton, and the fragments that fill its slots."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id
 
 PART: Final = "~"
-"""What the names of parts of populations begin with, and no agent's id."""
+"""Prefix of the names of parts of populations; no agent's id begins with it."""
 
 FIRST: Final = 64
 Fragment: TypeAlias = AgentNode | Columns
 Layout: TypeAlias = tuple[tuple[tuple[str, int], ...], ...]
-"""Of each population its parts: name and rows."""
+"""The parts of each population: name and number of rows."""
 
 
 class Composition:
@@ -51,8 +51,8 @@ class Composition:
         self._take_apart(self._held(scene), {})
 
     def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
-        """`named` are the fragments as they were: parts that still are there keep their names."""
-        kept = {name: fragment_in(one, name) for name, one in named.items()}
+        """Take a string apart; parts that are among the fragments `named` keep their names."""
+        kept = {name: fragment_in(scene, name) for name, scene in named.items()}
         self._names = {id(part): name for name, part in kept.items() if isinstance(part, Columns)}
         self._scene: Scene | None = scene
         self.fragments: dict[str, Fragment] = {}
@@ -102,7 +102,7 @@ class Composition:
         return (AgentNode(part.symbol, name),)
 
     def _check_apart(self) -> None:
-        """No id stands in two columns, or in one of them and elsewhere. Raises VocabularyError."""
+        """Raise VocabularyError if an id occurs in two columns, or in columns and elsewhere."""
         known = [_ids(part) for part in self.parts.values()]
         if not known:
             return
@@ -132,13 +132,15 @@ class Composition:
         return home
 
     def homes(self, agents: Ids) -> Iterator[str]:
-        """The fragments in which some agents live."""
-        very = next((name for name, part in self.parts.items() if part.ids is agents), None)
-        if very is not None:  # as when all of a part are told something
-            yield very
+        """The fragments in which these agents live."""
+        exact = next((name for name, part in self.parts.items() if part.ids is agents), None)
+        if exact is not None:  # An event for all agents of a part shares its ids.
+            yield exact
             return
         if not self._home:
-            first = agents.take(slice(FIRST))  # of very many, a few live everywhere already
+            first = agents.take(
+                slice(FIRST)
+            )  # Of many agents, the first few usually live in all parts.
             parts = {name for name, part in self.parts.items() if _any_in(part, first)}
             if len(parts) == len(self.parts):
                 yield from self.parts
@@ -156,7 +158,7 @@ class Composition:
                 yield self._home[agent]
 
     def places(self, names: Iterable[str]) -> Callable[[str], tuple[int, int]]:
-        """Where agents, or fragments in columns, stand in the string: first here, first there."""
+        """Sort key of agents, or of fragments in columns: their position in the string."""
         order = {name: place for place, name in enumerate(self.fragments)}
         homes = {name: name if name in order else self.home(name) or name for name in names}
         within = {
@@ -171,7 +173,7 @@ class Composition:
         return lambda name: (order.get(homes[name], -1), within.get(name, 0))
 
     def kind(self, agent: str) -> str:
-        """The symbol of an agent's kind; empty where there is no such agent."""
+        """Symbol of an agent's kind, or an empty string if there is no such agent."""
         kind = self._kind.get(agent)
         if kind is None:
             home = self.home(agent)
@@ -179,13 +181,13 @@ class Composition:
         return kind
 
     def kinds(self, agents: Ids) -> NDArray[Any]:
-        """The symbols of the kinds of some agents, shape (n,); empty where there is no agent."""
-        found = np.full(len(agents), "", object)
+        """Symbols of the kinds of n agents, shape (n,); empty strings for unknown agents."""
+        kinds = np.full(len(agents), "", object)
         if self._kind:
-            found[:] = [self._kind.get(agent, "") for agent in agents]
+            kinds[:] = [self._kind.get(agent, "") for agent in agents]
         for part in self.parts.values():
-            found[_ids(part).rows_of(agents) >= 0] = part.symbol
-        return found
+            kinds[_ids(part).rows_of(agents) >= 0] = part.symbol
+        return kinds
 
     def agents(self) -> Iterable[str]:
         """The ids of all agents, also those within others."""
@@ -195,11 +197,11 @@ class Composition:
 
     @property
     def count(self) -> int:
-        """How many agents there are."""
+        """Number of agents."""
         return len(self._home) + sum(part.count for part in self.parts.values())
 
     def agent(self, agent: str) -> AgentNode | None:
-        """The agent of an id with its scope, or that in whose scope it is; None: there is none."""
+        """The outermost agent that has this id or contains the agent that has it, or None."""
         home = self.home(agent)
         if home is None:
             return None
@@ -209,9 +211,9 @@ class Composition:
         return fragment
 
     def replace(self, changes: Mapping[str, Scene]) -> bool:
-        """Put what λ returned in the agents' places; whether the skeleton is another now.
+        """Replace fragments by what λ returned; True if the skeleton has changed.
 
-        Raises VocabularyError, and changes nothing, where two agents would share an id.
+        Raises VocabularyError, and changes nothing, if two agents would share an id.
         """
         if not changes:
             return False
@@ -243,10 +245,7 @@ class Composition:
         return False
 
     def _newborn_alone(self, before: Mapping[str, Ids]) -> bool:
-        """Whether it is easily seen that all have an id of their own, as all had one before.
-
-        Then it is enough to look for those who are new in these parts.
-        """
+        """Whether comparing newborns alone shows that all ids are distinct, as they were before."""
         known = [_ids(part) for part in self.parts.values()]
         born: list[Ids] = []
         for name, old in before.items():
@@ -274,9 +273,9 @@ class Composition:
         return piece.scope is old.scope or (piece.scope == EMPTY and old.scope == EMPTY)
 
     def become(self, scene: Scene) -> None:
-        """Hold another string; parts of populations that are still there keep their names.
+        """Replace the whole string; remaining parts of populations keep their names.
 
-        Raises VocabularyError where two agents share an id.
+        Raises VocabularyError if two agents share an id.
         """
         self._take_apart(self._held(scene), self._as_strings())
 
@@ -300,7 +299,7 @@ class Composition:
         )
 
     def lay_out(self, layout: Layout) -> None:
-        """Cut all populations into parts of these names and rows. Raises Unfit."""
+        """Divide all populations into parts of these names and rows. Raises Unfit."""
         if layout == self.layout:
             return
         if [_rows(parts) for parts in layout] != [_rows(parts) for parts in self.layout]:
@@ -309,18 +308,19 @@ class Composition:
         for population, parts in zip(self.populations, layout, strict=True):
             pieces = self._pieces(population, [count for _, count in parts])
             names = [name for name, _ in parts]
-            named |= {name: Scene((one,)) for name, one in zip(names, pieces, strict=True)}
+            named |= {name: Scene((piece,)) for name, piece in zip(names, pieces, strict=True)}
             whole |= _in_place_of(population, pieces)
-        agents = {one: own for one, own in self._as_strings().items() if one not in self.parts}
+        strings = self._as_strings().items()
+        agents = {name: own for name, own in strings if name not in self.parts}
         self._named = max(self._named, *(int(name.rpartition(".")[2]) for name in named))
         self._take_apart(fill(self.skeleton, {**agents, **whole}), {**agents, **named})
 
     def _as_strings(self) -> dict[str, Scene]:
-        return {name: Scene((one,)) for name, one in self.fragments.items()}
+        return {name: Scene((node,)) for name, node in self.fragments.items()}
 
 
 def fragment_in(scene: Scene, name: str) -> Fragment | None:
-    """The fragment of this name, if a string is that alone: what its host keeps of an answer."""
+    """The fragment of this name, if the string consists of it alone; otherwise None."""
     piece = scene.pieces[0] if len(scene.pieces) == 1 else None
     if isinstance(piece, Columns):
         return piece if piece.ids is not None and name.startswith(PART) else None
@@ -328,21 +328,21 @@ def fragment_in(scene: Scene, name: str) -> Fragment | None:
 
 
 def shares(rows: int, weights: Sequence[float]) -> list[int]:
-    """How many of some rows each host gets, one at least while there is one for each.
+    """Number of rows for each host, by weight; at least one while there are enough.
 
-    Whole chunks where there are enough of them.
+    Large populations are divided at chunk boundaries.
     """
     unit = CHUNK if rows >= 4 * CHUNK * len(weights) else 1
     ends = np.cumsum(weights) / sum(weights) * (rows / unit)
     cuts = [0]
     for place, end in enumerate(ends[:-1], 1):
-        most = rows - len(weights) + place  # Those behind it want one each, too.
+        most = rows - len(weights) + place  # Each later host needs one as well.
         cuts.append(max(min(round(end) * unit, most), min(cuts[-1] + 1, rows)))
     return [end - begin for begin, end in pairwise([*cuts, rows])]
 
 
 def _in_place_of(population: Sequence[str], pieces: Sequence[Piece]) -> dict[str, Scene]:
-    """What stands in the slots of a population's parts when it is in these pieces."""
+    """Contents of the slots of a population's parts when it consists of these pieces."""
     return {**dict.fromkeys(population, EMPTY), population[0]: Scene(tuple(pieces))}
 
 

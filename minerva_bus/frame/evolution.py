@@ -28,7 +28,7 @@ BALANCE_INTERVAL: Final = 32
 """Frames between two checks whether hosts need the same time."""
 
 
-class Evolution:
+class EvolutionStep:
     """Lets hosts evolve and visualize their fragments, and makes the next string of the results."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:

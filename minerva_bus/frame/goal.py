@@ -18,7 +18,7 @@ _MAX_REASONS: Final = 3
 """Agents that gave up and are named at the end."""
 
 
-class Goal:
+class WorldGoal:
     """Which agents have sent `until`, and which `give_up`.
 
     `reached`: agents that have sent `until`; `striving`: the kinds of agents that send either.

@@ -1,4 +1,4 @@
-"""A host of agents: evolves and visualizes the fragments that it has been given."""
+"""A host of agents: evolves and visualizes the fragments that it holds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from minerva_bus.world.views import visualize
 
 @dataclass(slots=True)
 class _Different:
-    """Fragments or views that are not as they were: whole, or what is different in them."""
+    """Changed fragments or views: whole, or as deltas."""
 
     changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
     patched: dict[str, Delta] = field(default_factory=dict[str, Delta])
@@ -32,7 +32,7 @@ class _Different:
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """A view, and what it was made of: the same again makes the same view (equation 4)."""
+    """A view with its fragment and events, which determine it (equation 4)."""
 
     piece: Fragment
     events: tuple[AnyEvent, ...]
@@ -40,7 +40,7 @@ class _Shown:
 
 
 class Host:
-    """The agents' side of steps 5 and 6 of Table 2."""
+    """Steps 5 and 6 of Table 2 for the fragments of one host."""
 
     def __init__(self, name: str, kinds: Mapping[str, type[Agent]]) -> None:
         self.name = name
@@ -49,11 +49,11 @@ class Host:
         self._shown: dict[tuple[str, str], _Shown] = {}
 
     def clear(self) -> None:
-        """Let go of everything."""
+        """Drop all fragments."""
         self.fragments, self._shown = {}, {}
 
     def take(self, given: Fragments) -> None:
-        """Keep these fragments, and let go of others."""
+        """Store given fragments and drop others. Raises ProtocolError."""
         for fragment in given.dropped:
             self._drop(fragment)
         for fragment, scene in given.given.items():
@@ -71,12 +71,12 @@ class Host:
     def answer(
         self, request: EvolveRequest, frame: Frame, policy: Policy, vocabulary: Vocabulary
     ) -> EvolveReply:
-        """η and π over the fragments that a request is about.
+        """η and π over the fragments that a request concerns. Raises ProtocolError.
 
-        Without events agents stay as they are, but under the literal policy nothing is left.
+        Without events agents keep their state; under the literal policy they vanish.
         """
         concerned = request.only or tuple(self.fragments)
-        missing = [one for one in concerned if one not in self.fragments]
+        missing = [name for name in concerned if name not in self.fragments]
         if missing:
             raise ProtocolError(f"frame {request.frame} is about #{missing[0]}, never given here")
         views = {
@@ -84,7 +84,7 @@ class Host:
             for event_type in sorted({event.type for event in request.visual})
         }
         events = Addressed(request.events)
-        found = _Different()
+        results = _Different()
         emitted: dict[str, tuple[AnyEvent, ...]] = {}
         evolving = bool(request.events) or policy is Policy.LITERAL
         for fragment in concerned if evolving else ():
@@ -92,26 +92,26 @@ class Host:
             result = evolve(was, events, self.kinds, frame, policy)
             emitted.update(_checked(fragment, result, vocabulary))
             if result.scene is not was:
-                self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), found)
+                self._changed(fragment, vocabulary.check(result.scene, f"#{fragment}"), results)
         return EvolveReply(
             self.name,
             request.frame,
             request.part,
-            found.changed,
+            results.changed,
             emitted,
             {event_type: shown.changed for event_type, shown in views.items()},
-            found.patched,
+            results.patched,
             {event_type: shown.patched for event_type, shown in views.items() if shown.patched},
         )
 
-    def _changed(self, fragment: str, scene: Scene, found: _Different) -> None:
-        """Keep what a fragment has become; one with newborns is given back where it is placed."""
+    def _changed(self, fragment: str, scene: Scene, results: _Different) -> None:
+        """Store a fragment's result; one with newborns returns from the coordinator when placed."""
         old = self.fragments[fragment]
         patch = _patch(Scene((old,)), scene)
         if patch is None:
-            found.changed[fragment] = scene
+            results.changed[fragment] = scene
         else:
-            found.patched[fragment] = patch
+            results.patched[fragment] = patch
         now = fragment_in(scene, fragment)
         if now is None:
             self._drop(fragment)
@@ -121,13 +121,13 @@ class Host:
     def _views(
         self, event_type: str, concerned: Sequence[str], visual: Sequence[AnyEvent], frame: Frame
     ) -> _Different:
-        """The views for one event type that differ from what was shown last.
+        """The views for one event type that differ from the last ones.
 
-        What a fragment that has just come looked like elsewhere is not known here: its first view
-        counts as another, be it ε.
+        The first view of a fragment always counts as changed, even if it is ε, because its view on
+        its former host is unknown here.
         """
         events = Addressed(tuple([event for event in visual if event.type == event_type]))
-        found = _Different()
+        views = _Different()
         for fragment in concerned:
             piece, shown = self.fragments[fragment], self._shown.get((event_type, fragment))
             if shown is not None and shown.piece is piece and shown.events == events.events:
@@ -136,20 +136,20 @@ class Host:
             self._shown[event_type, fragment] = _Shown(piece, events.events, view)
             patch = _view_patch(shown, piece, view) if shown is not None else None
             if patch is not None and (patch.changes or patch.turnover is not None):
-                found.patched[fragment] = patch
+                views.patched[fragment] = patch
             elif patch is None and (shown is None or _other(shown.view, view)):
-                found.changed[fragment] = view
-        return found
+                views.changed[fragment] = view
+        return views
 
 
 def _other(old: Scene, new: Scene) -> bool:
-    """Whether two views that are no patch of one another differ; columns do, without a digest."""
+    """Whether two views without a common delta differ; columns always do, to avoid a digest."""
     several = any(isinstance(piece, Columns) for piece in new.pieces)
     return several or old != new
 
 
 def _patch(old: Scene, new: Scene, turnover: RowDelta | None = None) -> Delta | None:
-    """What differs, where both are one piece in columns, of rows that are in the same order."""
+    """Delta between two strings, if each is one piece in columns with rows in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
     before, after = old.pieces[0], new.pieces[0]
@@ -159,7 +159,7 @@ def _patch(old: Scene, new: Scene, turnover: RowDelta | None = None) -> Delta | 
 
 
 def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
-    """What differs in a view; agents have come and gone in it as they have in what it is of."""
+    """Delta between two views; rows were added and removed as in the fragment they show."""
     old, new = shown.piece, piece
     turnover = None
     if isinstance(old, Columns) and isinstance(new, Columns) and old.ids and new.ids:
@@ -172,7 +172,7 @@ def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
 def _checked(
     fragment: str, result: Evolved, vocabulary: Vocabulary
 ) -> dict[str, tuple[AnyEvent, ...]]:
-    """What was sent, by single agents and, under the fragment's name, by those in columns."""
+    """Checked events: by agent, or by fragment for agents in columns."""
     sent: dict[str, tuple[AnyEvent, ...]] = {
         agent: tuple([vocabulary.check_event(event, f"#{agent}") for event in events])
         for agent, events in result.emitted.items()

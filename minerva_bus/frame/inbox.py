@@ -58,7 +58,7 @@ class EarlyTicks:
         self._asked.pop(member, None)
 
 
-class Inbox:
+class FrameInbox:
     """Events that wait for the next frame, by source.
 
     `emitted`: events that agents sent in the last frame. `sanctions`: events from norms.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
 
 
-class Joining:
+class MemberLifecycle:
     """Handles members that appear, join, vanish, leave, are given up or misbehave."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.collection import Collection
-from minerva_bus.frame.evolution import Evolution
+from minerva_bus.frame.collection import CollectionStep
+from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberEntry
 
@@ -66,8 +66,8 @@ class LiveSource:
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
         self._algorithm = algorithm
-        self.collection = Collection(algorithm)
-        self.evolution = Evolution(algorithm)
+        self.collection = CollectionStep(algorithm)
+        self.evolution = EvolutionStep(algorithm)
 
     def has_next(self) -> bool:
         """Whether a frame can begin: always, because `why_over` decides before."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.frame.composition import Composition
-from minerva_bus.frame.inbox import PEOPLE, Inbox
+from minerva_bus.frame.inbox import PEOPLE, FrameInbox
 from minerva_bus.frame.instructions import Instructions
-from minerva_bus.frame.trial import Trial, Verdict
+from minerva_bus.frame.trial import NormVerdict, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
@@ -60,7 +60,9 @@ class Norms:
         """The counts as plain data, from which a resumed world continues."""
         return self._counts.saved(self._norms, self._frame)
 
-    def publish(self, out: Instructions, inbox: Inbox, saved: dict[str, Mapping[str, Any]]) -> None:
+    def publish(
+        self, out: Instructions, inbox: FrameInbox, saved: dict[str, Mapping[str, Any]]
+    ) -> None:
         """Log violations, let sanctions wait for the next frame, and save the counts."""
         for text in self._lines:
             out.log("norms", text)
@@ -184,7 +186,7 @@ class Norms:
     def _exceeds(self, norm: Norm, who: str) -> bool:
         return self._counts.exceeds(norm, who, self._frame)
 
-    def verdict(self, trial: Trial) -> Verdict:
+    def verdict(self, trial: Trial) -> NormVerdict:
         """The outcome of a frame after norms."""
         return trial.verdict(self._vocabulary)
 
@@ -248,4 +250,4 @@ def _elsewhere(norm: Norm) -> set[str]:
     return {name for name in names if name.startswith("#")}
 
 
-__all__ = ["PEOPLE", "SOURCE", "Norms", "Verdict"]
+__all__ = ["PEOPLE", "SOURCE", "NormVerdict", "Norms"]

@@ -32,13 +32,13 @@ Elsewhere = Callable[[str], Any]
 """The value of `#id.attribute`, or None where there is no such agent."""
 
 
-class Outcome:
+class FragmentOutcome:
     """One outermost agent, and what it has become; base class of the outcomes of populations."""
 
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
         self._new = new
-        self._undone: dict[str, Outcome | None] = {}
+        self._undone: dict[str, FragmentOutcome | None] = {}
         self._before = self._agents_before()
 
     def _agents_before(self) -> Mapping[str, AgentNode]:
@@ -86,7 +86,7 @@ class Outcome:
         """Replace an agent's unit by what it was."""
         self._undone[self._unit(who)] = None
 
-    def replace(self, unit: str, other: Outcome) -> None:
+    def replace(self, unit: str, other: FragmentOutcome) -> None:
         """Replace a unit that was undone by what it is in another outcome, by fewer events."""
         self._undone[unit] = other
 
@@ -106,7 +106,7 @@ class Outcome:
         (other,) = self._undone.values()
         return Scene((self._old,)) if other is None else other.scene
 
-    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
         """The events of the fragment that count, from this outcome and others."""
         if not self._undone:
             return sent
@@ -114,7 +114,7 @@ class Outcome:
         return next((events for outcome, events in later if outcome is other), ())
 
 
-class ColumnsOutcome(Outcome):
+class ColumnsOutcome(FragmentOutcome):
     """Outcome of agents in columns that have become columns with the same rows."""
 
     _old: Columns
@@ -184,12 +184,12 @@ class ColumnsOutcome(Outcome):
                 columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
         return Scene((self._now.with_columns(columns),))
 
-    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
         """The events of the fragment that count, from this outcome and others."""
         return _left(_ids(self._old), sent, self._undone, later)
 
 
-class MixedOutcome(Outcome):
+class MixedOutcome(FragmentOutcome):
     """Outcome of agents in columns of which some have died, have newborns or changed their kind."""
 
     _old: Columns
@@ -237,15 +237,15 @@ class MixedOutcome(Outcome):
         """The fragment in the end."""
         return _put_together(self, self._new, self._undone) if self._undone else self._new
 
-    def left(self, sent: Sent, later: Sequence[tuple[Outcome, Sent]] = ()) -> Sent:
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
         """The events of the fragment that count, from this outcome and others."""
         return _left(_ids(self._old), sent, self._undone, later)
 
 
-def outcome_of(old: Fragment, new: Scene) -> Outcome:
+def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
     """The outcome of a fragment."""
     if not isinstance(old, Columns):
-        return Outcome(old, new)
+        return FragmentOutcome(old, new)
     now = new.pieces[0] if len(new.pieces) == 1 else None
     alike = isinstance(now, Columns) and now.symbol == old.symbol and now.ids == old.ids
     return ColumnsOutcome(old, cast("Columns", now)) if alike else MixedOutcome(old, new)
@@ -274,7 +274,9 @@ def _with(new: Column, old: Column, rows: Rows) -> Column:
     return new if new is old else new.put(rows, old.array[rows])
 
 
-def _put_together(outcome: Outcome, new: Scene, undone: Mapping[str, Outcome | None]) -> Scene:
+def _put_together(
+    outcome: FragmentOutcome, new: Scene, undone: Mapping[str, FragmentOutcome | None]
+) -> Scene:
     """A population, node by node, with the replacements of units that were undone."""
     made: list[Node] = []
     back = dict(undone)
@@ -287,7 +289,9 @@ def _put_together(outcome: Outcome, new: Scene, undone: Mapping[str, Outcome | N
     return packed(Scene(tuple(made))) if made else EMPTY
 
 
-def _instead(outcome: Outcome, unit: str, other: Outcome | None) -> tuple[Node, ...]:
+def _instead(
+    outcome: FragmentOutcome, unit: str, other: FragmentOutcome | None
+) -> tuple[Node, ...]:
     if other is not None:
         return other.of_unit(unit)
     was = outcome.was(unit)
@@ -297,8 +301,8 @@ def _instead(outcome: Outcome, unit: str, other: Outcome | None) -> tuple[Node, 
 def _left(
     ids: Ids,
     sent: Sent,
-    undone: Mapping[str, Outcome | None],
-    later: Sequence[tuple[Outcome, Sent]],
+    undone: Mapping[str, FragmentOutcome | None],
+    later: Sequence[tuple[FragmentOutcome, Sent]],
 ) -> Sent:
     """The events of a population, in the order of its agents."""
     if not undone:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from minerva_bus.frame.composition import Composition, Fragment
-from minerva_bus.frame.outcomes import Elsewhere, Outcome, Sent, outcome_of, state_of
+from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, outcome_of, state_of
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.rest import rested
@@ -26,7 +26,7 @@ Exceeds = Callable[[Norm, str], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class NormVerdict:
     """The outcome of a frame after norms: changed fragments, and the events that agents sent.
 
     `rejected`: fragments that are not what their hosts reported. `halted`: agents with a rejected
@@ -55,7 +55,7 @@ class Trial:
             for name in sorted(changed, key=places)
         }
         self._open: dict[str, dict[str, Norm]] = {}
-        self._later: list[tuple[str, Outcome, SentBy]] = []
+        self._later: list[tuple[str, FragmentOutcome, SentBy]] = []
         self._leniently = False
 
     def judge(self, norm: Norm, breaks: Callable[[str], bool]) -> None:
@@ -119,27 +119,27 @@ class Trial:
             self._settle(name, old, other, refused.keys() - wrong)
             self._later.append((name, other, sent))
 
-    def _settle(self, name: str, old: Fragment, other: Outcome, units: set[str]) -> None:
+    def _settle(self, name: str, old: Fragment, other: FragmentOutcome, units: set[str]) -> None:
         for unit in sorted(units):
             self._outcomes[name].replace(unit, other)
             del self._open[name][unit]
         if not self._open[name]:
             del self._open[name]
 
-    def _was_forbidden(self, norm: Norm, outcome: Outcome, who: str) -> bool:
+    def _was_forbidden(self, norm: Norm, outcome: FragmentOutcome, who: str) -> bool:
         was = outcome.was(who)
         return was is not None and norm.holds(state_of(norm, was, was, self._elsewhere))
 
-    def verdict(self, vocabulary: Vocabulary) -> Verdict:
+    def verdict(self, vocabulary: Vocabulary) -> NormVerdict:
         """The final outcome; agents with a rejected step are at rest."""
         rejected = {n: outcome for n, outcome in self._outcomes.items() if outcome.rejected}
         halted = {who for outcome in rejected.values() for who in outcome.halted}
         for name, outcome in rejected.items():
             self._changed[name] = rested(outcome.scene, outcome.halted, vocabulary.kinds)
         self._count_sent(rejected)
-        return Verdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))
+        return NormVerdict(self._changed, self._sent, tuple(rejected), tuple(sorted(halted)))
 
-    def _count_sent(self, rejected: Mapping[str, Outcome]) -> None:
+    def _count_sent(self, rejected: Mapping[str, FragmentOutcome]) -> None:
         names = {name: self._home(name) for name in self._sent}
         for _, _, sent in self._later:
             names |= {name: self._home(name) for name in sent}
@@ -156,4 +156,4 @@ class Trial:
         return name if name in self._composition.parts else self._composition.home(name) or name
 
 
-__all__ = ["Sent", "Trial", "Verdict"]
+__all__ = ["NormVerdict", "Sent", "Trial"]
