@@ -98,16 +98,16 @@ def read_replay(
     if not 0 <= speed < float("inf"):
         raise MisuseError(f"--speed must be a number from 0, not {speed:g}")
     with Record(path) as record:
-        told = record.description
+        description = record.description
         damage = tuple(damage_of(record))
-        file = world_file_of(path, world, told, overrides)
+        file = world_file_of(path, world, description, overrides)
         cursor = Cursor(record)
         if not cursor.end:
             raise MisuseError(f"{path}: there is no frame in it")
         if not 0 <= begin < cursor.end:
             raise MisuseError(f"{path}: it has {frames_up_to(cursor.end)}, not {begin}")
-        played = replace(told.world, scene=cursor.seek(begin), past=Checkpoint(begin))
-    played = replace(played, frames=cursor.end, until="", name=_name(overrides, told))
+        played = replace(description.world, scene=cursor.seek(begin), past=Checkpoint(begin))
+    played = replace(played, frames=cursor.end, until="", name=_name(overrides, description))
     views = file.processes[len(file.processes) - len(overrides.views) :]
     stay = any(view.make_service is not None and view.make_service().interactive for view in views)
     shown = replace(
@@ -121,8 +121,10 @@ def read_replay(
     return Replay(shown, partial(replay_coordinator, path, kinds_in(file), stay))
 
 
-def _name(overrides: Overrides, told: Description) -> str:
-    return checked_name(overrides.values.get("name") or f"{told.world.name}-replay", "a world")
+def _name(overrides: Overrides, description: Description) -> str:
+    return checked_name(
+        overrides.values.get("name") or f"{description.world.name}-replay", "a world"
+    )
 
 
 def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> Difference:
@@ -139,11 +141,11 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
-def world_file_of(path: Path, world: str, told: Description, given: Overrides) -> WorldFile:
+def world_file_of(path: Path, world: str, description: Description, given: Overrides) -> WorldFile:
     """The world file with the code of a record's agents."""
-    world_file = find_file(world, told, f"minerva replay {path} WORLD")
-    file = read_world_file(world_file, completed(given, told))
-    what = differing_vocabulary(file.world, told.world)
+    world_file = find_file(world, description, f"minerva replay {path} WORLD")
+    file = read_world_file(world_file, completed(given, description))
+    what = differing_vocabulary(file.world, description.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")
     return file

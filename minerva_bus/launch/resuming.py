@@ -52,15 +52,15 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
     from minerva_bus.log.reader import Record
 
     with Record(path) as record:
-        told = record.description
-        given = completed(overrides, told)
+        description = record.description
+        given = completed(overrides, description)
         wanted = f"minerva run WORLD --resume {path}"
-        file = read_world_file(find_file(world, told, wanted), given)
-        check_same(file.world, told.world, path)
+        file = read_world_file(find_file(world, description, wanted), given)
+        check_same(file.world, description.world, path)
         damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
-        if file.world.until != told.world.until:
-            saved = {name: one for name, one in checkpoint.saved.items() if name != GIVEN_UP}
+        if file.world.until != description.world.until:
+            saved = {name: data for name, data in checkpoint.saved.items() if name != GIVEN_UP}
             nobody: frozenset[str] = frozenset()
             checkpoint = replace(checkpoint, saved=saved, reached=nobody, reaching=nobody)
         shown = last_views(record, file, checkpoint)
@@ -70,9 +70,9 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
     notes = (f"goes on from frame {checkpoint.frame} of {path}", *damage)
     notes += tuple(_unused(checkpoint, file))
     notes += file.notes
-    said: dict[str, Any] = {one.name: getattr(file, one.name) for one in fields(WorldFile)}
-    said.update(world=past, notes=notes, record=kept, origin=path)
-    return Resumed(**said)
+    settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}
+    settings.update(world=past, notes=notes, record=kept, origin=path)
+    return Resumed(**settings)
 
 
 def damage_of(record: Record) -> Iterator[str]:
@@ -84,7 +84,7 @@ def damage_of(record: Record) -> Iterator[str]:
 
 def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
     """Messages about saved data of members that are not in the world file."""
-    own = {SOURCE, GIVEN_UP, HALTED, *(one.name for one in file.processes)}
+    own = {SOURCE, GIVEN_UP, HALTED, *(process.name for process in file.processes)}
     for name in sorted(checkpoint.saved.keys() - own):
         yield f"what {name} has saved waits for a member of this name: no process has it"
 
@@ -92,48 +92,50 @@ def _unused(checkpoint: Checkpoint, file: WorldFile) -> Iterator[str]:
 # --- the world file of a record ---
 
 
-def find_file(world: str, told: Description, wanted: str) -> Path:
+def find_file(world: str, description: Description, wanted: str) -> Path:
     """The world file that the command line names, or the one a record was made with.
 
     `wanted` is the command that names a file that has moved. Raises WorldFileError.
     """
     if world:
         return find_world(world)
-    path = Path(told.path)
-    if told.path and path.is_file():
+    path = Path(description.path)
+    if description.path and path.is_file():
         return path
-    where = f" {told.path}" if told.path else ""
+    where = f" {description.path}" if description.path else ""
     raise WorldFileError(f"the record's world file{where} is not here: name it, {wanted}")
 
 
-def completed(overrides: Overrides, told: Description) -> Overrides:
+def completed(overrides: Overrides, description: Description) -> Overrides:
     """The settings of the command line, over those of the record.
 
     A requested view chooses its own rate.
     """
-    world = told.world
+    world = description.world
     recorded = Overrides(
-        _options(told),
+        _options(description),
         name=world.name,
         seed=world.seed,
         frames=world.frames,
         until=world.until,
-        rate=None if overrides.views else told.rate,
+        rate=None if overrides.views else description.rate,
     )
     return overrides.over(recorded)
 
 
-def _options(told: Description) -> dict[str, str]:
+def _options(description: Description) -> dict[str, str]:
     """The options of a run that its world file declares, where they are not as it has them."""
     try:
-        table = Table(read_toml(told.file), "", told.file, told.path).table("options")
+        table = Table(read_toml(description.file), "", description.file, description.path).table(
+            "options"
+        )
     except (TomlError, MinervaError):
         return {}
     declared = {name: option_text(value) for name, value in table.rest().items()}
     return {
-        name: told.options[name]
+        name: description.options[name]
         for name, own in declared.items()
-        if name in told.options and told.options[name] != own
+        if name in description.options and description.options[name] != own
     }
 
 
@@ -145,7 +147,7 @@ def option_text(value: Any) -> str:
 def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
         pairs = cast("Mapping[str, Any]", value).items()
-        return f"{{{', '.join(f'{json.dumps(key)} = {_toml(one)}' for key, one in pairs)}}}"
+        return f"{{{', '.join(f'{json.dumps(key)} = {_toml(item)}' for key, item in pairs)}}}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, cast('list[Any]', value)))}]"
     if isinstance(value, bool):
@@ -211,22 +213,22 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[
     from minerva_bus.log.errors import RecordError
 
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
-    found: dict[str, LastView] = {}
+    views: dict[str, LastView] = {}
     recorded = record.last_events(_coupled(file), checkpoint.frame)
     for event_type, (frame, events) in sorted(recorded.items()):
-        mine = [event for event in events if event.type == event_type]
+        drawn = [event for event in events if event.type == event_type]
         try:
             string = record.string(frame)
         except RecordError:  # Damaged: the device waits for the next view.
             continue
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
-        found[event_type] = LastView(frame, visualize(string, mine, kinds, frame), still)
-    return found
+        views[event_type] = LastView(frame, visualize(string, drawn, kinds, frame), still)
+    return views
 
 
 def _coupled(file: WorldFile) -> frozenset[str]:
     """Visual event types whose views can influence later frames."""
     if any(process.command for process in file.processes):  # Nobody knows what they draw.
-        return frozenset(one.name for one in file.world.vocabulary.events.values() if one.visual)
+        return frozenset(e.name for e in file.world.vocabulary.events.values() if e.visual)
     hellos = [process.participant().hello() for process in file.processes]
     return frozenset(draws for hello in hellos if hello.coupled for draws in hello.draws)
