@@ -139,13 +139,24 @@ def _decoder(
 ) -> Decode:
     travelling = [of for of in declared if of.travels]
     items = [of.name for of in travelling if not of.host]
-    plan = [(1 + items.index(of.host or of.name), codecs[of.name].read) for of in travelling]
-    if len(plan) == 1:
-        ((place, read),) = plan
-        return lambda reader, key, plain: make(*key, read(reader, plain[place]))
-    return lambda reader, key, plain: make(
-        *key, *[read(reader, plain[place]) for place, read in plan]
-    )
+    plan = [(of, 1 + items.index(of.host or of.name), codecs[of.name].read) for of in travelling]
+
+    def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
+        values: list[Any] = []
+        for of, place, read in plan:
+            try:
+                values.append(read(reader, plain[place]))
+            except ProtocolError as error:
+                raise _located(error, of) from None
+        return make(*key, *values)
+
+    return decode
+
+
+def _located(error: ProtocolError, of: DeclaredField) -> ProtocolError:
+    """An error of a reader of strings or events, with the message and the field in front."""
+    text = str(error)
+    return error if text.startswith(of.message) else ProtocolError(f"{of.what}: {text}")
 
 
 def _keyed_decoder(
@@ -153,18 +164,21 @@ def _keyed_decoder(
 ) -> Decode:
     """A decoder of a map; it passes over keys that it does not know, which a later one may add."""
     travelling = [of for of in declared if of.travels]
-    plan = [(of.name, codecs[of.name].read, of.has(Mark.OPTIONAL), of.default) for of in travelling]
+    plan = [(of, codecs[of.name].read) for of in travelling]
 
     def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
         given = as_map(plain[1], f"the item of {plain[0]}")
         values: list[Any] = []
-        for name, read, optional, default in plan:
-            if name in given:
-                values.append(read(reader, given[name]))
-            elif optional:
-                values.append(default)
+        for of, read in plan:
+            if of.name in given:
+                try:
+                    values.append(read(reader, given[of.name]))
+                except ProtocolError as error:
+                    raise _located(error, of) from None
+            elif of.has(Mark.OPTIONAL):
+                values.append(of.default)
             else:
-                raise ProtocolError(f"{plain[0]} needs {name!r}")
+                raise ProtocolError(f"{of.message} needs {of.name!r}")
         return make(*key, *values)
 
     return decode

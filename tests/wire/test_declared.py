@@ -64,6 +64,7 @@ def test_a_declared_message_goes_through_the_codec():
     (3, -0.5, "probe: rate must be a number from 0, not -0.5"),
     (3, float("nan"), "probe: rate must be a finite number, not nan"),
     (4, [["eNear", [1.0]]] * 2, "probe has 2 single events, over 1; send those of one type"),
+    (4, [["eNear"]], "probe: events: an event must have 2, 5 or 6 items, not 1"),
     (5, [], "probe: saved must be a map with text keys, not a list"),
     (6, {"t": [None]}, "probe: by_topic must be text, not nil"),
 ])  # fmt: skip
@@ -97,6 +98,13 @@ def test_a_new_key_of_a_hello_is_declared_in_one_place():
     assert DECODER.decode(codecs, ("x",), encode(hello)) == hello
     assert DECODER.decode(codecs, ("x",), encode(m.Hello("x", 6))).region == "here"
     assert DECODER.from_member("x", encode(hello)) == m.Hello("x", 6)  # An older coordinator.
+
+
+def test_an_error_in_a_key_names_it():
+    plain = unpack(encode(m.Hello("x", 6)))
+    plain[1]["kinds"] = [["XBad", [], [], [], []]]
+    with pytest.raises(ProtocolError, match=r"^hello: kinds: .*XBad"):
+        DECODER.from_member("x", pack(plain))
 
 
 def test_a_key_that_must_be_there_is_named():
