@@ -76,14 +76,16 @@ class Proxy:
             while True:
                 near, _ = self._server.accept()
                 far = socket.create_connection(("127.0.0.1", self._port))
-                for one, other in ((near, far), (far, near)):
-                    threading.Thread(target=self._pass_on, args=(one, other), daemon=True).start()
+                for source, target in ((near, far), (far, near)):
+                    threading.Thread(
+                        target=self._pass_on, args=(source, target), daemon=True
+                    ).start()
 
-    def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
-        with suppress(OSError), one, other:
-            while data := one.recv(65536):
+    def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
+        with suppress(OSError), source, target:
+            while data := source.recv(65536):
                 time.sleep(self._delay())
-                other.sendall(data)
+                target.sendall(data)
 
     def close(self) -> None:
         self._server.close()
@@ -169,11 +171,13 @@ class Chaos:
                 members = asked.operator.status().members
         except MinervaError:
             return {}
-        found = {one.name: one.pid for one in members if one.pid and one.state != "left"}
-        others = set(_children(self.launcher.pid)) - set(found.values())
+        pids = {
+            member.name: member.pid for member in members if member.pid and member.state != "left"
+        }
+        others = set(_children(self.launcher.pid)) - set(pids.values())
         if len(others) == 1:
-            found["coordinator"] = others.pop()
-        return {name: pid for name, pid in found.items() if name not in self.guests}
+            pids["coordinator"] = others.pop()
+        return {name: pid for name, pid in pids.items() if name not in self.guests}
 
     # --- what is done ---
 
@@ -299,16 +303,16 @@ def _world(seed: int) -> str:
     return WORLD.format(name=NAME, string=ants, seed=seed) + "\n" + "\n".join(parts)
 
 
-def _pick(found: dict[str, int], pick: float) -> tuple[str, int]:
-    names = sorted(found)
+def _pick(pids: dict[str, int], pick: float) -> tuple[str, int]:
+    names = sorted(pids)
     name = names[int(pick * len(names))] if names else ""
-    return name, found.get(name, 0)
+    return name, pids.get(name, 0)
 
 
 def _children(pid: int) -> list[int]:
     with suppress(OSError):
         text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-        return [int(one) for one in text.split()]
+        return [int(pid) for pid in text.split()]
     return []
 
 
@@ -355,20 +359,20 @@ def run(folder: Path, minutes: float, seed: int, rate: float) -> bool:
             if chaos.launcher.poll() is not None:
                 print(f"chaos: the world has ended; see {folder}/run.log")
                 return False
-        found = chaos.end()
-        told = chaos.parrot.said
+        result = chaos.end()
+        lines = chaos.parrot.said
     except SystemExit:
         chaos.tell_last_words()
         raise
     finally:
         chaos.close()
-    frames = int(str(found["frames"]))
+    frames = int(str(result["frames"]))
     alone = undisturbed(chaos, frames)
     differ = same_events(chaos)
     deeds = ", ".join(f"{name} {count}" for name, count in sorted(chaos.done.items()))
-    print(f"seed {seed}: {frames} frames, {deeds}; {told} messages said twice")
-    same = found["digest"] == alone["digest"]
-    print(f"digest {found['digest']} {'=' if same else 'IS NOT'} {alone['digest']}")
+    print(f"seed {seed}: {frames} frames, {deeds}; {lines} messages said twice")
+    same = result["digest"] == alone["digest"]
+    print(f"digest {result['digest']} {'=' if same else 'IS NOT'} {alone['digest']}")
     print(differ or "the same events in every frame")
     return same and not differ
 

@@ -202,21 +202,21 @@ def in_world(task: Task) -> dict[str, Any]:
 
 def summary(results: Sequence[Result]) -> dict[str, Any]:
     """What the runs have in common."""
-    ratios = [one.ratio for one in results if one.reached and one.ratio is not None]
-    tours = [one.tour for one in results if one.tour is not None]
-    metres = math.fsum(one.metres for one in results if one.shortest)
-    shortest = math.fsum(one.shortest for one in results if one.shortest)
+    ratios = [result.ratio for result in results if result.reached and result.ratio is not None]
+    tours = [result.tour for result in results if result.tour is not None]
+    metres = math.fsum(result.metres for result in results if result.shortest)
+    shortest = math.fsum(result.shortest for result in results if result.shortest)
     return {
         "runs": len(results),
-        "reached": sum(one.reached for one in results),
+        "reached": sum(result.reached for result in results),
         "mean_ratio": _mean(ratios),
         "median_ratio": round(statistics.median(ratios), 3) if ratios else None,
         "ratio_of_sums": round(metres / shortest, 3) if shortest else None,
         "worst_ratio": max(ratios, default=None),
         "mean_tour": _mean(tours),
-        "collisions": sum(one.collisions for one in results),
-        "lost_and_not_reported": sum(not (one.reached or one.reported) for one in results),
-        "ms_per_frame": _mean([one.ms_per_frame for one in results]),
+        "collisions": sum(result.collisions for result in results),
+        "lost_and_not_reported": sum(not (result.reached or result.reported) for result in results),
+        "ms_per_frame": _mean([result.ms_per_frame for result in results]),
     }
 
 
@@ -227,22 +227,24 @@ def _mean(numbers: Sequence[float]) -> float | None:
 def _groups(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
     """Summaries by seeds and noise, and by kind of floor."""
     groups: dict[str, list[Result]] = {}
-    for one in results:
-        where = f"{'held out' if one.held_out else 'tuned on'}{', noise' if one.noise else ''}"
-        groups.setdefault(where, []).append(one)
-    for one in results:
-        groups.setdefault(one.map.split("-")[0], []).append(one)
+    for result in results:
+        where = (
+            f"{'held out' if result.held_out else 'tuned on'}{', noise' if result.noise else ''}"
+        )
+        groups.setdefault(where, []).append(result)
+    for result in results:
+        groups.setdefault(result.map.split("-")[0], []).append(result)
     return {name: summary(group) for name, group in groups.items()}
 
 
 def _chosen(arguments: argparse.Namespace) -> list[Task]:
     floors: list[Named] = list(of_others())
     for seeds, held_out in ((arguments.seeds, False), (arguments.held_out, True)):
-        for seed in (int(one) for one in seeds.split(",") if one):
+        for seed in (int(number) for number in seeds.split(",") if number):
             floors += generated(seed, held_out=held_out)
             if arguments.large:
                 floors += large(seed, held_out=held_out)
-    floors = [one for one in floors if arguments.only in one.name]
+    floors = [floor for floor in floors if arguments.only in floor.name]
     noises = (Noise(), NOISE) if arguments.noise else (Noise(),)
     return list(tasks(iter(floors), noises, arguments.strategy))
 

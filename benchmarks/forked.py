@@ -71,10 +71,10 @@ class Members:
             os.waitpid(pid, 0)
 
 
-def _take_part(world: str, make: Callable[[], Member], told: int, others: list[int]) -> int:
+def _take_part(world: str, make: Callable[[], Member], endpoint: int, others: list[int]) -> int:
     """What a member does, to its end."""
     for pipe in others:
         os.close(pipe)
-    with os.fdopen(told) as pipe:
-        endpoint = pipe.readline().strip()
-    return BusMember(make(), world, endpoint, print).run() if endpoint else 1
+    with os.fdopen(endpoint) as pipe:
+        address = pipe.readline().strip()
+    return BusMember(make(), world, address, print).run() if address else 1

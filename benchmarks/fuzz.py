@@ -81,13 +81,13 @@ def a_round(name: str, seconds: float, seed: int, keep: Path, grown: str) -> int
 
 def _finding(said: str) -> str:
     """What went wrong, of all that is said."""
-    found = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", said, re.S | re.M)
-    return found[0] if found else said[-400:]
+    crash = re.search(r"=== Uncaught.*?\n\n|^==\d+== ERROR.*?$|ALARM.*?$", said, re.S | re.M)
+    return crash[0] if crash else said[-400:]
 
 
 def _stat(said: str, name: str) -> int:
-    found = re.search(rf"stat::{name}:\s*(\d+)", said)
-    return int(found[1]) if found else 0
+    match = re.search(rf"stat::{name}:\s*(\d+)", said)
+    return int(match[1]) if match else 0
 
 
 def main() -> None:
@@ -102,8 +102,8 @@ def main() -> None:
     keep: Path = given.keep.absolute()
     keep.mkdir(parents=True, exist_ok=True)
     chosen = given.target or sorted(TARGETS)
-    found = [fuzz(name, given.seconds / len(chosen), given.seed, keep) for name in chosen]
-    raise SystemExit(not all(found))
+    results = [fuzz(name, given.seconds / len(chosen), given.seed, keep) for name in chosen]
+    raise SystemExit(not all(results))
 
 
 if __name__ == "__main__":

@@ -92,8 +92,8 @@ def still(what: str, size: int) -> Scene:
     if what == "figures":
         return PDot(size=sizes)
     if what == "separate":
-        one, other = PDot(1.0).pieces, PBox(1.0).pieces
-        return Scene((one + other) * (size // 2))
+        dot, box = PDot(1.0).pieces, PBox(1.0).pieces
+        return Scene((dot + box) * (size // 2))
     if what == "idle":
         return Stone.many("s", size, x=sizes, y=sizes)
     side = max(1, round((size / 2) ** 0.5))  # cells of two bytes

@@ -61,7 +61,9 @@ def when(look: Callable[[], bool]) -> float:
 def newcomer(asked: Client) -> MemberStatus | None:
     """The new host, where it takes part."""
     members = asked.operator.status().members
-    return next((one for one in members if (one.name, one.state) == (HOST, "present")), None)
+    return next(
+        (member for member in members if (member.name, member.state) == (HOST, "present")), None
+    )
 
 
 def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str, float]:
@@ -74,8 +76,10 @@ def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str,
     try:
         joined = when(lambda: newcomer(asked) is not None)
         admitted = asked.operator.status().frame
-        serves = when(lambda: (one := newcomer(asked)) is not None and one.last_reply >= admitted)
-        told = time.perf_counter()
+        serves = when(
+            lambda: (member := newcomer(asked)) is not None and member.last_reply >= admitted
+        )
+        asked_at = time.perf_counter()
         host.send_signal(signal.SIGTERM)
         left = when(lambda: newcomer(asked) is None)
     finally:
@@ -84,7 +88,7 @@ def turn(asked: Client, endpoint: str, environment: dict[str, str]) -> dict[str,
     return {
         "joined": 1e3 * (joined - began),
         "serves": 1e3 * (serves - began),
-        "left": 1e3 * (left - told),
+        "left": 1e3 * (left - asked_at),
     }
 
 

@@ -72,8 +72,8 @@ class Touched(Agent, symbol="ATouched"):
 class Finger(Generator, events=("eTouch", "eShow"), lockstep=False):
     """Emits when it is told to through a pipe, and says when it did."""
 
-    def __init__(self, event: EventType, told: int, stamps: int) -> None:
-        self.event, self.told, self.stamps = event, told, stamps
+    def __init__(self, event: EventType, delivered: int, stamps: int) -> None:
+        self.event, self.told, self.stamps = event, delivered, stamps
 
     def run(self, emit, stop) -> None:
         while os.read(self.told, 1):
@@ -114,14 +114,14 @@ class Pipes:
     def drive(self, events: int) -> list[float]:
         """One event after another; µs from each to its view."""
         os.read(self.ready, 1)
-        found: list[float] = []
+        delays: list[float] = []
         for _ in range(WARM_UP + events):
             time.sleep(PAUSE)
             os.write(self.tell, b"x")
             (began,) = STAMP.unpack(os.read(self.emitted, STAMP.size))
             (ended,) = STAMP.unpack(os.read(self.seen, STAMP.size))
-            found.append(1e6 * (ended - began))
-        return found[WARM_UP:]
+            delays.append(1e6 * (ended - began))
+        return delays[WARM_UP:]
 
 
 def minerva(event: EventType, events: int) -> list[float]:
@@ -133,10 +133,12 @@ def minerva(event: EventType, events: int) -> list[float]:
         Member("eye", Eye(pipes.sees)),
     ]
     children = [
-        forked(lambda n=n, one=one: BusMember(one, "latency", pipes.endpoint(n), print).run())
-        for n, one in enumerate(members)
+        forked(
+            lambda n=n, member=member: BusMember(member, "latency", pipes.endpoint(n), print).run()
+        )
+        for n, member in enumerate(members)
     ]
-    children.append(forked(lambda: coordinate(pipes, [one.name for one in members])))
+    children.append(forked(lambda: coordinate(pipes, [member.name for member in members])))
     return driven(pipes, children, events)
 
 
@@ -229,10 +231,10 @@ def measured(system: str, events: int) -> list[float]:
 
     child = forked(body)
     os.close(write)
-    with os.fdopen(read) as told:
-        found = json.loads(told.read() or "[]")
+    with os.fdopen(read) as pipe:
+        delays = json.loads(pipe.read() or "[]")
     os.waitpid(child, 0)
-    return found
+    return delays
 
 
 def main() -> None:

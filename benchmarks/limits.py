@@ -96,16 +96,16 @@ class Case:
 def single(name: str, frame: int = 0, **more: Any) -> bytes:
     count = more.get("count", DEFAULT.single_events)
     receivers = more.get("receivers", lambda n: [f"f{n % AGENTS}"])
-    told = [["eNear", [float(n), "x"], more.get("condition", ""), "", receivers(n)]
+    events = [["eNear", [float(n), "x"], more.get("condition", ""), "", receivers(n)]
             for n in range(count)]  # fmt: skip
-    return pack([name, told] if name == "emitted" else [name, frame, told, None])
+    return pack([name, events] if name == "emitted" else [name, frame, events, None])
 
 
 def columns(name: str, frame: int = 0) -> bytes:
     rows = DEFAULT.events
     xs = msgpack.ExtType(3, b"i" + bytes(4 * rows))
-    told = [["eStep", rows, [xs], "", None, ["f", 0, rows]]]
-    return pack([name, told] if name == "emitted" else [name, frame, told, None])
+    steps = [["eStep", rows, [xs], "", None, ["f", 0, rows]]]
+    return pack([name, steps] if name == "emitted" else [name, frame, steps, None])
 
 
 def hello(**more: Any) -> dict[str, Any]:
@@ -225,8 +225,8 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
         os.write(write_at, (json.dumps(endpoint) + "\n").encode())
 
     def coordinate() -> None:
-        def done(one: s.FrameDone) -> None:
-            ended = [one.frame, time.monotonic(), time.thread_time()]
+        def done(message: s.FrameDone) -> None:
+            ended = [message.frame, time.monotonic(), time.thread_time()]
             os.write(write_frames, (json.dumps(ended) + "\n").encode())
 
         def said(who: str, text: str, _: str) -> None:
@@ -237,7 +237,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             VOCABULARY.read(" · ".join(f"AFox#f{n}" for n in range(AGENTS))),
             VOCABULARY,
             dt=1 / RATE,
-            expected=frozenset(one.name for one in parts),
+            expected=frozenset(member.name for member in parts),
         )
         Coordinator(
             world,
@@ -254,20 +254,21 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
     children = [forked(coordinate)]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
     children += [
-        forked(lambda one=one: BusMember(one, NAME, endpoint, print).run()) for one in parts
+        forked(lambda member=member: BusMember(member, NAME, endpoint, print).run())
+        for member in parts
     ]
     frames: SimpleQueue[tuple[int, float, float]] = SimpleQueue()
-    told: list[str] = []
+    printed: list[str] = []
 
     def read() -> None:
         with os.fdopen(read_frames, "r") as lines:
             for line in lines:
                 item = json.loads(line)
-                told.append(item) if isinstance(item, str) else frames.put(tuple(item))
+                printed.append(item) if isinstance(item, str) else frames.put(tuple(item))
 
     threading.Thread(target=read, daemon=True).start()
     try:
-        yield endpoint, frames, told
+        yield endpoint, frames, printed
     finally:
         os.close(write_frames)
         with open_client("stopping", endpoint) as session:
@@ -302,9 +303,9 @@ class Raw:
         name, *items = msgpack.unpackb(stamped(data)[1], ext_hook=msgpack.ExtType)
         if name == "greet":
             self.epoch = data[: len(data) - len(stamped(data)[1])]
-            told = pack(["hello", hello() | self.case.hello])
+            greeting = pack(["hello", hello() | self.case.hello])
             self.greeted_at = time.monotonic()
-            self.send(told)
+            self.send(greeting)
         elif name == "welcome":
             self.welcome.set()
         elif name == "refused":
@@ -328,19 +329,21 @@ class Raw:
 # --- what it costs ---
 
 
-def asking(session: zenoh.Session, stop: threading.Event, found: list[tuple[float, float]]) -> None:
+def asking(
+    session: zenoh.Session, stop: threading.Event, answers: list[tuple[float, float]]
+) -> None:
     asked = pack({"ask": "vocabulary"})
     while not stop.is_set():
         began = time.monotonic()
         replies = list(session.get(Keys(NAME).control, payload=asked, timeout=30.0))
-        found.append((began, time.monotonic() - began if replies else 30.0))
+        answers.append((began, time.monotonic() - began if replies else 30.0))
         time.sleep(0.02)
 
 
 def measured(case: Case) -> dict[str, float]:
     """What one message costs, in ms."""
     answers, stop = list[tuple[float, float]](), threading.Event()
-    with running(host=case.answers != "evolve") as (endpoint, frames, told):
+    with running(host=case.answers != "evolve") as (endpoint, frames, lines):
         with open_client("asking", endpoint) as other, open_client("large", endpoint) as session:
             if case.answers != "evolve":
                 frames.get(timeout=SETTLED)
@@ -356,7 +359,7 @@ def measured(case: Case) -> dict[str, float]:
             stop.set()
             watch.join()
         ends = list(_drained(frames))
-    return _figures(at, ends, answers) | {"said": len(told)}
+    return _figures(at, ends, answers) | {"said": len(lines)}
 
 
 def _send(session: zenoh.Session, raw: Raw, case: Case) -> float:
@@ -414,13 +417,13 @@ def alone(case: Case) -> float:
 
 def row(name: str, repeat: int) -> dict[str, Any]:
     """One row of the table."""
-    case, found = CASES[name], list[dict[str, float]]()
+    case, rows = CASES[name], list[dict[str, float]]()
     for _ in range(repeat):  # Zenoh's threads do not survive a fork: each in a process of its own.
         words = [sys.executable, "-m", "benchmarks.limits", "--measure", name]
         done = subprocess.run(words, capture_output=True, text=True, timeout=200, check=True)
-        found.append(json.loads(done.stdout.splitlines()[-1]))
+        rows.append(json.loads(done.stdout.splitlines()[-1]))
     size = len(case.data(0)) if case.data is not None else len(pack(case.hello))
-    medians = {key: round(statistics.median(one[key] for one in found), 1) for key in found[0]}
+    medians = {key: round(statistics.median(row[key] for row in rows), 1) for key in rows[0]}
     decode = 0.0 if case.flood is not None else round(alone(case), 1)
     return {"case": name, "bytes": 0 if case.flood else size, "decode": decode, **medians}
 
@@ -440,11 +443,11 @@ def main() -> None:
     if not options.json:
         print(f"{'ms':26}" + "".join(f"{key:>14}" for key in keys))
     for name in options.only or CASES:
-        found = row(name, options.repeat)
+        medians = row(name, options.repeat)
         if options.json:
-            print(json.dumps(found))
+            print(json.dumps(medians))
         else:
-            print(f"{name:26}" + "".join(f"{found[key]:>14,}" for key in keys))
+            print(f"{name:26}" + "".join(f"{medians[key]:>14,}" for key in keys))
         sys.stdout.flush()
 
 

@@ -125,8 +125,8 @@ def run(words: list[str], where: Path) -> dict[str, float] | str:
         return "no end after 300 s"
     for line in reversed(done.stdout.splitlines()):
         if line.startswith("{") and "us_per_step_median" in line:
-            found = json.loads(line)
-            return {key: found[key] for key in FIGURES}
+            result = json.loads(line)
+            return {key: result[key] for key in FIGURES}
     return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-200:].strip()}"
 
 
@@ -171,11 +171,11 @@ def report(arguments: argparse.Namespace, workers: int) -> list[Row]:
         for system in arguments.systems:
             if system in missing:
                 continue
-            found = measure(system, arguments.peers, workers, arguments.steps)
-            if isinstance(found, str):
-                missing[system] = found
+            result = measure(system, arguments.peers, workers, arguments.steps)
+            if isinstance(result, str):
+                missing[system] = result
             else:
-                turns.setdefault(system, []).append(found)
+                turns.setdefault(system, []).append(result)
     ours = best(turns["minerva"])["us_per_step_median"] if "minerva" in turns else 0.0
     rows: list[Row] = []
     for system, taken in turns.items():
@@ -203,12 +203,12 @@ def show(row: Row, *, as_json: bool) -> None:
 
 def lines_of(rows: list[Row]) -> list[Line]:
     """A line for each system: microseconds a step over the number of members."""
-    found: list[Line] = []
+    lines: list[Line] = []
     for system in dict.fromkeys(row.system for row in rows):
-        mine = [row for row in rows if row.system == system]
-        x, y = [row.workers for row in mine], [row.step for row in mine]
-        found.append(Line("An empty frame in lockstep", LABELS.get(system, system), x, y))
-    return found
+        own_rows = [row for row in rows if row.system == system]
+        x, y = [row.workers for row in own_rows], [row.step for row in own_rows]
+        lines.append(Line("An empty frame in lockstep", LABELS.get(system, system), x, y))
+    return lines
 
 
 if __name__ == "__main__":

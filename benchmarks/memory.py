@@ -39,7 +39,7 @@ class Series:
 
     def settled(self, last: int) -> tuple[float, float, float]:
         """MB after a fifth of the frames, and at the end, and kB more for a thousand frames."""
-        at = next((i for i, one in enumerate(self.frames) if one >= SETTLED * last), -1)
+        at = next((i for i, frame in enumerate(self.frames) if frame >= SETTLED * last), -1)
         first, end = self.megabytes[at], self.megabytes[-1]
         passed = max(1, self.frames[-1] - self.frames[at])
         return first, end, 1e6 * (end - first) / passed  # MB → kB, a thousand frames
@@ -57,20 +57,20 @@ def resident(pid: int) -> float:
 def children(pid: int) -> list[int]:
     """The processes that one has started."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(one) for one in path.read_text(encoding="ascii").split()]
+    return [int(word) for word in path.read_text(encoding="ascii").split()]
 
 
 def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict[str, Series]:
     """CheckConnection at the processes of a world until it ends."""
-    found: dict[str, Series] = {}
+    series: dict[str, Series] = {}
     while launcher.poll() is None:
         time.sleep(every)
         try:
             (path,) = folder.glob("*.json")
-            told = json.loads(path.read_text(encoding="utf-8"))
-            with Client(told["endpoint"], told["world"]) as asked:
+            state = json.loads(path.read_text(encoding="utf-8"))
+            with Client(state["endpoint"], state["world"]) as asked:
                 status = asked.operator.status()
-            members = {one.pid: one.name for one in status.members}
+            members = {member.pid: member.name for member in status.members}
             started = children(launcher.pid)
         except (BusError, OSError, ValueError, KeyError):
             continue
@@ -78,10 +78,10 @@ def watch(launcher: subprocess.Popen[bytes], folder: Path, every: float) -> dict
         for pid, name in {launcher.pid: "launcher", **names}.items():
             megabytes = resident(pid)
             if megabytes:
-                one = found.setdefault(name, Series(name))
-                one.frames.append(status.frame)
-                one.megabytes.append(megabytes)
-    return found
+                entry = series.setdefault(name, Series(name))
+                entry.frames.append(status.frame)
+                entry.megabytes.append(megabytes)
+    return series
 
 
 def draw(series: list[Series], picture: Path, title: str) -> None:
@@ -90,13 +90,13 @@ def draw(series: list[Series], picture: Path, title: str) -> None:
 
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
-    top, label = max(one.megabytes[-1] for one in series), float("inf")
-    for one in series:
-        line = axes.plot([n / 1000 for n in one.frames], one.megabytes, linewidth=1.5)[0]
-        label = min(one.megabytes[-1], label - top / 28)  # No label upon another.
-        place = (one.frames[-1] / 1000, label)
+    top, label = max(entry.megabytes[-1] for entry in series), float("inf")
+    for entry in series:
+        line = axes.plot([n / 1000 for n in entry.frames], entry.megabytes, linewidth=1.5)[0]
+        label = min(entry.megabytes[-1], label - top / 28)  # No label upon another.
+        place = (entry.frames[-1] / 1000, label)
         axes.annotate(
-            one.name, place, xytext=(4, 0), textcoords="offset points", va="center",
+            entry.name, place, xytext=(4, 0), textcoords="offset points", va="center",
             fontsize="small", color=line.get_color(),
         )  # fmt: skip
     axes.set(title=title, xlabel="frames, thousands", ylabel="resident memory, MB")
@@ -127,23 +127,23 @@ def main() -> None:
             env={**os.environ, "MINERVA_RUNTIME_DIR": name},
             stdout=subprocess.DEVNULL,
         )
-        found = watch(launcher, folder, arguments.every)
+        series = watch(launcher, folder, arguments.every)
         seconds = time.monotonic() - began
-    if launcher.returncode or not found:
+    if launcher.returncode or not series:
         sys.exit(f"the world has ended with exit code {launcher.returncode}")
-    report(sorted(found.values(), key=lambda one: -one.megabytes[-1]), arguments, seconds)
+    report(sorted(series.values(), key=lambda entry: -entry.megabytes[-1]), arguments, seconds)
 
 
 def report(series: list[Series], arguments: argparse.Namespace, seconds: float) -> None:
     """Print what was found, and draw it."""
-    last = max(one.frames[-1] for one in series)
-    for one in series:
-        first, end, growth = one.settled(last)
+    last = max(entry.frames[-1] for entry in series)
+    for entry in series:
+        first, end, growth = entry.settled(last)
         if arguments.json:
-            row = {"process": one.name, "first": first, "end": end, "growth": growth}
-            print(json.dumps(row | {"frames": one.frames, "megabytes": one.megabytes}))
+            row = {"process": entry.name, "first": first, "end": end, "growth": growth}
+            print(json.dumps(row | {"frames": entry.frames, "megabytes": entry.megabytes}))
         else:
-            print(f"{one.name:12} {first:7.1f} MB {end:7.1f} MB {growth:7.1f} kB/1,000 frames")
+            print(f"{entry.name:12} {first:7.1f} MB {end:7.1f} MB {growth:7.1f} kB/1,000 frames")
     print(f"{last:,} frames in {seconds:.0f} s", file=sys.stderr)
     if arguments.plot:
         recorded = ", recorded" if arguments.record else ""

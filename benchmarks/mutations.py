@@ -95,15 +95,15 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=1)
     given = options.parse_args()
     began = time.perf_counter()
-    found = mutate_many(given.count, given.seed)
+    rates = mutate_many(given.count, given.seed)
     seconds = time.perf_counter() - began
     print(
-        f"{found.made:,} mutations in {seconds:.0f} s, {found.wrong} wrong, {found.same} that"
+        f"{rates.made:,} mutations in {seconds:.0f} s, {rates.wrong} wrong, {rates.same} that"
         " changed nothing"
     )
-    if found.first:
-        print(f"the first that is wrong: {found.first}")
-    raise SystemExit(1 if found.wrong else 0)
+    if rates.first:
+        print(f"the first that is wrong: {rates.first}")
+    raise SystemExit(1 if rates.wrong else 0)
 
 
 if __name__ == "__main__":

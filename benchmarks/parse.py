@@ -46,12 +46,12 @@ def crowd(megabytes: float) -> str:
 
 def least(action: Callable[[], Any], times: int = 3) -> float:
     """Seconds that an action takes when nothing disturbs it."""
-    found: list[float] = []
+    seconds: list[float] = []
     for _ in range(times):
         began = time.perf_counter()
         action()
-        found.append(time.perf_counter() - began)
-    return min(found)
+        seconds.append(time.perf_counter() - began)
+    return min(seconds)
 
 
 def measure(megabytes: float) -> dict[str, float]:

@@ -35,7 +35,7 @@ def mesa_wealth(agents: int, seed: int) -> tuple[Any, Any]:
     import bench_mesa
 
     model, step, _ = bench_mesa.build("wealth", agents // 100, seed, True)
-    return step, lambda: inequality([one.wealth for one in model.everybody])
+    return step, lambda: inequality([agent.wealth for agent in model.everybody])
 
 
 def mesa_wolf_sheep(agents: int, seed: int) -> tuple[Any, Any]:
@@ -54,8 +54,8 @@ def frames_wealth(agents: int, seed: int) -> tuple[Any, Any]:
     from mesa_frames import ModelDF
 
     model = ModelDF()
-    some = bench_mesaframes.Native(agents, model)
-    model.agents += some
+    natives = bench_mesaframes.Native(agents, model)
+    model.agents += natives
     held = next(iter(model.agents._agentsets))
     return lambda: model.agents.do("step"), lambda: inequality(held._agents["wealth"].to_numpy())
 
@@ -69,7 +69,7 @@ MODELS = {
 
 def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
     """Print the figures of all seeds by step."""
-    found: dict[int, dict[str, list[float]]] = {}
+    results: dict[int, dict[str, list[float]]] = {}
     for seed in range(1, int(seeds) + 1):
         step, figures = MODELS[peer, model](int(agents), seed)
         done = 0
@@ -78,8 +78,8 @@ def main(peer: str, model: str, agents: str, seeds: str, *steps: str) -> None:
                 step()
                 done += 1
             for name, value in figures().items():
-                found.setdefault(wanted, {}).setdefault(name, []).append(value)
-    print(json.dumps(found))
+                results.setdefault(wanted, {}).setdefault(name, []).append(value)
+    print(json.dumps(results))
 
 
 if __name__ == "__main__":

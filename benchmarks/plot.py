@@ -38,7 +38,7 @@ def plotted(file: Path, lines: list[Line], x: str, y: str) -> None:
         axis.grid(visible=True, which="major", alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
         axis.legend(fontsize="small", frameon=False)
-        _label(axis, sorted({one for line in lines if line.panel == panel for one in line.x}))
+        _label(axis, sorted({value for line in lines if line.panel == panel for value in line.x}))
     figure.savefig(file, dpi=150)
 
 
@@ -54,9 +54,9 @@ def _label(axis: Any, sizes: list[float]) -> None:
         middle = (low * high) ** 0.5
         low, high = axis.set_ylim(middle / LEAST_RANGE**0.5, middle * LEAST_RANGE**0.5)
     axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1000 * low else (1,)))
-    for one in (axis.xaxis, axis.yaxis):
-        one.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
-        one.set_minor_formatter(NullFormatter())
+    for ticks in (axis.xaxis, axis.yaxis):
+        ticks.set_major_formatter(FuncFormatter(lambda value, _: _written(value)))
+        ticks.set_minor_formatter(NullFormatter())
 
 
 def _written(value: float) -> str:

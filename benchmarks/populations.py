@@ -152,7 +152,7 @@ class Meter:
         if not kinds:
             return self._model.updates_per_frame(self._agents) * self._cycle
         fragments = algorithm.composition.fragments.values()
-        return sum(size([one]) for one in fragments if one.symbol in kinds)
+        return sum(size([fragment]) for fragment in fragments if fragment.symbol in kinds)
 
     def figures(self) -> Figures:
         """Medians."""
@@ -228,19 +228,19 @@ def member(name: str, task: Task) -> Member:
 
 def memory(process: int | str) -> float:
     """The most memory that a process has had, in MB; what it shares with others in parts."""
-    found: dict[str, int] = {}
+    sizes: dict[str, int] = {}
     for file in ("status", "smaps_rollup"):
         for line in Path(f"/proc/{process}/{file}").read_text().splitlines():
             words = line.split()
             if words[-1:] == ["kB"]:
-                found[words[0]] = int(words[1])
-    return (found["VmHWM:"] - (found["Rss:"] - found["Pss:"])) / 1024
+                sizes[words[0]] = int(words[1])
+    return (sizes["VmHWM:"] - (sizes["Rss:"] - sizes["Pss:"])) / 1024
 
 
 def minerva(task: Task) -> Figures | str:
     """Run one of our models in a process of its own, so that its memory is its own too."""
     words = [sys.executable, "-m", __spec__.name, "--task", *task.words()]
-    return answered(words, Path.cwd(), lambda found: found)
+    return answered(words, Path.cwd(), lambda answer: answer)
 
 
 # --- the others ---
@@ -273,12 +273,12 @@ def peer(name: str, script: str, options: list[str], folder: Path, seconds: floa
     return answered(words, folder, _peer_figures)
 
 
-def _peer_figures(found: dict[str, Any]) -> Figures:
+def _peer_figures(answer: dict[str, Any]) -> Figures:
     return {
-        "agents": found["agents"],
-        "updates_per_s": found["agent_updates_per_s"],
-        "frames_per_s": 1e6 / found["us_per_step_median"],
-        "memory_mb": found["max_rss_mb"],
+        "agents": answer["agents"],
+        "updates_per_s": answer["agent_updates_per_s"],
+        "frames_per_s": 1e6 / answer["us_per_step_median"],
+        "memory_mb": answer["max_rss_mb"],
     }
 
 
@@ -328,19 +328,19 @@ def measured(arguments: argparse.Namespace, model: str, agents: int) -> list[Row
         for system, hosts, run in runs_of(arguments, model, agents):
             if (system, hosts) in missing:
                 continue
-            found = run()
-            if isinstance(found, str):
+            result = run()
+            if isinstance(result, str):
                 missing.add((system, hosts))
-                print(f"{system}: {model} left out: {found}", file=sys.stderr)
+                print(f"{system}: {model} left out: {result}", file=sys.stderr)
             else:
-                turns.setdefault((system, hosts), []).append(found)
+                turns.setdefault((system, hosts), []).append(result)
     rows = [_row(system, model, agents, hosts, all) for (system, hosts), all in turns.items()]
     ours = max((row.updates_per_s for row in rows if row.system == "minerva"), default=0.0)
     return [_with_ratio(row, ours) for row in rows]
 
 
 def _row(system: str, model: str, agents: int, hosts: int, turns: list[Figures]) -> Row:
-    middle = {key: statistics.median(one[key] for one in turns) for key in turns[0]}
+    middle = {key: statistics.median(turn[key] for turn in turns) for key in turns[0]}
     agents = int(middle.pop("agents", agents))
     return Row(system, model, agents, hosts, **middle)
 
@@ -368,14 +368,14 @@ HEAD: Final = (
 
 def lines_of(rows: list[Row]) -> list[Line]:
     """The rows as lines of a diagram."""
-    found: dict[tuple[str, str], list[Row]] = {}
+    groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         hosts = "host" if row.hosts == 1 else "hosts"
         label = f"{row.system}, {row.hosts} {hosts}" if row.hosts else row.system
-        found.setdefault((row.model, label), []).append(row)
+        groups.setdefault((row.model, label), []).append(row)
     return [
-        Line(model, label, [one.agents for one in some], [one.updates_per_s for one in some])
-        for (model, label), some in found.items()
+        Line(model, label, [row.agents for row in rows], [row.updates_per_s for row in rows])
+        for (model, label), rows in groups.items()
     ]
 
 
@@ -391,24 +391,24 @@ def final(task: Task, at: Sequence[int]) -> dict[int, Figures]:
     host = Member("host-0", agents=model.kinds)
     runner = InProcessRunner(algorithm, [*participants, host], lambda _: None)
     runner.start()
-    found: dict[int, Figures] = {}
+    results: dict[int, Figures] = {}
     for step in range(max(at) + 1):
         if step in at:
-            found[step] = model.statistics(settled(runner, list(services.values())))
+            results[step] = model.statistics(settled(runner, list(services.values())))
         for _ in range(cycle(model)):
             runner.handle(s.Begin())
-    return found
+    return results
 
 
 def settled(runner: InProcessRunner, services: list[Any]) -> Scene:
     """The string after a frame without a step, where the model's clock can be quiet."""
-    quiet = [one for one in services if hasattr(one, "quiet")]
-    for one in quiet:
-        one.quiet = True
+    quiet = [service for service in services if hasattr(service, "quiet")]
+    for service in quiet:
+        service.quiet = True
     if quiet:
         runner.handle(s.Begin())
-    for one in quiet:
-        one.quiet = False
+    for service in quiet:
+        service.quiet = False
     return runner.algorithm.scene
 
 
@@ -434,22 +434,22 @@ def main() -> None:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    found = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    found.add_argument("--model", nargs="+", default=list(MODELS), choices=MODELS)
-    found.add_argument("--agents", type=int, nargs="+")
-    found.add_argument("--hosts", type=int, nargs="+", default=[1, 2])
-    found.add_argument("--in-process", action="store_true")
-    found.add_argument("--digest", action="store_true", help="ask for it in every frame")
-    found.add_argument("--frames", type=int, default=40, help="steps that count, in each turn")
-    found.add_argument("--turns", type=int, default=3)
-    found.add_argument("--systems", nargs="+", default=list(SYSTEMS), choices=SYSTEMS)
-    found.add_argument("--peers", type=Path, default=Path("../shared/peers"))
-    found.add_argument("--seconds", type=float, default=5.0, help="for each turn of a peer")
-    found.add_argument("--statistics", action="store_true")
-    found.add_argument("--seeds", type=int, default=5, help="runs of each for --statistics")
-    found.add_argument("--plot", type=Path)
-    found.add_argument("--json", action="store_true")
-    return found
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--model", nargs="+", default=list(MODELS), choices=MODELS)
+    parser.add_argument("--agents", type=int, nargs="+")
+    parser.add_argument("--hosts", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--in-process", action="store_true")
+    parser.add_argument("--digest", action="store_true", help="ask for it in every frame")
+    parser.add_argument("--frames", type=int, default=40, help="steps that count, in each turn")
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--systems", nargs="+", default=list(SYSTEMS), choices=SYSTEMS)
+    parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
+    parser.add_argument("--seconds", type=float, default=5.0, help="for each turn of a peer")
+    parser.add_argument("--statistics", action="store_true")
+    parser.add_argument("--seeds", type=int, default=5, help="runs of each for --statistics")
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--json", action="store_true")
+    return parser
 
 
 if __name__ == "__main__":

@@ -119,10 +119,10 @@ def main() -> None:
 def report(world: str, kind: Kind, folder: Path, arguments: argparse.Namespace) -> None:
     """Measure and print one world."""
     turns = [turn(kind, folder, number) for number in range(arguments.turns)]
-    rates = [statistics.median(one.rate for one in some) for some in zip(*turns, strict=True)]
-    works = [statistics.median(one.work for one in some) for some in zip(*turns, strict=True)]
-    slower = statistics.median(1 - other.rate / one.rate for one, other in turns)
-    more = statistics.median(other.work / one.work - 1 for one, other in turns)
+    rates = [statistics.median(turn.rate for turn in rounds) for rounds in zip(*turns, strict=True)]
+    works = [statistics.median(turn.work for turn in rounds) for rounds in zip(*turns, strict=True)]
+    slower = statistics.median(1 - second.rate / first.rate for first, second in turns)
+    more = statistics.median(second.work / first.work - 1 for first, second in turns)
     if arguments.json:
         row = {"rates": rates, "slower": slower, "work": works, "more": more}
         print(json.dumps({"world": world, **row}), flush=True)

@@ -100,7 +100,7 @@ def world_of(model: ModuleType, agents: int) -> Weighed:
     members.append(Member("host", None, model.kinds))
     world = World(
         model.NAME, model.scene(agents, 7), model.vocabulary, seed=7, order=Order(model.order),
-        expected=frozenset(one.name for one in members),
+        expected=frozenset(member.name for member in members),
     )  # fmt: skip
     return Weighed(FrameAlgorithm(world), members)
 
@@ -109,7 +109,7 @@ def kind(model: ModuleType) -> Kind:
     """What an agent of a model costs: the slope between two sizes."""
     rows = [np.min(world_of(model, size).run(WARM_UP + FRAMES)[WARM_UP:], axis=0) for size in SIZES]
     slope = np.maximum((rows[1] - rows[0]) / (SIZES[1] - SIZES[0]), 1e-12)
-    ours, theirs, size = (float(one) for one in slope)
+    ours, theirs, size = (float(number) for number in slope)
     return Kind(ours, theirs, size)
 
 
@@ -146,13 +146,13 @@ def measure() -> Costs:
     Of several turns the quickest counts: what else the machine does is none of ours.
     """
     turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
-    medians = [1e-6 * min(one[count]["us_per_step_median"] for one in turns) for count in MEMBERS]
+    medians = [1e-6 * min(turn[count]["us_per_step_median"] for turn in turns) for count in MEMBERS]
     member = max((medians[-1] - medians[0]) / (MEMBERS[-1] - MEMBERS[0]), 1e-6)
-    found = [one[count] for one in turns for count in MEMBERS]
+    results = [one[count] for one in turns for count in MEMBERS]
     return Costs(
         frame=max(medians[0] - member * MEMBERS[0], 1e-6),
         member=member,
         byte=seconds_per_byte(),
-        spread=min(one["us_per_step_p99"] / one["us_per_step_median"] for one in found),
+        spread=min(result["us_per_step_p99"] / result["us_per_step_median"] for result in results),
         kinds={name: kind(model) for name, model in MODELS.items()},
     )

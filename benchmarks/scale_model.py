@@ -97,8 +97,8 @@ def region_seconds(
     costs: Costs, kind: Kind, agents: float, regions: int, border: Border = Border()
 ) -> float:
     """How long one of some regions needs for its part of a frame, waiting for nobody."""
-    mine = agents / regions
-    work = mine * (1 + border.share(agents, regions))
+    own_agents = agents / regions
+    work = own_agents * (1 + border.share(agents, regions))
     hosts = best_hosts(costs, kind, work)
     neighbours = 0 if regions == 1 else 4
     return frame_seconds(costs, kind, work, hosts) + 2 * neighbours * costs.member
@@ -158,7 +158,7 @@ class Limit:
 
 def limits(costs: Costs, rate: float) -> list[Limit]:
     """How many agents of each kind there can be, by the number of regions."""
-    found: list[Limit] = []
+    limits_: list[Limit] = []
     for name, kind in costs.kinds.items():
         for regions in REGIONS:
             drag = in_step(1.0, regions, costs.spread)
@@ -169,10 +169,10 @@ def limits(costs: Costs, rate: float) -> list[Limit]:
                 return region_seconds(costs, kind, agents, regions) * drag <= 1 / rate
 
             agents = most(holds)
-            mine = agents / regions
-            hosts = regions * best_hosts(costs, kind, mine) if agents else 0
-            found.append(Limit(name, regions, agents, hosts, agents * kind.bytes))
-    return found
+            own_agents = agents / regions
+            hosts = regions * best_hosts(costs, kind, own_agents) if agents else 0
+            limits_.append(Limit(name, regions, agents, hosts, agents * kind.bytes))
+    return limits_
 
 
 def most_members(costs: Costs, rate: float) -> int:
@@ -201,9 +201,10 @@ def report(costs: Costs, rate: float) -> list[str]:
         )
     titles = f"{'agents':22} {'regions':>8} {'most at once':>14} {'hosts':>7} {'MB a frame':>11}"
     lines += ["", f"{titles}   at {rate:g} frames/s"]
-    for one in limits(costs, rate):
+    for limit in limits(costs, rate):
         lines.append(
-            f"{one.kind:22} {one.regions:8} {one.agents:14,} {one.hosts:7,} {one.bytes / 1e6:11.2f}"
+            f"{limit.kind:22} {limit.regions:8} {limit.agents:14,} {limit.hosts:7,}"
+            f" {limit.bytes / 1e6:11.2f}"
         )
     return lines
 
@@ -234,8 +235,8 @@ def main() -> None:
     arguments = parser.parse_args()
     costs = measure()
     if arguments.json:
-        found = [asdict(one) for one in limits(costs, arguments.rate)]
-        print(json.dumps({"costs": asdict(costs), "limits": found}))
+        rows = [asdict(limit) for limit in limits(costs, arguments.rate)]
+        print(json.dumps({"costs": asdict(costs), "limits": rows}))
     else:
         print("\n".join(report(costs, arguments.rate)))
     if arguments.plot:

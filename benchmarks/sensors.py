@@ -101,8 +101,8 @@ class Stamps(Generator):
 def members(lidars: int, beams: int, hertz: float) -> list[Member]:
     topics = [f"scan{i}" for i in range(lidars)]
     return [
-        *(Member(f"lidar{i}", Lidar(one, beams, hertz)) for i, one in enumerate(topics)),
-        *(Member(f"laser{i}", Laser(topic=one)) for i, one in enumerate(topics)),
+        *(Member(f"lidar{i}", Lidar(topic, beams, hertz)) for i, topic in enumerate(topics)),
+        *(Member(f"laser{i}", Laser(topic=topic)) for i, topic in enumerate(topics)),
         Member("camera", Eye()),
         Member("scans", Stamps(topics[0], eStamp)),
         Member("images", Stamps("image", eLook)),
@@ -116,13 +116,13 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
     pipes = [os.pipe() for _ in parts]
     children = [
         forked(
-            lambda one=one, read=read: BusMember(
-                one, "sensors", os.read(read, 1000).decode(), print
+            lambda part=part, read=read: BusMember(
+                part, "sensors", os.read(read, 1000).decode(), print
             ).run()
         )
-        for one, (read, _) in zip(parts, pipes, strict=True)
+        for part, (read, _) in zip(parts, pipes, strict=True)
     ]
-    found: dict[str, list[float]] = {"eStamp": [], "eLook": []}
+    stamps: dict[str, list[float]] = {"eStamp": [], "eLook": []}
     frames: list[float] = []
 
     def listening(endpoint: str) -> None:
@@ -135,8 +135,8 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         if now - frames[0] < WARM_UP:
             return
         for event in done.events:
-            if isinstance(event, Event) and event.type in found:
-                found[event.type].append(1e3 * (now - event.time))
+            if isinstance(event, Event) and event.type in stamps:
+                stamps[event.type].append(1e3 * (now - event.time))
         if now - frames[0] > WARM_UP + options.seconds:
             coordinator.inbox.put(s.End("measured"))
 
@@ -145,7 +145,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         VOCABULARY.read("AWatcher#a"),
         VOCABULARY,
         dt=1 / options.rate,
-        expected=frozenset(one.name for one in parts),
+        expected=frozenset(part.name for part in parts),
     )
     watchers = Watchers(
         said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
@@ -158,18 +158,18 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
     coordinator.run()
     for child in children:
         os.waitpid(child, 0)
-    return figures(found, frames)
+    return figures(stamps, frames)
 
 
-def figures(found: dict[str, list[float]], frames: list[float]) -> dict[str, float]:
+def figures(stamps: dict[str, list[float]], frames: list[float]) -> dict[str, float]:
     row = {"frames_per_s": round((len(frames) - 1) / (frames[-1] - frames[0]), 1)}
     for name, event_type in (("scan", "eStamp"), ("image", "eLook")):
-        times = sorted(found[event_type])
+        times = sorted(stamps[event_type])
         row[f"{name}s"] = len(times)
         for part, of in (("p50", 0.5), ("p90", 0.9), ("p99", 0.99)):
             row[f"{name}_ms_{part}"] = round(times[int(of * (len(times) - 1))], 1)
         row[f"{name}_ms_mean"] = round(statistics.fmean(times), 1)
-    bins = np.histogram(found["eStamp"], [0, 5, 10, 15, 20, 25, 30, 35, 40, 50, 75, 100, 1e9])[0]
+    bins = np.histogram(stamps["eStamp"], [0, 5, 10, 15, 20, 25, 30, 35, 40, 50, 75, 100, 1e9])[0]
     row["scan_histogram"] = bins.tolist()  # type: ignore[assignment]
     return row
 

@@ -74,7 +74,7 @@ def main() -> int:
     seed = last.history.seed if last is not None else None
     if failed and last is not None and options.shorten:
         last = shortest(last)
-    told = report(last, trace=options.seed is not None) if last is not None else ""
+    text = report(last, trace=options.seed is not None) if last is not None else ""
     if options.json:
         result = {
             "histories": done,
@@ -83,12 +83,12 @@ def main() -> int:
             "frames_per_second": round(frames / seconds, 1) if seconds else 0.0,
             "failed_seed": seed if failed else None,
             "wrong": list(last.wrong) if last is not None else [],
-            "history": told if failed else None,
+            "history": text if failed else None,
         }
         print(json.dumps(result))
         return int(failed)
     if failed or options.seed is not None:
-        print(told)
+        print(text)
     pace = f"{done} histories, {frames} frames in {seconds:.1f} s ({frames / seconds:.0f} a second)"
     print(f"{pace}: {f'seed {seed} fails' if failed else 'all is well'}")
     return int(failed)

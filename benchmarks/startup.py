@@ -82,8 +82,8 @@ def idle(workers: int) -> Found:
 
 def started(name: str, peers: Path, workers: int) -> Found:
     """The start of one peer."""
-    found = peer(name, peers, workers, STEPS)
-    return found if isinstance(found, str) else found["startup_s"]
+    result = peer(name, peers, workers, STEPS)
+    return result if isinstance(result, str) else result["startup_s"]
 
 
 def once() -> dict[str, Callable[[], Found]]:
@@ -99,22 +99,22 @@ def once() -> dict[str, Callable[[], Found]]:
 
 def measure(systems: dict[str, Callable[[], Found]], turns: int) -> dict[str, list[Found]]:
     """All systems in turns; one that cannot be measured is tried once."""
-    found: dict[str, list[Found]] = {name: [] for name in systems}
+    results: dict[str, list[Found]] = {name: [] for name in systems}
     for _ in range(turns):
         for name, take in systems.items():
-            if not any(isinstance(one, str) for one in found[name]):
-                found[name].append(take())
-    return found
+            if not any(isinstance(row, str) for row in results[name]):
+                results[name].append(take())
+    return results
 
 
-def report(found: dict[str, list[Found]], workers: int | None, as_json: bool) -> None:
+def report(results: dict[str, list[Found]], workers: int | None, as_json: bool) -> None:
     """Print the medians, with ratios to ours of the same number of workers."""
     medians = {
         name: statistics.median(rows)
-        for name, rows in found.items()
-        if not any(isinstance(one, str) for one in rows)
+        for name, rows in results.items()
+        if not any(isinstance(row, str) for row in rows)
     }
-    for name, rows in found.items():
+    for name, rows in results.items():
         if name not in medians:
             print(f"{name:10} left out: {rows[-1]}", file=sys.stderr)
             continue

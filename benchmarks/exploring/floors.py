@@ -96,8 +96,8 @@ def maze(metres: float, side: float, seed: int) -> Solid:
     chance = random.Random(f"maze {seed}")
     count = max(3, int(metres / chance.uniform(1.4, 2.2)))
     step, solid = metres / count, _squares(metres, side, count)
-    for one, other in [*_tree(count, chance), *_loops(count, chance)]:
-        _open(solid, side, step, one, other, (step - _WALL) / 2)
+    for first, second in [*_tree(count, chance), *_loops(count, chance)]:
+        _open(solid, side, step, first, second, (step - _WALL) / 2)
     return solid
 
 
@@ -106,9 +106,9 @@ def rooms(metres: float, side: float, seed: int) -> Solid:
     chance = random.Random(f"rooms {seed}")
     count = max(2, int(metres / chance.uniform(3.0, 6.0)))
     step, solid = metres / count, _squares(metres, side, count)
-    for one, other in [*_tree(count, chance), *_loops(count, chance), *_loops(count, chance)]:
+    for first, second in [*_tree(count, chance), *_loops(count, chance), *_loops(count, chance)]:
         shift = chance.uniform(-0.3, 0.3) * step
-        _open(solid, side, step, one, other, chance.uniform(0.4, 0.55), shift)
+        _open(solid, side, step, first, second, chance.uniform(0.4, 0.55), shift)
     return solid
 
 
@@ -244,15 +244,15 @@ def _open(
     solid: Solid,
     side: float,
     step: float,
-    one: Square,
+    square: Square,
     other: Square,
     half: float,
     shift: float = 0.0,
 ) -> None:
     """Make a door of twice `half` between two squares, off its middle by `shift`."""
-    x, y = (one[0] + other[0] + 1) / 2 * step, (one[1] + other[1] + 1) / 2 * step
+    x, y = (square[0] + other[0] + 1) / 2 * step, (square[1] + other[1] + 1) / 2 * step
     thick = _WALL / 2 + 2 * side
-    if one[0] != other[0]:
+    if square[0] != other[0]:
         _box(solid, side, x - thick, y + shift - half, x + thick, y + shift + half, value=False)
     else:
         _box(solid, side, x + shift - half, y - thick, x + shift + half, y + thick, value=False)

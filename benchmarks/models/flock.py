@@ -141,9 +141,9 @@ def updates_per_frame(agents: int) -> int:
 
 def statistics(scene: Scene) -> dict[str, float]:
     """How much boids fly in one direction, all of them and those that are near each other."""
-    parts = [one for one in scene.pieces if isinstance(one, Columns)]
-    columns = {name: [one.column(name) for one in parts] for name in ("x", "y", "vx", "vy")}
-    return alignment(**{name: np.concatenate(some) for name, some in columns.items()})
+    parts = [part for part in scene.pieces if isinstance(part, Columns)]
+    columns = {name: [part.column(name) for part in parts] for name in ("x", "y", "vx", "vy")}
+    return alignment(**{name: np.concatenate(parts) for name, parts in columns.items()})
 
 
 def alignment(
@@ -159,9 +159,9 @@ def alignment(
     length = np.maximum(np.hypot(vx, vy), 1e-12)
     ux, uy = vx / length, vy / length
     cosines, pairs = 0.0, 0
-    for one, other in _pairs(x, y):
-        cosines += float((ux[one] * ux[other] + uy[one] * uy[other]).sum())
-        pairs += len(one)
+    for first, second in _pairs(x, y):
+        cosines += float((ux[first] * ux[second] + uy[first] * uy[second]).sum())
+        pairs += len(first)
     return {
         "order": float(np.hypot(ux.mean(), uy.mean())),
         "local_order": cosines / max(pairs, 1),

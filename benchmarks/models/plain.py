@@ -56,6 +56,6 @@ def updates_per_frame(agents: int) -> int:
 
 def statistics(scene: Scene) -> dict[str, float]:
     """Where they are, on the average."""
-    parts = [one for one in scene.pieces if isinstance(one, Columns)]
-    places = np.concatenate([one.column("x") for one in parts])
+    parts = [part for part in scene.pieces if isinstance(part, Columns)]
+    places = np.concatenate([part.column("x") for part in parts])
     return {"mean": float(places.mean()), "deviation": float(places.std())}

@@ -90,8 +90,8 @@ def updates_per_frame(agents: int) -> int:
 
 def statistics(scene: Scene) -> dict[str, float]:
     """How unequal people are."""
-    parts = [one for one in scene.pieces if isinstance(one, Columns)]
-    return inequality(np.concatenate([one.column("wealth") for one in parts]))
+    parts = [part for part in scene.pieces if isinstance(part, Columns)]
+    return inequality(np.concatenate([part.column("wealth") for part in parts]))
 
 
 def inequality(wealth: np.ndarray) -> dict[str, float]:

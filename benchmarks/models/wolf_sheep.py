@@ -114,15 +114,15 @@ class Grass(Agent, symbol="AGrass"):
         return PGrass(grown=self.grown)
 
 
-def live_on(some: Any, food: Any, moment: BatchContext, gives: float, breed: float) -> None:
+def live_on(flock: Any, food: Any, moment: BatchContext, gives: float, breed: float) -> None:
     """Move, eat, die or have young."""
-    animals = cast("Population", some)
-    energy = some.energy - 1.0 + gives * food.food
+    animals = cast("Population", flock)
+    energy = flock.energy - 1.0 + gives * food.food
     starved = energy < 0
     breeding = moment.chance.chance(breed) & ~starved
     energy[breeding] /= 2
-    some.energy, some.cell = energy, food.cell
-    animals.bear(breeding, energy=energy, cell=some.cell)
+    flock.energy, flock.cell = energy, food.cell
+    animals.bear(breeding, energy=energy, cell=flock.cell)
     animals.die(starved)
 
 
@@ -197,8 +197,8 @@ def shown(scene: Scene) -> Shown:
         by_symbol[part.symbol].append(part)
 
     def column(symbol: str, name: str, dtype: Any = np.int64) -> NDArray[Any]:
-        found = [part.column(name) for part in by_symbol[symbol]]
-        return np.concatenate(found) if found else np.empty(0, dtype)
+        columns = [part.column(name) for part in by_symbol[symbol]]
+        return np.concatenate(columns) if columns else np.empty(0, dtype)
 
     def who(symbol: str) -> Ids:
         found = [part.ids_in("who") for part in by_symbol[symbol]]
@@ -240,16 +240,16 @@ def allotted(
     return cell, fed
 
 
-def any_of(some: Truths, chance: np.random.Generator) -> tuple[Cells, Truths]:
+def any_of(choices: Truths, chance: np.random.Generator) -> tuple[Cells, Truths]:
     """A true row of each column, any of them; and whether there is one. `some` has four rows."""
-    upto = some.view(np.int8).copy()
+    upto = choices.view(np.int8).copy()
     for row in range(1, len(upto)):
         upto[row] += upto[row - 1]
-    wanted = (chance.random(some.shape[1], np.float32) * upto[-1]).astype(np.int8)
-    found = np.zeros(some.shape[1], np.int64)
+    wanted = (chance.random(choices.shape[1], np.float32) * upto[-1]).astype(np.int8)
+    counts = np.zeros(choices.shape[1], np.int64)
     for row in upto[:-1]:
-        found += row <= wanted
-    return found, upto[-1] > 0
+        counts += row <= wanted
+    return counts, upto[-1] > 0
 
 
 def first_come(goes: Cells, food: NDArray[Any]) -> Truths:
@@ -271,9 +271,9 @@ def victims(prey: Cells, at: Cells, meals: Cells, chance: np.random.Generator) -
     """Which of the prey are eaten: in each cell as many as there are meals, any of them."""
     if not len(prey):
         return prey
-    some = chance.permutation(len(prey))
+    order = chance.permutation(len(prey))
     most = int(max(at.max(), meals.max(initial=0))) + 1
-    return prey[some[first_come(at[some], np.bincount(meals, minlength=most))]]
+    return prey[order[first_come(at[order], np.bincount(meals, minlength=most))]]
 
 
 # --- the world ---
@@ -324,9 +324,9 @@ def updates_per_frame(agents: int) -> int:
 
 def statistics(scene: Scene) -> dict[str, float]:
     """How many there are."""
-    found = {"sheep": 0.0, "wolves": 0.0}
+    energy = {"sheep": 0.0, "wolves": 0.0}
     names = {"ASheep": "sheep", "AWolf": "wolves"}
     for piece in scene.pieces:
         if piece.symbol in names:
-            found[names[piece.symbol]] += piece.count if isinstance(piece, Columns) else 1
-    return found
+            energy[names[piece.symbol]] += piece.count if isinstance(piece, Columns) else 1
+    return energy

@@ -28,7 +28,9 @@ class Paper(PlaneGeometry):
         elif isinstance(shape, Label):
             self.put(self.pose, values[shape.text])
         elif isinstance(shape, Raster) and shape.height:
-            x, y, cell = (resolve(one, values) for one in (shape.x, shape.y, shape.cell))
+            x, y, cell = (
+                resolve(expression, values) for expression in (shape.x, shape.y, shape.cell)
+            )
             for row, column in zip(*(values[shape.cells] > 0).nonzero(), strict=True):
                 self.put(self.pose.then(x + row * cell, y + column * cell, 0.0, 0.0), "#")
 

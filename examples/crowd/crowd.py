@@ -96,9 +96,9 @@ class Person(Agent, symbol="APerson"):
         out = hit.what == "PExit"
         moment.emit(eOut(), where=out)
         self.die(out)
-        mine = np.where(hit.other == "", 1.0, 0.5)  # two who meet go back half the way each
-        self.x = self.x + mine * hit.depth * hit.nx
-        self.y = self.y + mine * hit.depth * hit.ny
+        share = np.where(hit.other == "", 1.0, 0.5)  # two who meet go back half the way each
+        self.x = self.x + share * hit.depth * hit.nx
+        self.y = self.y + share * hit.depth * hit.ny
         into = np.minimum(self.vx * hit.nx + self.vy * hit.ny, 0.0)
         self.vx = self.vx - into * hit.nx
         self.vy = self.vy - into * hit.ny

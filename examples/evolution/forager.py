@@ -204,9 +204,9 @@ def brightness(eye: Pose, berries: Iterable[Pose]) -> float:
     return light
 
 
-def distance(one: Pose, other: Pose) -> float:
+def distance(first: Pose, second: Pose) -> float:
     """Metres between two places."""
-    return portable.hypot(other.x - one.x, other.y - one.y)
+    return portable.hypot(second.x - first.x, second.y - first.y)
 
 
 # --- the world, and what is good in it ------------------------------------------------------------
@@ -220,4 +220,4 @@ vocabulary = Vocabulary.of(
 def berries(outcome: Outcome) -> float:
     """The berries that are eaten; that a body has an eye more costs one of them."""
     brood = [node for node in outcome.scene if node.symbol == "ACreature"]
-    return sum(one.state["eaten"] for one in brood) - len(eyes(brood[0].scope))
+    return sum(agent.state["eaten"] for agent in brood) - len(eyes(brood[0].scope))

@@ -45,7 +45,7 @@ def wood(name: str, color: str, width: float) -> Primitive:
     return Primitive(name, line, xs=tuple[float, ...], ys=tuple[float, ...])
 
 
-woods = [wood(*one) for one in WOOD]
+woods = [wood(*spot) for spot in WOOD]
 PLeaf = Primitive("PLeaf", Disc(0.1, "#5f9a4a"))
 PFlower = Primitive("PFlower", Disc(0.09, "#c9407f"))
 PTip = Primitive("PTip", Disc(0.06, "#9bc265"))

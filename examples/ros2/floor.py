@@ -8,15 +8,15 @@ class Floor:
     """A map_server map: which cells are occupied, and how far it is to the next one."""
 
     def __init__(self, path):
-        told = YAML(typ="safe").load(path.read_text())
-        image = read_pgm(path.parent / told["image"])
-        dark = image / 255 if told["negate"] else 1 - image / 255
+        options = YAML(typ="safe").load(path.read_text())
+        image = read_pgm(path.parent / options["image"])
+        dark = image / 255 if options["negate"] else 1 - image / 255
         # What is not known to be free is a wall, too. [x, y], y upwards.
-        self.walls = (dark >= told["free_thresh"])[::-1].T
-        self.cell = told["resolution"]
-        self.origin = told["origin"][:2]
-        self.start = told.get("start", [0.0, 0.0, 0.0])
-        self.markers = told.get("markers", {})
+        self.walls = (dark >= options["free_thresh"])[::-1].T
+        self.cell = options["resolution"]
+        self.origin = options["origin"][:2]
+        self.start = options.get("start", [0.0, 0.0, 0.0])
+        self.markers = options.get("markers", {})
 
     def ranges(self, x, y, angles, most):
         """Metres from a place to the first wall in each direction, exactly; inf beyond `most`."""

@@ -77,7 +77,9 @@ class Robot:
     def __init__(self, args):
         self.args = args
         self.floor = Floor(args.map)
-        start = [float(one) for one in args.start.split(",")] if args.start else self.floor.start
+        start = (
+            [float(number) for number in args.start.split(",")] if args.start else self.floor.start
+        )
         self.start = start[0], start[1], math.radians(start[2])
         self.wheels = Wheels(*self.start)
         self.ros = Ros(args.listen, args.domain)

@@ -183,7 +183,7 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
     def show(self, view: View) -> None:
         self.before = {who: s for who, (_, s) in self.now.items()}
         figures = (node for node in view.scene if isinstance(node, FigureNode))
-        bodies = [one.parameters for one in figures if one.symbol == PBody.name]
+        bodies = [figure.parameters for figure in figures if figure.symbol == PBody.name]
         self.now = {body["who"]: (body["lane"], body["s"]) for body in bodies}
         self.passed += sum(self.before.get(who, s) < 0 <= s for who, (_, s) in self.now.items())
 
@@ -202,14 +202,14 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
 
     def meetings(self) -> Iterator[tuple[str, str]]:
         """Pairs of cars on the crossing, of different roads, that touch each other."""
-        inside = [one for one, (_, s) in sorted(self.now.items()) if abs(s) < -LINE]
+        inside = [name for name, (_, s) in sorted(self.now.items()) if abs(s) < -LINE]
         for who, other in combinations(inside, 2):
             if portable.dist(place(*self.now[who]), place(*self.now[other])) < 3.0:
                 yield who, other
 
     def save(self) -> Mapping[str, Any]:
         return {
-            "now": {who: list(one) for who, one in self.now.items()},
+            "now": {who: list(name) for who, name in self.now.items()},
             "before": self.before,
             "touching": sorted(map(list, self.touching)),
             "crashes": self.crashes,
@@ -218,7 +218,7 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         self.now = {who: (lane, s) for who, (lane, s) in saved["now"].items()}
-        self.touching = {(one, two) for one, two in saved["touching"]}
+        self.touching = {(first, second) for first, second in saved["touching"]}
         self.before = dict(saved["before"])
         self.crashes, self.passed = saved["crashes"], saved["passed"]
 

@@ -176,7 +176,7 @@ class Carrier(Talker, symbol="ACarrier"):
             self.handle(self.contract, moment)
 
     def drive(self) -> None:
-        x, y = next(one for one in route(self.x, self.y, self.goal) if one != (self.x, self.y))
+        x, y = next(cell for cell in route(self.x, self.y, self.goal) if cell != (self.x, self.y))
         length = portable.dist((self.x, self.y), (x, y))
         self.heading = math.degrees(portable.atan2(y - self.y, x - self.x))
         share = min(1.0, SPEED / length)
@@ -216,8 +216,8 @@ def read_job(text: str) -> tuple[str, str] | None:
         (job,) = vocabulary.read(text)
     except (MinervaError, ValueError):
         return None
-    told = job.parameters if isinstance(job, FigureNode) and job.symbol == PJob.name else {}
-    source, target = told.get("source"), told.get("target")
+    parameters = job.parameters if isinstance(job, FigureNode) and job.symbol == PJob.name else {}
+    source, target = parameters.get("source"), parameters.get("target")
     return (source, target) if source in SHELVES and target in DOCKS else None
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeping import drive, place_at, spread, swept, without_path
 
-from minerva_agents.robot.locating import Motion, located_scans
+from minerva_agents.robot.locating import ScanMotion, located_scans
 from minerva_agents.robot.mapping import draw_map
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.beams import hits
@@ -214,7 +214,7 @@ def test_without_odometry_matching_finds_the_motion_first():
     place = partial(place_at, speed=0.3, turn=15.0)
     recorded, options = drive(place, odometry=False), {"cell": 0.05, "farthest": 0.0}
     located = list(located_scans(recorded, matched=True, **options))
-    again = located_scans(recorded, matched=True, motion=Motion.of(located), **options)
+    again = located_scans(recorded, matched=True, motion=ScanMotion.of(located), **options)
     before, after = spreads([one.scan for one in again], place)
     assert (before > 8.0, after < 1.0) == (True, True)
     assert wall_cells(recorded, poses="matched")[1] == 0

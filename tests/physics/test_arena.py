@@ -352,10 +352,10 @@ def test_a_camera_sees_what_is_in_its_field_in_range_and_not_hidden() -> None:
         arena.add_marker(name, x, y)
     seen = arena.visible("a", 90, 8)
     assert [sighting.marker for sighting in seen] == ["ahead", "edge"]
-    assert [sighting.dist_m for sighting in seen] == pytest.approx([3, math.sqrt(8)])
-    assert [sighting.angle_deg for sighting in seen] == pytest.approx([0, -45])
+    assert [sighting.distance for sighting in seen] == pytest.approx([3, math.sqrt(8)])
+    assert [sighting.angle for sighting in seen] == pytest.approx([0, -45])
     drive(arena, [("a", 60, 0)])
-    assert [(s.marker, round(s.angle_deg, 9)) for s in arena.visible("a", 90, 8)] == [("side", 30)]
+    assert [(s.marker, round(s.angle, 9)) for s in arena.visible("a", 90, 8)] == [("side", 30)]
 
 
 def test_a_marker_on_a_wall_is_seen_from_its_side_only() -> None:
@@ -381,7 +381,7 @@ def test_a_body_hides_a_marker_and_bearings_wrap() -> None:
     drive(arena, [("a", 720, 0)])
     (sighting,) = arena.visible("a", 360, 9)
     assert sighting.marker == "behind"
-    assert 179 < sighting.angle_deg < 180
+    assert 179 < sighting.angle < 180
 
 
 # State

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from minerva_bus.world.readings import Sighting
 from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.motion_model import DriveStep, MotionModel
-from minerva_services.physics.sensors import Sighting
 from minerva_services.physics.sighting_model import SightingModel
 
 MANY = 20_000
@@ -93,7 +93,7 @@ def test_missed_markers_and_mistaken_ones() -> None:
     for other in ("desk", "lamp"):
         share = sum(one.marker == other for one in made) / len(made)
         assert share == pytest.approx(0.1, abs=0.01)
-    assert {(one.dist_m, one.angle_deg) for one in made} == {(1.0, 2.0)}
+    assert {(one.distance, one.angle) for one in made} == {(1.0, 2.0)}
 
 
 def test_the_only_marker_is_never_mistaken() -> None:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from minerva_bus.world.readings import Sighting
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.noise import Noise
-from minerva_services.physics.sensors import Sighting
 
 MANY = 20_000
 
@@ -62,11 +62,11 @@ def test_a_body_that_is_told_to_do_nothing_stands_still() -> None:
 def test_a_camera_errs_in_distance_and_bearing() -> None:
     noise = Noise(camera_m=0.1, camera_deg=2.0)
     seen = noise.sightings([Sighting("m", 3.0, 10.0)] * MANY, generator())
-    values = np.array([(sighting.dist_m, sighting.angle_deg) for sighting in seen])
+    values = np.array([(sighting.distance, sighting.angle) for sighting in seen])
     assert values.mean(0) == pytest.approx([3, 10], abs=0.1)
     assert values.std(0) == pytest.approx([0.1, 2], rel=0.03)
     near = noise.sightings([Sighting("m", 0.01, 0.0)] * 100, generator())
-    assert min(sighting.dist_m for sighting in near) == 0
+    assert min(sighting.distance for sighting in near) == 0
 
 
 def test_the_same_generator_gives_the_same_noise() -> None:

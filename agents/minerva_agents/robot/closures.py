@@ -47,7 +47,7 @@ _EVERY: Final = 2.0
 _TEMPERATURE: Final = 0.02
 
 
-class Surroundings:
+class LocalMap:
     """Local map around a keyframe, in its own frame, for scoring other points."""
 
     def __init__(self, keys: Sequence[Keyframe], poses: Reals, number: int) -> None:
@@ -78,7 +78,7 @@ _NEIGHBOURS: Final = [
 
 
 def correlated(
-    walls: Surroundings, points: Reals, guess: Reals, window: float
+    walls: LocalMap, points: Reals, guess: Reals, window: float
 ) -> tuple[Reals, float, Reals]:
     """Best pose of points in a local map, its fraction of matching points, and its covariance.
 
@@ -125,7 +125,7 @@ def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Re
     return second / total - np.outer(mean, mean) + least
 
 
-def polished(walls: Surroundings, points: Reals, pose: Reals) -> Reals:
+def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
     """A pose refined by trimmed ICP: points against the nearest walls."""
     for limit in (0.4, 0.25, 0.2, 0.15, 0.15):
         here = moved(points, pose)
@@ -167,8 +167,8 @@ def closure(
     keys: Sequence[Keyframe], poses: Reals, first: int, second: int, window: float
 ) -> Edge | None:
     """The graph edge between two keyframes, or None if they observe different places."""
-    walls = Surroundings(keys, poses, first)
-    others = Surroundings(keys, poses, second)
+    walls = LocalMap(keys, poses, first)
+    others = LocalMap(keys, poses, second)
     points = others.points[:: max(1, len(others.points) // _POINTS)]
     pose, _, covariance = correlated(walls, points, between(poses[first], poses[second]), window)
     pose = polished(walls, points, pose)
@@ -180,8 +180,8 @@ def closure(
 def _fits(
     first: Keyframe,
     second: Keyframe,
-    walls: Surroundings,
-    others: Surroundings,
+    walls: LocalMap,
+    others: LocalMap,
     points: Reals,
     pose: Reals,
 ) -> bool:

@@ -30,18 +30,18 @@ _ANYWHERE: Final = Uncertainty(0.15, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ScanMotion:
     """Poses at ascending times in seconds, to correct scans for the robot's own motion."""
 
     times: tuple[float, ...] = ()
     places: tuple[Pose, ...] = ()
 
     @staticmethod
-    def of(located: Iterable[Located]) -> Motion:
+    def of(located: Iterable[Located]) -> ScanMotion:
         """The trajectory through matched scans."""
         known = {scan.scan.time: scan.taken for scan in located if scan.taken is not None}
         times = tuple(sorted(known))
-        return Motion(times, tuple([known[time] for time in times]))
+        return ScanMotion(times, tuple([known[time] for time in times]))
 
     def corrected(self, scan: Scan) -> Scan:
         """The scan with its path, if odometry has none and this trajectory covers it."""
@@ -66,7 +66,7 @@ class Located:
         return Unposed(self.scan) if at is None else Posed(self.scan, at.x, at.y, at.angle)
 
 
-NO_MOTION: Final = Motion()
+NO_MOTION: Final = ScanMotion()
 
 
 def located_scans(
@@ -75,7 +75,7 @@ def located_scans(
     cell: float,
     farthest: float,
     matched: bool,
-    motion: Motion = NO_MOTION,
+    motion: ScanMotion = NO_MOTION,
 ) -> Iterator[Located]:
     """All scans in order, each with its pose; `cell` is the matching grid's cell side in m.
 
@@ -117,7 +117,7 @@ class _Chain:
 class _Matcher:
     """A map that grows scan by scan, and the robot's pose on it."""
 
-    def __init__(self, cell: float, motion: Motion) -> None:
+    def __init__(self, cell: float, motion: ScanMotion) -> None:
         self._cell = cell
         self._canvas: Canvas | None = None
         self._extent = MapExtent()

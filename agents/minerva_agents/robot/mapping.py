@@ -21,7 +21,7 @@ from minerva_agents.robot.knowledge import free, obstacles
 from minerva_agents.robot.locating import (
     NO_MOTION,
     Located,
-    Motion,
+    ScanMotion,
     located_scans,
     place_of,
     shortened,
@@ -121,7 +121,9 @@ class _Trajectory:
         located = list(_located(recording, choice, lambda part: progress(0.6 * part), NO_MOTION))
         if choice.poses == "matched":
             if any(needs_path(scan.scan) for scan in located):
-                located = list(_located(recording, choice, lambda part: None, Motion.of(located)))
+                located = list(
+                    _located(recording, choice, lambda part: None, ScanMotion.of(located))
+                )
             located = self._closed(located, lambda part: progress(0.6 + 0.4 * part))
         for scan in located:
             self._remember(scan)
@@ -166,7 +168,7 @@ class _Trajectory:
 
 
 def _located(
-    recording: Recording, choice: MapChoice, progress: Progress, motion: Motion
+    recording: Recording, choice: MapChoice, progress: Progress, motion: ScanMotion
 ) -> Iterator[Located]:
     """The scans at estimated poses."""
     return located_scans(

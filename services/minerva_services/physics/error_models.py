@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minerva_bus.world.readings import Sighting
 from minerva_bus.world.rng import stream
 from minerva_bus.world.services import Tick
 from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.motion_model import DriveStep, MotionModel
 from minerva_services.physics.noise import Noise
-from minerva_services.physics.sensors import Distances, Sighting
+from minerva_services.physics.sensors import Distances
 from minerva_services.physics.sighting_model import SightingModel
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from minerva_bus.portable import normal, normals
+from minerva_bus.world.readings import Sighting
 from minerva_services.physics.errors import PhysicsError, finite
-from minerva_services.physics.sensors import Distances, Sighting
+from minerva_services.physics.sensors import Distances
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,7 @@ class Noise:
         return tuple(self._measured(sighting, rng) for sighting in sightings)
 
     def _measured(self, sighting: Sighting, rng: np.random.Generator) -> Sighting:
-        distance, angle = sighting.dist_m, sighting.angle_deg
+        distance, angle = sighting.distance, sighting.angle
         if self.camera_m:
             distance = max(0.0, distance + normal(rng, self.camera_m))
         if self.camera_deg:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus import portable
+from minerva_bus.world.readings import Sighting
 from minerva_services.physics.body import BodyPose
 from minerva_services.physics.obstacles import Ray
 from minerva_services.physics.sweep import Point
@@ -22,22 +22,6 @@ _SURFACE: Final = 1e-3
 
 _EDGE: Final = 1e-9
 """Tolerance in degrees for rounding at the edge of the field of view."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sighting:
-    """A marker as a camera sees it.
-
-    Attributes:
-        marker: its name.
-        dist_m: distance from the body's centre in metres.
-        angle_deg: bearing in degrees from the heading, counter-clockwise, in [-180, 180].
-
-    """
-
-    marker: str
-    dist_m: float
-    angle_deg: float
 
 
 def laser(pose: BodyPose, angles: Iterable[float], range_max: float, ray: Ray) -> Distances:
@@ -75,9 +59,9 @@ def camera(
     return tuple(
         seen
         for seen in sightings
-        if seen.dist_m <= range_max
-        and abs(seen.angle_deg) <= fov_deg / 2 + _EDGE
-        and _in_sight(pose, markers[seen.marker], seen.dist_m, ray)
+        if seen.distance <= range_max
+        and abs(seen.angle) <= fov_deg / 2 + _EDGE
+        and _in_sight(pose, markers[seen.marker], seen.distance, ray)
     )
 
 

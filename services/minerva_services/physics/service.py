@@ -13,7 +13,7 @@ import numpy as np
 
 from minerva_bus.grammar.events import Event
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.readings import Scan, Sighting, Sightings
+from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.physics.arena_state import ArenaState
 from minerva_services.physics.beam_model import BeamModel
@@ -227,8 +227,7 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         visible = self._stage.arena.visible(name, self._camera_fov, self._camera_range)
         names = self._stage.arena.markers
         measured = self._errors.recognised(name, visible, names, tick)
-        seen = tuple([Sighting(seen.marker, seen.dist_m, seen.angle_deg) for seen in measured])
-        return Sightings(name, seen, tick.time)
+        return Sightings(name, measured, tick.time)
 
 
 def _positive(option: str, value: float) -> float:

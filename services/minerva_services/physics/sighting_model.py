@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from minerva_bus.world.readings import Sighting
 from minerva_services.physics.errors import PhysicsError, finite
-from minerva_services.physics.sensors import Sighting
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,12 +88,12 @@ class Collisions(Device, Generator, coupled=True):
     def generate(self, tick: Tick) -> Iterable[AnyEvent]:
         if self._shown is None or self._shown != tick.number - 1:
             return ()
-        found, begins = self._since()
-        if not len(found.first):
+        touches, begins = self._since()
+        if not len(touches.first):
             return ()
         owners, volumes = self._volumes.owners, self._volumes
-        receivers = Ids.of(owners[found.first].tolist())
-        return (self._collision_events.events(_data(volumes, found, begins), receivers),)
+        receivers = Ids.of(owners[touches.first].tolist())
+        return (self._collision_events.events(_data(volumes, touches, begins), receivers),)
 
     def save(self) -> Mapping[str, Any]:
         """The current contacts, which the next view does not contain."""
@@ -144,18 +144,18 @@ def _check_known(ignored: Iterable[Pair], world: WorldInfo) -> None:
             )
 
 
-def _data(volumes: Volumes, found: Touches, begins: Any) -> Mapping[str, Any]:
+def _data(volumes: Volumes, touches: Touches, begins: Any) -> Mapping[str, Any]:
     """All available data, as columns."""
-    others: Texts = volumes.owners[found.second]
+    others: Texts = volumes.owners[touches.second]
     return {
         "shortfall": 0.0,
         "other": others,
-        "what": volumes.symbols[found.second],
-        "x": found.point[:, 0],
-        "y": found.point[:, 1],
-        "nx": found.normal[:, 0],
-        "ny": found.normal[:, 1],
-        "depth": found.depth,
+        "what": volumes.symbols[touches.second],
+        "x": touches.point[:, 0],
+        "y": touches.point[:, 1],
+        "nx": touches.normal[:, 0],
+        "ny": touches.normal[:, 1],
+        "depth": touches.depth,
         "begins": begins,
     }
 

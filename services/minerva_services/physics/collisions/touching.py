@@ -88,11 +88,11 @@ def _alike(sizes: Rows, others: Rows) -> Iterator[Rows]:
 
 
 def _touch(
-    mine: Floats, theirs: Floats, my_radius: Floats, their_radius: Floats
+    ours: Floats, theirs: Floats, my_radius: Floats, their_radius: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Contact points, normals and depths of pairs of cores of shape (n, k, 2)."""
-    apart, near, far = _nearest(mine, theirs)
-    inside, way, deep = _overlap(mine, theirs)
+    apart, near, far = _nearest(ours, theirs)
+    inside, way, deep = _overlap(ours, theirs)
     within = (inside > -np.inf) & (inside < 0)
     distance = np.where(within, inside, apart)
     safe = np.where(apart > 0, apart, 1.0)[:, None]
@@ -105,10 +105,10 @@ def _touch(
     return (surface + opposite) / 2, normal, my_radius + their_radius - distance
 
 
-def _nearest(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
+def _nearest(ours: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
     """Distances between the outlines of cores, and the nearest points on both."""
-    forth, corner, foot = _corner_to_edge(mine, theirs)
-    back, far_corner, near_foot = _corner_to_edge(theirs, mine)
+    forth, corner, foot = _corner_to_edge(ours, theirs)
+    back, far_corner, near_foot = _corner_to_edge(theirs, ours)
     mine_first = forth <= back
     chosen = mine_first[:, None]
     near, far = np.where(chosen, corner, near_foot), np.where(chosen, foot, far_corner)
@@ -132,14 +132,14 @@ def _corner_to_edge(corners: Floats, core: Floats) -> tuple[Floats, Floats, Floa
     return squared[rows, best], corner, corner - away.reshape(len(core), -1, 2)[rows, best]
 
 
-def _overlap(mine: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
+def _overlap(ours: Floats, theirs: Floats) -> tuple[Floats, Floats, Floats]:
     """Signed distance of cores along the best separating axis; negative where they overlap.
 
     Also the direction out of the other core along that axis, and the deepest point of this core.
     Minus infinity and an arbitrary direction where no core has an edge.
     """
-    by_mine, out_of_mine, their_corner = _separation(mine, theirs)
-    by_theirs, out_of_theirs, my_corner = _separation(theirs, mine)
+    by_mine, out_of_mine, their_corner = _separation(ours, theirs)
+    by_theirs, out_of_theirs, my_corner = _separation(theirs, ours)
     chosen = by_theirs >= by_mine
     inside = np.where(chosen, by_theirs, by_mine)
     way = np.where(chosen[:, None], out_of_theirs, 0.0 - out_of_mine)

@@ -117,9 +117,9 @@ def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None)
     return _shapely(wider if before is None else before.around(wider))
 
 
-def _sized(found: Bounds) -> Bounds:
+def _sized(bounds: Bounds) -> Bounds:
     """The bounds, but no larger than numbers on a picture can be, and no mere point."""
-    sides = (found.left, found.bottom, found.right, found.top)
+    sides = (bounds.left, bounds.bottom, bounds.right, bounds.top)
     left, bottom, right, top = (min(max(side, -_FARTHEST), _FARTHEST) for side in sides)
     made = Bounds(left, bottom, right, top)
     return made if max(right - left, top - bottom) > 1e-6 else _grown(made, 1.0, 1.0)
