@@ -1,6 +1,6 @@
-"""`minerva check --determinism`: a world runs in two layouts, which have to agree.
+"""`minerva check --determinism`: run a world in two process layouts and compare the records.
 
-Each run has a Python of its own, since a hash seed is chosen when Python starts.
+Each run has its own Python process, because Python chooses its hash seed at start.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.wording import counted
 
 FRAMES: Final = 100
-"""So many frames are compared if nobody says how many."""
+"""Frames to compare by default."""
 
 OMITTED: Final = "omitted.json"
 
@@ -55,27 +55,27 @@ class Verdict:
     omitted: dict[str, str] | None = None
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object."""
+        """The verdict as a JSON object."""
         plain: dict[str, Any] = {"ok": not self.code, "not_compared": self.omitted or {}}
         if self.error:
             plain["error"] = self.error
         return plain | (self.found.plain() if self.found is not None else {})
 
     def lines(self) -> list[str]:
-        """As a person reads it."""
+        """The verdict as text."""
         omitted = [f"not compared: {name} ({why})" for name, why in (self.omitted or {}).items()]
         if self.found is None:
             return [*self.error.split("\n"), *omitted]
         if self.found.same:
             return [f"the same in both runs: {counted(self.found.frames, 'frame')}", *omitted]
-        sides = [f"  {side}: {one.name}" for side, one in zip("AB", LAYOUTS, strict=True)]
+        sides = [f"  {side}: {layout.name}" for side, layout in zip("AB", LAYOUTS, strict=True)]
         return ["two runs differ", *sides, *self.found.lines(), *omitted, *ADVICE]
 
 
 def check_determinism(spec: str, frames: int, json_too: bool) -> int:
-    """Run a world twice and print where the runs part; the exit code, 0 where they do not.
+    """Run a world twice and print the first difference; returns the exit code.
 
-    Raises WorldFileError where there is no such world, and MisuseError for what is no world.
+    Raises WorldFileError if there is no such world, and MisuseError if it is not a world.
     """
     if Path(spec).suffix == ".mnv":
         raise MisuseError(f"{spec}: --determinism runs a world, and a string alone is none")
@@ -108,7 +108,7 @@ def _verdict(path: Path, frames: int, folder: Path) -> Verdict:
 def _started(
     path: Path, frames: int, number: int, record: Path
 ) -> subprocess.CompletedProcess[str]:
-    """Run the world in a layout, in a new Python whose worlds nobody else sees."""
+    """Run the world in a layout, in a new Python process with its own runtime folder."""
     environment = {
         **os.environ,
         **LAYOUTS[number].environment,
@@ -127,7 +127,7 @@ def _started(
     )
 
 
-# --- what runs in the new Python ---
+# --- in the new Python process ---
 
 
 def _run(path: Path, frames: int, layout: Layout, record: Path) -> None:
@@ -140,7 +140,7 @@ def _run(path: Path, frames: int, layout: Layout, record: Path) -> None:
 
 
 def main() -> None:
-    """Run a world in a layout, as this module's words say."""
+    """Run a world in the layout that the arguments select."""
     import typer
 
     path, frames, number, record = sys.argv[1:]

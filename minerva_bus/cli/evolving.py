@@ -1,4 +1,4 @@
-"""What `minerva evolve` does: it evolves a world's string, and tells how it went."""
+"""`minerva evolve`: evolve the string of a world and report the result."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from minerva_bus.grammar.mutation.targets import Targets, parse_targets
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.specs import load
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.study.bench import Bench
+from minerva_bus.study.bench import EvaluationCache
 from minerva_bus.study.course import draw_course
-from minerva_bus.study.crew import Crew
+from minerva_bus.study.crew import WorkerPool
 from minerva_bus.study.descent import draw_descent
 from minerva_bus.study.evolution import Evolution, Plan
 from minerva_bus.study.judging import Fitness, Judge
-from minerva_bus.study.saving import Given, check_place, save
+from minerva_bus.study.saving import WorldOptions, check_place, save
 from minerva_bus.study.style import check_picture
 
 SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """What a command line asks for beside the world itself."""
+class EvolveOptions:
+    """The options of the command line, without the world."""
 
     fitness: Fitness
     plan: Plan
@@ -43,30 +43,30 @@ class Wanted:
     outputs: tuple[Path, ...]
     plot: Path | None
     tree: Path | None
-    given: Given
+    given: WorldOptions
 
 
 def read_fitness(spec: str, file: WorldFile) -> Fitness:
-    """The function that judges a run, `module:function`. Raises WorldFileError and MisuseError."""
+    """Load the fitness function, `module:function`. Raises WorldFileError and MisuseError."""
     judge = cast("Fitness", load(spec, file.path.parent))
     if not callable(judge):
-        raise MisuseError(f"--fitness {spec} is no function")
+        raise MisuseError(f"--fitness {spec} is not a function")
     return judge
 
 
-def evolve_world(file: WorldFile, wanted: Wanted, console: Console, json_too: bool) -> int:
-    """Evolve and tell; the exit code, 1 where no string could be judged.
+def evolve_world(file: WorldFile, wanted: EvolveOptions, console: Console, json_too: bool) -> int:
+    """Evolve and print the result; returns the exit code, 1 if no string could be evaluated.
 
-    Raises MisuseError for what is asked for, and MinervaError where a world cannot be run.
+    Raises MisuseError for invalid options, and MinervaError if a world cannot run.
     """
     _check_places(wanted)
     targets = parse_targets(wanted.mutable, file.world.vocabulary)
     _check_targets(targets, wanted.mutable, file, console)
     mutator = Mutator(targets, Extent(wanted.nodes, LONGEST.depth))
     interrupted = False
-    with Crew(wanted.workers, wanted.limit) as crew:
+    with WorkerPool(wanted.workers, wanted.limit) as crew:
         judge = Judge(file, wanted.fitness, crew, wanted.trials, wanted.in_process)
-        bench = Bench(judge, wanted.plan.minimise)
+        bench = EvaluationCache(judge, wanted.plan.minimise)
         evolution = Evolution(file.world.scene, mutator, wanted.plan, bench)
         bench.told = _Progress(console, file.world.name, bench, wanted.plan.strings)
         try:
@@ -87,7 +87,7 @@ def evolve_world(file: WorldFile, wanted: Wanted, console: Console, json_too: bo
 def _check_targets(
     targets: Targets, texts: tuple[str, ...], file: WorldFile, console: Console
 ) -> None:
-    """Say which targets are of nothing in the world's string. Raises MisuseError if all are."""
+    """Report targets that match nothing in the string. Raises MisuseError if none matches."""
     idle = targets.idle(places(file.world.scene, LONGEST.depth))
     if idle and len(idle) == len(texts):
         raise MisuseError(
@@ -99,9 +99,9 @@ def _check_targets(
 
 
 class _Progress:
-    """The line at the bottom: how many strings are judged, and the best so far."""
+    """The status line: the number of evaluated strings, and the best fitness so far."""
 
-    def __init__(self, console: Console, name: str, bench: Bench, total: int) -> None:
+    def __init__(self, console: Console, name: str, bench: EvaluationCache, total: int) -> None:
         self._console = console
         self._name = name
         self._bench = bench
@@ -116,7 +116,7 @@ class _Progress:
         self._console.progress(self._name, self._done, self._total, rest)
 
 
-def _check_places(wanted: Wanted) -> None:
+def _check_places(wanted: EvolveOptions) -> None:
     for path in wanted.outputs:
         check_place(path)
     for picture in (wanted.plot, wanted.tree):
@@ -124,7 +124,7 @@ def _check_places(wanted: Wanted) -> None:
             check_picture(picture)
 
 
-def _save(file: WorldFile, wanted: Wanted, console: Console, bench: Bench) -> None:
+def _save(file: WorldFile, wanted: EvolveOptions, console: Console, bench: EvaluationCache) -> None:
     for path in wanted.outputs if bench.best is not None else ():
         assert bench.best is not None
         save(bench.best.scene, path, file, wanted.given)
@@ -133,7 +133,7 @@ def _save(file: WorldFile, wanted: Wanted, console: Console, bench: Bench) -> No
         console.note(f"the best string is in {path}{where}")
 
 
-def _draw(file: WorldFile, wanted: Wanted, console: Console, evolution: Evolution) -> None:
+def _draw(file: WorldFile, wanted: EvolveOptions, console: Console, evolution: Evolution) -> None:
     for picture, draw in ((wanted.plot, draw_course), (wanted.tree, draw_descent)):
         if picture is not None and evolution.all:
             draw(evolution, file.world.name, picture)
@@ -150,12 +150,13 @@ def _line(evolution: Evolution) -> str:
     )
 
 
-def _lines(evolution: Evolution, bench: Bench, interrupted: bool) -> list[str]:
+def _lines(evolution: Evolution, bench: EvaluationCache, interrupted: bool) -> list[str]:
     shown = ["interrupted; the best so far:"] if interrupted else []
     failures = bench.failures
     counted: dict[str, int] = {}
-    for one in failures:
-        counted[one.score.error] = counted.get(one.score.error, 0) + 1
+    for failure in failures:
+        error = failure.score.error
+        counted[error] = counted.get(error, 0) + 1
     told = [f"  {count} × {error}" for error, count in list(counted.items())[:SHOWN]]
     if failures:
         shown += [f"{len(failures)} of {len(bench.known)} strings failed:", *told]
@@ -174,7 +175,7 @@ def _lines(evolution: Evolution, bench: Bench, interrupted: bool) -> list[str]:
 
 
 def _plain(
-    file: WorldFile, evolution: Evolution, bench: Bench, interrupted: bool
+    file: WorldFile, evolution: Evolution, bench: EvaluationCache, interrupted: bool
 ) -> dict[str, Any]:
     best = bench.best
     return {
@@ -193,7 +194,9 @@ def _plain(
             {key: _number(value) for key, value in row.items()} for row in evolution.logbook
         ],
         "strings": len(bench.known),
-        "failed": [{"error": one.score.error, "string": str(one.scene)} for one in bench.failures],
+        "failed": [
+            {"error": each.score.error, "string": str(each.scene)} for each in bench.failures
+        ],
         "interrupted": interrupted,
     }
 

@@ -1,4 +1,4 @@
-"""`minerva map`: the map that a robot would have drawn on the way that a recording has of it."""
+"""`minerva map`: the occupancy map of a recording."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def map_recording(
 
 
 def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:
-    """Opens the recording, by its suffix; what is passed over is told the first time only."""
+    """Open the recording by its suffix; report skipped data only the first time."""
     if not file.exists():
-        raise WorldFileError(f"there is no file {file}; expected a recording, check its name")
+        raise WorldFileError(f"there is no file {file}; expected a recording: check its name")
     suffix = "db3" if file.is_dir() else file.name.removesuffix(".gz").rpartition(".")[2].lower()
     read = load(_installed(RECORDINGS, suffix, f"{file}: reader of recordings"))
     told = chain([passed], repeat(_silently))
@@ -72,11 +72,11 @@ def _installed(group: str, name: str, what: str) -> str:
 
 
 def _silently(what: str, line: str) -> None:
-    """Say nothing of it again."""
+    """Report nothing again."""
 
 
 class _Passed:
-    """What was passed over: the first of each kind, and how many there were."""
+    """Skipped data: the first of each kind, and their number."""
 
     def __init__(self) -> None:
         self._first: dict[str, str] = {}
@@ -92,7 +92,7 @@ class _Passed:
 
 @contextmanager
 def _progress(label: str) -> Generator[Progress]:
-    """A bar on standard error, for people who look."""
+    """A progress bar on standard error, if it is a terminal."""
     shown: Any = typer.progressbar(length=_STEPS, label=label, file=sys.stderr)
     with shown as bar:
 

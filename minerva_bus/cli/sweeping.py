@@ -1,4 +1,4 @@
-"""What `minerva sweep` does: it runs all combinations, and tells how they went."""
+"""`minerva sweep`: run all combinations of options and report the results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from minerva_bus.cli.saying import say
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.study.comparison import draw_comparison, shown
-from minerva_bus.study.crew import Crew
+from minerva_bus.study.crew import WorkerPool
 from minerva_bus.study.journal import Journal
 from minerva_bus.study.results import Row, check_table, write
 from minerva_bus.study.style import check_picture
@@ -20,7 +20,7 @@ SHOWN = 10
 
 
 def sweep_world(
-    found: Sweep,
+    sweep: Sweep,
     table: Path,
     plot: Path | None,
     workers: int,
@@ -28,27 +28,26 @@ def sweep_world(
     console: Console,
     json_too: bool,
 ) -> int:
-    """Run what is left of a sweep, write its table and tell; the exit code.
+    """Run the remaining combinations, write the table and print it; returns the exit code.
 
-    Raises MisuseError for places that nothing can be written to, and MinervaError where the world
-    cannot be run.
+    Raises MisuseError for files that cannot be written, and MinervaError if the world cannot run.
     """
     check_table(table)
     if plot is not None:
         check_picture(plot)
-    found.check()
-    code = _sweep(found, table, workers, limit, console)
+    sweep.check()
+    code = _sweep(sweep, table, workers, limit, console)
     if plot is not None:
-        _draw(found, plot, console)
+        _draw(sweep, plot, console)
     if json_too:
-        say(json_.dumps(_plain(found, table, code)))
+        say(json_.dumps(_plain(sweep, table, code)))
     else:
-        say("\n".join(_lines(found, table, code)))
+        say("\n".join(_lines(sweep, table, code)))
     return code
 
 
-def _sweep(found: Sweep, table: Path, workers: int, limit: float, console: Console) -> int:
-    """Run what is left and write the table; the exit code."""
+def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Console) -> int:
+    """Run the remaining combinations and write the table; returns the exit code."""
     beside = table.with_name(f"{table.name}.journal")
     if table.exists() and not beside.exists():
         raise MisuseError(
@@ -56,23 +55,23 @@ def _sweep(found: Sweep, table: Path, workers: int, limit: float, console: Conso
             " -o, or take it away"
         )
     interrupted = False
-    with Journal(beside, found.description) as journal, Crew(workers, limit) as crew:
-        found.recall(journal)
-        done, total = len(found.grid) - len(found.left), len(found.grid)
+    with Journal(beside, sweep.description) as journal, WorkerPool(workers, limit) as crew:
+        sweep.recall(journal)
+        done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
         if done:
-            console.note(f"{found.path.stem}: {done} of {total} runs are in {beside.name} already")
-        progress = _Progress(console, found.path.stem, done, total)
+            console.note(f"{sweep.path.stem}: {done} of {total} runs are in {beside.name} already")
+        progress = _Progress(console, sweep.path.stem, done, total)
         try:
-            found.run(crew, journal, progress)
+            sweep.run(crew, journal, progress)
         except KeyboardInterrupt:
             interrupted = True
         console.end()
-        write(found.table, table)
-    return INTERRUPTED if interrupted else FAILED if found.failures else 0
+        write(sweep.table, table)
+    return INTERRUPTED if interrupted else FAILED if sweep.failures else 0
 
 
 class _Progress:
-    """The line at the bottom: how many runs are done; those that fail are named at once."""
+    """The status line: the number of finished runs; failures are reported at once."""
 
     def __init__(self, console: Console, name: str, done: int, total: int) -> None:
         self._console = console
@@ -88,41 +87,41 @@ class _Progress:
         self._console.progress(self._name, self._done, self._total, rest)
 
 
-def _draw(found: Sweep, plot: Path, console: Console) -> None:
-    if found.table.measures:
-        draw_comparison(found.table, found.path.stem, plot)
+def _draw(sweep: Sweep, plot: Path, console: Console) -> None:
+    if sweep.table.measures:
+        draw_comparison(sweep.table, sweep.path.stem, plot)
         console.note(f"{plot} is drawn")
 
 
-def _lines(found: Sweep, table: Path, code: int) -> list[str]:
-    lines = shown(found.table) if found.table.rows else []
-    failures, done = found.failures, len(found.table.rows)
+def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
+    lines = shown(sweep.table) if sweep.table.rows else []
+    failures, done = sweep.failures, len(sweep.table.rows)
     if failures:
         lines += [f"{len(failures)} of {done} runs failed:"]
-        lines += [f"  {_named(found, row)}: {row.error}" for row in failures[:SHOWN]]
+        lines += [f"  {_named(sweep, row)}: {row.error}" for row in failures[:SHOWN]]
     if len(failures) > SHOWN:
         lines.append(f"  and {len(failures) - SHOWN} more")
     if code == INTERRUPTED:
-        left = len(found.grid) - done
+        left = len(sweep.grid) - done
         lines.append(f"interrupted; {left} runs are left, and the same command goes on with them")
     return [*lines, f"{done} runs are in {table}"]
 
 
-def _named(found: Sweep, row: Row) -> str:
-    pairs = zip(found.grid.keys, row.combination, strict=True)
+def _named(sweep: Sweep, row: Row) -> str:
+    pairs = zip(sweep.grid.keys, row.combination, strict=True)
     return ", ".join(f"{key}={value}" for key, value in pairs)
 
 
-def _plain(found: Sweep, table: Path, code: int) -> dict[str, object]:
-    done = len(found.table.rows)  # There may be more in the journal, of values not named now.
+def _plain(sweep: Sweep, table: Path, code: int) -> dict[str, object]:
+    done = len(sweep.table.rows)  # The journal may have more, of values not given now.
     return {
-        "world": found.path.stem,
+        "world": sweep.path.stem,
         "table": str(table),
         "runs": done,
-        "left": len(found.grid) - done,
+        "left": len(sweep.grid) - done,
         "failed": [
-            {"set": dict(zip(found.grid.keys, row.combination, strict=True)), "error": row.error}
-            for row in found.failures
+            {"set": dict(zip(sweep.grid.keys, row.combination, strict=True)), "error": row.error}
+            for row in sweep.failures
         ],
         "interrupted": code == INTERRUPTED,
     }

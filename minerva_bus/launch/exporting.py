@@ -1,7 +1,7 @@
 """Metrics and health of a world over HTTP: /metrics, /live and /ready.
 
-In threads of its own, which ask as any operator does: between two messages the coordinator
-answers, and what is made of the answer costs the frame nothing.
+Separate threads query the coordinator like an operator: it answers between two messages, and the
+formatting of the answer does not delay the frame.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
 KEPT_AWAKE: Final = 2.0
-"""Seconds between questions for the totals, which are counted only while somebody asks."""
+"""Seconds between queries for the totals, which are counted only while queries arrive."""
 
 Ask = Callable[..., Mapping[str, Any]]
 Check = Callable[[WorldStatus | None, str], Health]
 
 
 class Exporter:
-    """Serves one world's figures until it is closed; `ask` asks its coordinator.
+    """Serves the metrics of one world until it is closed; `ask` queries its coordinator.
 
-    Raises MisuseError for a wrong address, BusError where it cannot be listened to, and
-    MinervaError without the extra `metrics`.
+    Raises MisuseError for a wrong address, BusError if the port cannot be opened, and MinervaError
+    without the extra `metrics`.
     """
 
     def __init__(self, world: str, listen: str, ask: Ask) -> None:
@@ -65,26 +65,26 @@ class Exporter:
 
     @property
     def url(self) -> str:
-        """Where it can be asked."""
+        """The URL of the metrics."""
         host, port = self._server.server_address[:2]
         shown = f"[{host}]" if ":" in str(host) else host
         return f"http://{shown}:{port}/metrics"
 
     def close(self) -> None:
-        """Serve nobody any more."""
+        """Stop serving."""
         self._closed.set()
         self._server.shutdown()
         self._server.server_close()
 
     def health(self, check: Check) -> Health:
-        """How the world is, by one of the checks of `launch/health.py`."""
+        """The result of one of the checks of `launch/health.py`."""
         try:
             return check(self._status(), "")
         except MinervaError as error:
             return check(None, str(error))
 
     def collect(self) -> Iterator[Metric]:
-        """What Prometheus asks of a collector."""
+        """Collect metrics, as Prometheus requires of a collector."""
         from minerva_bus.launch.metrics import figures, no_figures
 
         try:
@@ -101,12 +101,12 @@ class Exporter:
             try:
                 self._ask("totals")
             except MinervaError:
-                continue  # It is said by /live, to whoever asks.
+                continue  # /live reports it.
 
 
 @contextmanager
 def exported(world: str, listen: str, ask: Ask, note: Callable[[str], None]) -> Generator[None]:
-    """Serve a world's figures meanwhile, where an address is given; `note` is told where."""
+    """Serve the metrics of a world during the block if an address is given; `note` logs it."""
     if not listen:
         yield
         return
@@ -124,7 +124,7 @@ class _Server(ThreadingHTTPServer):
         super().__init__(where, _Handler)
 
     def server_bind(self) -> None:
-        """Bind, without the look for the machine's own name that the base does."""
+        """Bind without the reverse DNS look-up of the base class."""
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.socket.bind(self.server_address)
         self.server_address = self.socket.getsockname()
@@ -166,7 +166,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nobody wants to read who has asked."""
+        """Do not log requests."""
 
 
 _CHECKS: Mapping[str, Check] = {"/live": live, "/ready": ready}

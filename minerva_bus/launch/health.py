@@ -1,4 +1,4 @@
-"""Whether a world is well, for whoever restarts what is not: /live and /ready."""
+"""Health checks of a world, /live and /ready."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from minerva_bus.frame.phases import Phase
 from minerva_bus.world.operator import WorldStatus
 
 PATIENCE: Final = 2.0
-"""Seconds that a frame may wait for a member before the world is not ready any more."""
+"""Seconds that a frame may wait for a member while the world counts as ready."""
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Well or not, and why, in a line for people."""
+    """The result of a health check, with a reason."""
 
     well: bool
     words: str
@@ -33,7 +33,7 @@ def live(status: WorldStatus | None, problem: str = "") -> Health:
 
 
 def ready(status: WorldStatus | None, problem: str = "") -> Health:
-    """Whether the world runs frames, or could: one that a person has paused is ready, too."""
+    """Whether the world runs frames or could; a paused world is ready, too."""
     if status is None:
         return live(status, problem)
     names = ", ".join(status.waiting)

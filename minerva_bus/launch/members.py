@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from minerva_bus.launch.context import LaunchContext
 from minerva_bus.launch.failures import Failures
 from minerva_bus.launch.machine import REAL, Joining, Machine
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines
 from minerva_bus.launch.starters import Child
 from minerva_bus.launch.starting import PER_CORE, Starting
-from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import ASK, is_stack
 from minerva_bus.launch.worldfile import Process
 
@@ -104,7 +104,7 @@ class Watched:
 class Members:
     """All processes of a world that are started here, by name; `printed` gets their lines."""
 
-    def __init__(self, around: Surroundings, printed: Callable[[str, str], None]) -> None:
+    def __init__(self, around: LaunchContext, printed: Callable[[str, str], None]) -> None:
         here = [process for process in around.file.processes if not process.elsewhere]
         self._around = around
         self._printed = printed

@@ -1,7 +1,7 @@
-"""Which worlds run on this machine for this user: one locked file each.
+"""Running worlds of this user on this machine: one locked file each.
 
-The lock is the system's, so it ends with the process whatever happens to it: a file without a
-lock is left over and is removed.
+The operating system releases the lock when the process ends, so a file without a lock is left over
+and is removed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from minerva_bus.outputs import open_itself
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A world that runs here."""
+    """A running world of this machine."""
 
     world: str
     endpoint: str
@@ -32,9 +32,9 @@ class Running:
 
 
 class Claim:
-    """The right to run a world of some name on this machine, held until `release`.
+    """The exclusive right to run a world of this name here, held until `release`.
 
-    Raises BusError where such a world runs already.
+    Raises BusError if such a world already runs.
     """
 
     def __init__(self, world: str) -> None:
@@ -67,14 +67,14 @@ class Claim:
         return os.fdopen(descriptor, "a+", encoding="utf-8")
 
     def publish(self, endpoint: str) -> None:
-        """Tell others on this machine where the world can be found."""
+        """Publish the endpoint of the world to local processes."""
         self._file.seek(0)
         self._file.truncate()
         json.dump(asdict(Running(self.world, endpoint, os.getpid())), self._file)
         self._file.flush()
 
     def release(self) -> None:
-        """The world is over."""
+        """Release the name after the world has ended."""
         self._path.unlink(missing_ok=True)
         self._file.close()
 
@@ -130,15 +130,15 @@ def find(world: str = "") -> Running:
     """The running world of a name, or the only one. Raises BusError."""
     worlds = running()
     if world:
-        for one in worlds:
-            if one.world == world:
-                return one
-        names = ", ".join(one.world for one in worlds) or "none"
+        for running_world in worlds:
+            if running_world.world == world:
+                return running_world
+        names = ", ".join(each.world for each in worlds) or "none"
         raise BusError(f"no world {world!r} runs on this machine; running: {names}")
     if len(worlds) == 1:
         return worlds[0]
     if not worlds:
         raise BusError("no world runs on this machine; start one (minerva run), or name one"
                        " elsewhere with --connect tcp/HOST:PORT --world NAME")  # fmt: skip
-    names = ", ".join(one.world for one in worlds)
+    names = ", ".join(each.world for each in worlds)
     raise BusError(f"several worlds run on this machine ({names}); choose one with --world")

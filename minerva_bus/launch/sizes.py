@@ -1,7 +1,7 @@
-"""Whether a world's first string fits into the messages that its hosts are given it by.
+"""Check that the initial string fits into the messages that give it to the hosts.
 
-A host is given all of its fragments in one message. That one is too long is known before anybody
-is started, and shown then: a member that cannot read it fails, and is started anew in vain.
+A host receives all of its fragments in one message. A message that is too long is reported before
+any process starts: a member that cannot read it would fail at each restart.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wording import counted
 
 LARGEST = DEFAULT.message_bytes
-"""Bytes that a member reads at once."""
+"""Bytes of the largest message that a member reads."""
 
 
 def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process]) -> None:
-    """Raises WorldFileError where a host would be given a message that it cannot read.
+    """Raise WorldFileError if a host would receive a message that it cannot read.
 
-    Fragments of the same kinds are shared by all processes that offer these, so one of them gets
-    an equal share at least. Who may be attached later is not counted on.
+    Fragments of the same kinds are distributed among all processes that offer them, so one of
+    these gets at least an equal share. Hosts that may be attached later do not count.
     """
     offers = [_offered(process) for process in processes if process.agents]
     for kinds, group in _by_kinds(fragments).items():

@@ -1,7 +1,7 @@
-"""The beginnings of something of one's own, written out from templates: `minerva new`.
+"""Scaffold a new package from templates: `minerva new`.
 
-A template is a text with `$name` and `$Class` in it, beside this module in `templates`; the file
-`x.txt` there becomes `x`, and a folder `package` is named after what is made.
+A template is a text with `$name` and `$Class` in the folder `templates` here: a file
+`x.txt` becomes `x`, and a folder `package` gets the name of the new package.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
 
 
 def write_bridge(name: str, folder: Path) -> Path:
-    """Write a package with a bridge of a name into a new folder of that name, and return it.
+    """Write a package with a bridge to a new folder of its name, and return the folder.
 
-    It is written wholly or not at all. Raises MisuseError where the name cannot be one of a Python
-    package and a service, or where something of that name is there already.
+    The folder is complete or absent. Raises MisuseError if the name is not valid for a Python
+    package and a service, or already taken.
     """
     _check_name(name)
     goal = folder / name
@@ -66,7 +66,7 @@ _TAKEN: Final = frozenset(
 
 
 def _fill(template: Path, goal: Path, name: str) -> None:
-    """Write a folder of templates out, with the name in them."""
+    """Write a folder of templates with the name filled in."""
     words = {"name": name, "Class": "".join(map(str.capitalize, name.split("_")))}
     for path in sorted(template.rglob("*.txt")):
         place = path.relative_to(template).with_suffix("")

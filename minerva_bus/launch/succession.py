@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from minerva_bus.launch.context import LaunchContext
 from minerva_bus.launch.machine import Coordinating
 from minerva_bus.launch.pipes import NOWHERE
 from minerva_bus.launch.reports import Lines, parsed
 from minerva_bus.launch.starters import FAILED, Child
-from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.runtime.coordinator import Coordinator
 
 MAX_SUCCESSIONS = 100
@@ -28,7 +28,7 @@ class Succession:
 
     def __init__(
         self,
-        around: Surroundings,
+        around: LaunchContext,
         make: Callable[..., Coordinator],
         on_report: Callable[[dict[str, Any]], None],
         on_line: Callable[[str], None],

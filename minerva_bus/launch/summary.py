@@ -1,4 +1,4 @@
-"""What a run came to, and how long its start took."""
+"""The summary of a run, and the duration of its start."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from minerva_bus.wording import counted
 
 @dataclass(slots=True)
 class Laps:
-    """How long the parts of a start took, seconds; `began` is of the monotonic clock."""
+    """Duration of each part of a start, seconds; `began` is on the monotonic clock."""
 
     began: float
     parts: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def total(self) -> float:
-        """From the beginning to the end of the last part."""
+        """Seconds from the start to the end of the last part."""
         return sum(self.parts.values())
 
     def end(self, part: str) -> None:
-        """A part is over: what has passed since the part before."""
+        """Note the end of a part, with the time since the part before."""
         self.parts[part] = time.monotonic() - self.began - self.total
 
 
@@ -73,7 +73,7 @@ class Summary:
         return ran / self.wall_seconds if self.wall_seconds > 0 else 0.0
 
     def plain(self) -> dict[str, Any]:
-        """As one JSON object; a member's figure never takes the place of one of these."""
+        """The summary as a JSON object; a member's figure never replaces one of these."""
         first = self.first_frame_seconds
         own: dict[str, Any] = {
             "world": self.world,
@@ -103,7 +103,7 @@ class Summary:
         return f" ({', '.join(parts)})" if parts else ""
 
     def lines(self) -> list[str]:
-        """As a person reads it."""
+        """The summary as text."""
         earlier = f" ({self.before} before)" if self.before else ""
         shown = [
             f"{self.world}: {self.ended}",
@@ -133,5 +133,5 @@ def _profile_shown(profile: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 
 def _plain(value: Any) -> Any:
-    """A figure as JSON has it, which knows no NaN and no infinity."""
+    """A figure for JSON, which has neither NaN nor infinity."""
     return None if isinstance(value, float) and not isfinite(value) else value

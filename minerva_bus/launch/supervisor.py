@@ -9,6 +9,7 @@ from typing import Any
 from minerva_bus.launch import starters
 from minerva_bus.launch.capacity import make_room
 from minerva_bus.launch.console import Console, live_line, starting_line
+from minerva_bus.launch.context import LaunchContext
 from minerva_bus.launch.ending import how_ended
 from minerva_bus.launch.failures import REPORT_BEGINS
 from minerva_bus.launch.interrupts import caught
@@ -21,7 +22,6 @@ from minerva_bus.launch.registry import Claim
 from minerva_bus.launch.starters import FAILED
 from minerva_bus.launch.succession import MAX_SUCCESSIONS, Succession
 from minerva_bus.launch.summary import FirstFrame, Laps, Summary
-from minerva_bus.launch.surroundings import Surroundings
 from minerva_bus.launch.traces import blocked_at
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
@@ -55,7 +55,7 @@ class Supervisor:
         self._console = console
         self._laps = Laps(began)
         self._last_words = LAST_PAGE if profiling.member else LAST_WORDS
-        around = self._around = Surroundings(file, profiling, machine)
+        around = self._around = LaunchContext(file, profiling, machine)
         self._coordinator = Succession(around, coordinator, self._on_report, self._on_last_line)
         self._members = Members(around, lambda name, line: self._log(name, line, "info"))
         self._claim: Claim | None = None

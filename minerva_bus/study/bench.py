@@ -1,4 +1,4 @@
-"""Strings are judged once: the same string in the same world always comes to the same."""
+"""A cache of evaluations: the same string in the same world always has the same score."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minerva_bus.study.judging import Judge, Score
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Evaluated:
     """A string and its score."""
 
     scene: Scene
@@ -20,17 +20,17 @@ class Judged:
 
 
 @dataclass(slots=True)
-class Bench:
-    """Judges strings and remembers; `told` hears of each that is done, known ones too."""
+class EvaluationCache:
+    """Evaluates each string once; `told` is called for each result, cached ones too."""
 
     judge: Judge
     minimise: bool = False
     told: Callable[[], None] = lambda: None
-    known: dict[bytes, Judged] = field(default_factory=dict[bytes, Judged])
-    best: Judged | None = None
+    known: dict[bytes, Evaluated] = field(default_factory=dict[bytes, Evaluated])
+    best: Evaluated | None = None
 
     def __call__(self, strings: Sequence[Scene], beside: Sequence[Scene] = ()) -> list[Score]:
-        """The scores of some strings, in their order, and of others that cannot be the best."""
+        """The scores of strings, in their order, and of others that cannot become the best."""
         every = [*strings, *beside]
         new = list({one.digest: one for one in every if one.digest not in self.known}.values())
         eligible = {one.digest for one in strings}
@@ -38,7 +38,7 @@ class Bench:
             self.told()
 
         def heard(number: int, score: Score) -> None:
-            one = self.known[new[number].digest] = Judged(new[number], score)
+            one = self.known[new[number].digest] = Evaluated(new[number], score)
             if new[number].digest in eligible:
                 self._compare(one)
             self.told()
@@ -49,17 +49,17 @@ class Bench:
         return [self.known[one.digest].score for one in every]
 
     @property
-    def failures(self) -> list[Judged]:
+    def failures(self) -> list[Evaluated]:
         """The strings whose worlds failed."""
         failed = [one for one in self.known.values() if one.score.failed]
         return sorted(failed, key=lambda one: (one.score.error, str(one.scene)))
 
-    def _compare(self, one: Judged) -> None:
-        """Take a string for the best if it is: of equals the shorter one, and then the first."""
+    def _compare(self, one: Evaluated) -> None:
+        """Keep the best string; of equal ones the shorter, then the first."""
         if self.best is None or self._rank(one) > self._rank(self.best):
             self.best = None if one.score.failed else one
 
-    def _rank(self, one: Judged) -> tuple[float, int]:
+    def _rank(self, one: Evaluated) -> tuple[float, int]:
         fitness = one.score.fitness
         worth = -math.inf if one.score.failed else -fitness if self.minimise else fitness
         return worth, -extent(one.scene).nodes

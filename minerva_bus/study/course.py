@@ -10,17 +10,17 @@ from minerva_bus.study.style import BEST, COLORS, FAINT, INK, draw
 
 
 def draw_course(evolution: Evolution, name: str, path: Path) -> None:
-    """Draw how fitness went. Raises MisuseError."""
+    """Plot fitness over generations. Raises MisuseError."""
     draw(path, (8, 4.6), lambda figure: _paint(figure.subplots(), evolution, name))
 
 
 def _paint(axis: Any, evolution: Evolution, name: str) -> None:
     log, plan = evolution.logbook, evolution.plan
     generations, medians = log.select("generation", "median")
-    children = [one for one in evolution.all if not one.score.failed]
+    children = [child for child in evolution.all if not child.score.failed]
     axis.plot(
-        [one.generation for one in children],
-        [one.score.fitness for one in children],
+        [child.generation for child in children],
+        [child.score.fitness for child in children],
         "o",
         color=COLORS[0],
         alpha=0.25,
@@ -47,7 +47,7 @@ def _paint(axis: Any, evolution: Evolution, name: str) -> None:
         linewidth=2.4,
         label="evolution, best so far",
     )
-    failed = [one.generation for one in evolution.all if one.score.failed]
+    failed = [child.generation for child in evolution.all if child.score.failed]
     if failed:
         low = axis.get_ylim()[0]
         axis.plot(failed, [low] * len(failed), "x", color=INK, markersize=5, label="failed")
@@ -60,7 +60,7 @@ def _paint(axis: Any, evolution: Evolution, name: str) -> None:
 
 
 def best_so_far(evolution: Evolution) -> list[float]:
-    """The best fitness up to each generation; NaN where all have failed."""
+    """The best fitness up to each generation; NaN if all have failed."""
     better = min if evolution.plan.minimise else max
     found: list[float] = []
     for best in evolution.logbook.select("best"):

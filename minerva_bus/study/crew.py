@@ -1,10 +1,10 @@
-"""Many tasks in processes, so many at a time: each in one of its own, forked from this.
+"""A pool of worker processes: each task runs in a process forked from this one.
 
-A task cannot disturb another, nor this process: not by what it leaves in memory, by dying, or by
-taking too long. Whatever it has started ends with it.
+So a task cannot affect other tasks or this process by its memory, a crash or a time-out. Processes
+that it started end with it.
 
-An interrupt is noted by a handler of ours and raised between two turns: Python's own may raise it
-within a fork, where it would be lost.
+Our signal handler notes an interrupt, and the pool raises it between two iterations: Python's own
+handler may raise it during a fork, where it would be lost.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LAST_LINES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a task told, or why it failed; `seconds` by the clock."""
+    """The result of a task, or why it failed; `seconds` of wall time."""
 
     told: Mapping[str, Any]
     error: str
@@ -42,7 +42,7 @@ Heard = Callable[[int, Result], None]
 
 @dataclass(slots=True)
 class _Job:
-    """A task that runs."""
+    """A running task."""
 
     number: int
     child: Child
@@ -55,10 +55,10 @@ class _Job:
     open: int = 2
 
 
-class Crew:
-    """Workers for tasks, in a main thread; leaving its context ends all that still runs.
+class WorkerPool:
+    """Workers for tasks, in the main thread; leaving its context ends running tasks.
 
-    `limit`: seconds that a task may take; 0: any time. Within the context, SIGINT and SIGTERM
+    `limit`: seconds that a task may take; 0: no limit. Within the context, SIGINT and SIGTERM
     make `run` raise KeyboardInterrupt.
     """
 
@@ -106,7 +106,7 @@ class Crew:
         self._folder.cleanup()
 
     def run(self, tasks: Sequence[Task], heard: Heard) -> None:
-        """Run all tasks; each result is heard as it comes, with its task's number.
+        """Run all tasks; report each result with the number of its task as it arrives.
 
         Raises KeyboardInterrupt.
         """
@@ -133,7 +133,7 @@ class Crew:
     def _turn(self, heard: Heard) -> None:
         for key, _ in self._selector.select(self._patience()):
             if key.data is None:
-                os.read(key.fd, 4096)  # An interrupt, which the next turn sees.
+                os.read(key.fd, 4096)  # An interrupt, handled in the next iteration.
                 continue
             job, result = key.data
             self._read(job, key.fd, result)
@@ -177,7 +177,7 @@ class Crew:
 
 
 def _body(task: Task, results: int, folder: str) -> int:
-    """Do a task in its process, its temporary files in a folder, and tell what came of it."""
+    """Run a task in its process, with temporary files in a folder, and report the result."""
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     reports = Reports(results)
     try:
@@ -195,7 +195,7 @@ def _last_line(said: str) -> str:
 
 
 def _kill(pid: int) -> None:
-    """Kill a task's process; the lifelines of what it has started do the rest."""
+    """Kill a task's process; processes that it started end by their lifelines."""
     for end in (os.killpg, os.kill):
         try:
             end(pid, signal.SIGKILL)

@@ -10,7 +10,7 @@ from typing import Any
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.worldfile import WorldFile
-from minerva_bus.study.crew import Crew, Result, Task
+from minerva_bus.study.crew import Result, Task, WorkerPool
 from minerva_bus.study.outcome import Outcome
 from minerva_bus.study.trial import run_trial
 
@@ -43,7 +43,7 @@ class Judge:
 
     file: WorldFile
     fitness: Fitness
-    crew: Crew
+    crew: WorkerPool
     trials: int = 1
     in_process: bool = False
 

@@ -1,4 +1,4 @@
-"""The best string in a file: as a string (.mnv), or as the world file with it in it (.toml)."""
+"""Save the best string as a string (.mnv), or in a copy of the world file (.toml)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ENDINGS = (".mnv", ".toml")
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """What a command line said of the world, so that the file needs no command line."""
+class WorldOptions:
+    """Options of the command line that the saved world file has to contain."""
 
     settings: tuple[str, ...] = ()
     options: frozenset[str] = frozenset()
@@ -26,7 +26,7 @@ class Given:
 
 
 def check_place(path: Path) -> None:
-    """Raises MisuseError where a string cannot be saved in a file of this name."""
+    """Raise MisuseError if a string cannot be saved to this file."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: a string is saved in {' or '.join(ENDINGS)}")
     check_output(path, "string")
@@ -36,14 +36,14 @@ def check_place(path: Path) -> None:
         _tomlkit()
 
 
-def save(scene: Scene, path: Path, file: WorldFile, given: Given) -> None:
+def save(scene: Scene, path: Path, file: WorldFile, given: WorldOptions) -> None:
     """Save a string. Raises MisuseError and WorldFileError."""
     lines = "\n· ".join([text(scene_of(node)) for node in scene.nodes]) or "ε"
     content = lines + "\n" if path.suffix == ".mnv" else _world(lines, file, given)
     write_output(path, content.encode(), "string")
 
 
-def _world(lines: str, file: WorldFile, given: Given) -> str:
+def _world(lines: str, file: WorldFile, given: WorldOptions) -> str:
     """The text of the world file with another string; all else stays as it is written."""
     if "${" in lines:
         raise WorldFileError("the string has ${ in a text, which a world file would fill in: .mnv")

@@ -14,7 +14,7 @@ from typing import Any
 
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.study.crew import Crew, Result, Task
+from minerva_bus.study.crew import Result, Task, WorkerPool
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import Journal, no_line
 from minerva_bus.study.results import OWN, Row, Table
@@ -63,7 +63,7 @@ class Sweep:
         for combination in list(self.grid)[:1]:
             prepared(read_world_file(self.path, self.grid.overrides(combination, self.given)))
 
-    def run(self, crew: Crew, journal: Journal, told: Callable[[Row], None]) -> None:
+    def run(self, crew: WorkerPool, journal: Journal, told: Callable[[Row], None]) -> None:
         """Run what is left."""
         left = self.left
 

@@ -63,23 +63,23 @@ def command(
 
     The world's own options, declared in its [options], are options here too.
     """
-    from minerva_bus.cli.evolving import Wanted, evolve_world, read_fitness
+    from minerva_bus.cli.evolving import EvolveOptions, evolve_world, read_fitness
     from minerva_bus.cli.running import read_world
     from minerva_bus.launch.console import Console
     from minerva_bus.settings.overrides import Overrides
     from minerva_bus.study.evolution import Plan
-    from minerva_bus.study.saving import Given
+    from minerva_bus.study.saving import WorldOptions
     from minerva_bus.study.trial import prepared
     from minerva_bus.study.workers import how_many
 
     options, settings = options_of(context.args), tuple(set_ or ())
     overrides = Overrides(options, settings, seed=seed, rate=0.0, frames=frames)
     file = prepared(read_world(world, overrides))
-    wanted = Wanted(
+    wanted = EvolveOptions(
         read_fitness(fitness, file),
         Plan(population, generations, file.world.seed, minimise, compare_random),
         tuple(mutable or ()), nodes, how_many(workers), limit, trials, in_process,
         tuple(output or ()), plot, tree,
-        Given(settings, frozenset(options), frames),
+        WorldOptions(settings, frozenset(options), frames),
     )  # fmt: skip
     raise typer.Exit(evolve_world(file, wanted, Console(quiet=quiet), json))

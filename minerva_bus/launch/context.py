@@ -1,4 +1,4 @@
-"""What all processes of a run are started in."""
+"""What all processes of a run share."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from minerva_bus.launch.worldfile import WorldFile
 
 
 @dataclass(slots=True)
-class Surroundings:
-    """One world, and what its processes have in common while it runs.
+class LaunchContext:
+    """One world, and what its processes share while it runs.
 
-    `endpoint` is where processes of this machine come in ("": nowhere yet), `shared` whether large
-    messages go through shared memory. `lifeline` is a pipe whose end tells that the launcher died.
+    `endpoint` is where local processes connect ("": not known yet), `shared` whether large
+    messages use shared memory. `lifeline` is a pipe that closes when the launcher dies.
     """
 
     file: WorldFile
@@ -30,7 +30,7 @@ class Surroundings:
         self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()
 
     def close(self) -> None:
-        """All processes have ended."""
+        """Close pipes after all processes have ended."""
         self.pipes.close()
         for end in self.lifeline:
             self.machine.close(end)
