@@ -148,7 +148,7 @@ def measure() -> Costs:
     turns = [{count: lockstep(count) for count in MEMBERS} for _ in range(TURNS)]
     medians = [1e-6 * min(turn[count]["us_per_step_median"] for turn in turns) for count in MEMBERS]
     member = max((medians[-1] - medians[0]) / (MEMBERS[-1] - MEMBERS[0]), 1e-6)
-    results = [one[count] for one in turns for count in MEMBERS]
+    results = [turn[count] for turn in turns for count in MEMBERS]
     return Costs(
         frame=max(medians[0] - member * MEMBERS[0], 1e-6),
         member=member,

@@ -28,14 +28,14 @@ def compare(arguments: argparse.Namespace) -> None:
             print(f"{model}: no peer's figures to set beside", file=sys.stderr)
             continue
         agents = (arguments.agents or [AGENTS[model]])[0]
-        found: dict[str, Curves] = {"minerva": ours(model, agents, arguments.seeds)}
+        curves_by_system: dict[str, Curves] = {"minerva": ours(model, agents, arguments.seeds)}
         for peer in PEERS[model]:
             curves = theirs(peer, model, agents, arguments.seeds, arguments.peers)
             if isinstance(curves, str):
                 print(f"{peer}: {model} left out: {curves}", file=sys.stderr)
             else:
-                found[peer] = curves
-        shown(model, agents, found, as_json=arguments.json)
+                curves_by_system[peer] = curves
+        shown(model, agents, curves_by_system, as_json=arguments.json)
 
 
 def ours(model: str, agents: int, seeds: int) -> Curves:
@@ -66,14 +66,14 @@ def theirs(peer: str, model: str, agents: int, seeds: int, folder: Path) -> Curv
     return {int(step): figures for step, figures in plain.items()}
 
 
-def shown(model: str, agents: int, found: dict[str, Curves], *, as_json: bool) -> None:
+def shown(model: str, agents: int, curves_by_system: dict[str, Curves], *, as_json: bool) -> None:
     """Print a line for each step and figure."""
     if not as_json:
-        titles = " ".join(f"{system:>22}" for system in found)
+        titles = " ".join(f"{system:>22}" for system in curves_by_system)
         print(f"{model}, {agents:,} agents\n{'step':>5} {'figure':9} {titles}")
-    for step, figures in found["minerva"].items():
+    for step, figures in curves_by_system["minerva"].items():
         for name in figures:
-            values = {system: curves[step][name] for system, curves in found.items()}
+            values = {system: curves[step][name] for system, curves in curves_by_system.items()}
             if as_json:
                 print(json.dumps({"model": model, "step": step, "figure": name, **values}))
             else:

@@ -116,7 +116,7 @@ def cases(module: Callable[[str], ModuleType]) -> Mapping[str, Case]:
 
 def measure(trees: list[Mapping[str, Case]]) -> dict[str, list[list[float]]]:
     """Microseconds by message: [encode, decode] of each tree, measured in turn."""
-    found: dict[str, list[list[float]]] = {}
+    timings: dict[str, list[list[float]]] = {}
     for name in trees[0]:
         timers = [
             [timeit.Timer(action, timer=time.thread_time) for action in tree[name]]
@@ -129,8 +129,8 @@ def measure(trees: list[Mapping[str, Case]]) -> dict[str, list[list[float]]]:
                 for way, timer in enumerate(tree):
                     spent = 1e6 * timer.timeit(counts[way]) / counts[way]
                     times[way] = min(times[way], spent)
-        found[name] = least
-    return found
+        timings[name] = least
+    return timings
 
 
 def main() -> None:
@@ -142,15 +142,15 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     trees = [load(None), *([load(arguments.against)] if arguments.against else [])]
-    found = measure(trees)
+    timings = measure(trees)
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps(timings))
         return
     print(
         f"{'µs':34}{'encode':>10}{'decode':>10}"
         + f"{'encode':>20}{'decode':>10}" * (len(trees) - 1)
     )
-    for name, ((encode, decode), *others) in found.items():
+    for name, ((encode, decode), *others) in timings.items():
         line = f"{name:34}{encode:10.2f}{decode:10.2f}"
         for old in others:
             ratios = f"({encode / old[0]:.2f} {decode / old[1]:.2f})"

@@ -201,8 +201,8 @@ def shown(scene: Scene) -> Shown:
         return np.concatenate(columns) if columns else np.empty(0, dtype)
 
     def who(symbol: str) -> Ids:
-        found = [part.ids_in("who") for part in by_symbol[symbol]]
-        return Ids.concatenated(found) if found else Ids.of([])
+        ids = [part.ids_in("who") for part in by_symbol[symbol]]
+        return Ids.concatenated(ids) if ids else Ids.of([])
 
     return Shown(
         who("PSheep"),

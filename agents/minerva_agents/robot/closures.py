@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from minerva_agents.robot.keyframes import (
     MIN_LOOP,
-    Keyframe,
+    ScanKeyframe,
     between,
     moved,
     seen_through,
@@ -50,7 +50,7 @@ _TEMPERATURE: Final = 0.02
 class LocalMap:
     """Local map around a keyframe, in its own frame, for scoring other points."""
 
-    def __init__(self, keys: Sequence[Keyframe], poses: Reals, number: int) -> None:
+    def __init__(self, keys: Sequence[ScanKeyframe], poses: Reals, number: int) -> None:
         around = range(max(0, number - _AROUND), min(len(keys), number + _AROUND + 1))
         self.points = np.concatenate(
             [moved(keys[k].points, between(poses[number], poses[k])) for k in around]
@@ -143,8 +143,8 @@ def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
     return pose
 
 
-def candidates(keys: Sequence[Keyframe], poses: Reals) -> list[tuple[int, int, float]]:
-    """Keyframe pairs that may observe the same place, each with its search window in metres."""
+def candidates(keys: Sequence[ScanKeyframe], poses: Reals) -> list[tuple[int, int, float]]:
+    """ScanKeyframe pairs that may observe the same place, each with its search window in metres."""
     way = np.array([key.way for key in keys])
     pairs, next_way = [], 0.0
     for later in range(len(keys)):
@@ -164,7 +164,7 @@ def candidates(keys: Sequence[Keyframe], poses: Reals) -> list[tuple[int, int, f
 
 
 def closure(
-    keys: Sequence[Keyframe], poses: Reals, first: int, second: int, window: float
+    keys: Sequence[ScanKeyframe], poses: Reals, first: int, second: int, window: float
 ) -> Edge | None:
     """The graph edge between two keyframes, or None if they observe different places."""
     walls = LocalMap(keys, poses, first)
@@ -178,8 +178,8 @@ def closure(
 
 
 def _fits(
-    first: Keyframe,
-    second: Keyframe,
+    first: ScanKeyframe,
+    second: ScanKeyframe,
     walls: LocalMap,
     others: LocalMap,
     points: Reals,

@@ -24,7 +24,7 @@ MIN_LOOP: Final = 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Keyframe:
+class ScanKeyframe:
     """A scan of the trajectory: index, hits relative to the robot in metres (n, 2), and reach.
 
     `reach` is the distance in metres to the nearest hit per degree, (360,); 0 where nothing was
@@ -37,9 +37,9 @@ class Keyframe:
     way: float
 
 
-def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[Keyframe]:
+def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[ScanKeyframe]:
     """Scans of a trajectory, thinned to the spacing of keyframes."""
-    keys: list[Keyframe] = []
+    keys: list[ScanKeyframe] = []
     way, last = 0.0, -1
     for number, (scan, place) in enumerate(zip(scans, places, strict=True)):
         if number:
@@ -52,7 +52,7 @@ def keyframes_of(scans: Sequence[Scan], places: Sequence[Pose]) -> list[Keyframe
         dist, angle = hits(scan)
         if len(dist) < 20:
             continue
-        keys.append(Keyframe(number, _points(dist, angle), _reach(dist, angle), way))
+        keys.append(ScanKeyframe(number, _points(dist, angle), _reach(dist, angle), way))
         last = number
     return keys
 

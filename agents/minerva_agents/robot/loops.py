@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_agents.robot.closures import candidates, closure
-from minerva_agents.robot.keyframes import Keyframe, between, keyframes_of, poses_of
+from minerva_agents.robot.keyframes import ScanKeyframe, between, keyframes_of, poses_of
 from minerva_agents.robot.pose_graph import Edge, optimised
 from minerva_bus.world.poses import Pose, moved
 from minerva_bus.world.readings import Scan
@@ -70,7 +70,7 @@ def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progre
 
 
 def _searched(
-    keys: Sequence[Keyframe], poses: Reals, number: int, progress: Progress
+    keys: Sequence[ScanKeyframe], poses: Reals, number: int, progress: Progress
 ) -> list[Edge]:
     """Closures of one round."""
     pairs = candidates(keys, poses)
@@ -83,7 +83,7 @@ def _searched(
     return edges
 
 
-def _steps(keys: Sequence[Keyframe], poses: Reals) -> list[Edge]:
+def _steps(keys: Sequence[ScanKeyframe], poses: Reals) -> list[Edge]:
     edges: list[Edge] = []
     for number in range(1, len(keys)):
         step = between(poses[number - 1], poses[number])
@@ -95,7 +95,7 @@ def _steps(keys: Sequence[Keyframe], poses: Reals) -> list[Edge]:
     return edges
 
 
-def _carried(places: Sequence[Pose], keys: Sequence[Keyframe], poses: Reals) -> list[Pose]:
+def _carried(places: Sequence[Pose], keys: Sequence[ScanKeyframe], poses: Reals) -> list[Pose]:
     """All poses, each moved along with the keyframe before it."""
     carried, at = [], 0
     for number, place in enumerate(places):
