@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 
 ENDED_WITHIN = 10.0
 
@@ -77,4 +77,4 @@ def _take_part(world: str, make: Callable[[], Member], endpoint: int, others: li
         os.close(pipe)
     with os.fdopen(endpoint) as pipe:
         address = pipe.readline().strip()
-    return BusMember(make(), world, address, print).run() if address else 1
+    return MemberProcess(make(), world, address, print).run() if address else 1

@@ -42,7 +42,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client, open_hub
 from minerva_bus.runtime.watchers import Watchers
 
@@ -134,7 +134,7 @@ def minerva(event: EventType, events: int) -> list[float]:
     ]
     children = [
         forked(
-            lambda n=n, member=member: BusMember(member, "latency", pipes.endpoint(n), print).run()
+            lambda n=n, member=member: MemberProcess(member, "latency", pipes.endpoint(n), print).run()
         )
         for n, member in enumerate(members)
     ]

@@ -42,7 +42,7 @@ from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.wire.codec import Decoder
@@ -254,7 +254,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
     children = [forked(coordinate)]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
     children += [
-        forked(lambda member=member: BusMember(member, NAME, endpoint, print).run())
+        forked(lambda member=member: MemberProcess(member, NAME, endpoint, print).run())
         for member in parts
     ]
     frames: SimpleQueue[tuple[int, float, float]] = SimpleQueue()

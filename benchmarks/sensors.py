@@ -30,7 +30,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.types import Degrees
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.readings import Image, Scan
 from minerva_bus.world.services import Emit
@@ -116,7 +116,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
     pipes = [os.pipe() for _ in parts]
     children = [
         forked(
-            lambda part=part, read=read: BusMember(
+            lambda part=part, read=read: MemberProcess(
                 part, "sensors", os.read(read, 1000).decode(), print
             ).run()
         )

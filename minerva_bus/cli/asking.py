@@ -144,7 +144,7 @@ def _echo_view(
 
     from minerva_bus.cli.attaching import leave_on_signals
     from minerva_bus.frame.member import Member
-    from minerva_bus.runtime.member import BusMember
+    from minerva_bus.runtime.member import MemberProcess
     from minerva_bus.world.services import Device, View
 
     class Echo(Device):
@@ -162,7 +162,7 @@ def _echo_view(
                 member.leave()
 
     name = f"echo-{os.getpid()}" if own is None else own.name
-    member = BusMember(Member(name, Echo()), world, endpoint, tell, own=own)
+    member = MemberProcess(Member(name, Echo()), world, endpoint, tell, own=own)
     leave_on_signals(member)
     member.run()
 

@@ -28,7 +28,7 @@ from minerva_bus.launch.specs import (
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.runtime.diagnosis import check_reachable
 from minerva_bus.runtime.endpoints import check_endpoint
-from minerva_bus.runtime.member import BACK_WITHIN, BusMember
+from minerva_bus.runtime.member import BACK_WITHIN, MemberProcess
 from minerva_bus.runtime.session import CONNECT_SECONDS, end_at_once
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.world.agent import Agent
@@ -88,7 +88,9 @@ def _attached(participant: Member, way: ConnectOptions) -> int:
     service = participant.service
     ends = not isinstance(service, Device)
     within = way.back_within(there.local)
-    member = BusMember(participant, world, endpoint, tell, own=own, ends=ends, back_within=within)
+    member = MemberProcess(
+        participant, world, endpoint, tell, own=own, ends=ends, back_within=within
+    )
     leave_on_signals(member)
     tell(f"{participant.name}: joining {world} at {endpoint}; Ctrl-C leaves")
     code = min(member.run(), FAILED) or int(getattr(service, "failed", False))
@@ -113,7 +115,7 @@ def bridge_source(
     return attach_member(kind, way, name, options)
 
 
-def leave_on_signals(member: BusMember) -> None:
+def leave_on_signals(member: MemberProcess) -> None:
     """Leave the world on a signal that ends a process; a second signal terminates at once."""
 
     def leave(number: int, frame: FrameType | None) -> None:

@@ -19,8 +19,9 @@ from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journal import resume_from
+from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import STARTED_HERE, BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.overhearing import overhear
 from minerva_bus.runtime.status import Status
 from minerva_bus.runtime.system import REAL, System, run_through
@@ -60,7 +61,7 @@ def take_part(work: Joining) -> int:
     def tell(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
-    member = BusMember(
+    member = MemberProcess(
         process.participant(), world, work.endpoint, tell, shared=work.shared, arrival=STARTED_HERE
     )
     sample = process.name == work.profiling.member

@@ -10,7 +10,7 @@ from running import MEMBERS, World, eventually, write_world
 
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.security.certificates import Wanted
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.security.keys import Keys
@@ -43,7 +43,7 @@ def stolen(folder, name, roles=()):
 class Joined:
     """A member in a thread of this process."""
 
-    def __init__(self, world, endpoint, own, service=None, agents=(), kind=BusMember):
+    def __init__(self, world, endpoint, own, service=None, agents=(), kind=MemberProcess):
         self.told, self.result, self.over = [], None, threading.Event()
         participant = Member(own.name, service, agents)
         self.member = kind(participant, world.name, endpoint, self.told.append, own=own)

@@ -34,7 +34,7 @@ from secured import (
 
 from minerva_bus.errors import BusError, KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client
 from minerva_bus.security.certificates import now
 
@@ -254,14 +254,18 @@ def test_who_says_to_be_more_than_its_certificate_is_refused(
     assert world.members()[name]["state"] == "left"
 
 
-class Liar(BusMember):
+class Liar(MemberProcess):
     """A host that answers for all agents there are."""
 
-    def _send(self, message):
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        self._truthfully, self.link.send = self.link.send, self._lie
+
+    def _lie(self, message):
         if isinstance(message, m.EvolveReply) and message.changed:
             (scene, *_) = message.changed.values()
             message = replace(message, changed=dict.fromkeys("abcdefgh", scene))
-        super()._send(message)
+        self._truthfully(message)
 
 
 def test_who_answers_for_another_s_agents_is_shut_out(world, door, keys):
@@ -277,7 +281,7 @@ def test_what_was_said_in_an_old_frame_counts_no_more(world, door, keys):
         present(world, "sensor")
         late = world.members()["sensor"]["late"]
         for frame in (0, 1, 2):
-            joined.member._send(m.TickReply("sensor", frame))
+            joined.member.link.send(m.TickReply("sensor", frame))
         eventually(lambda: world.members()["sensor"]["late"] >= late + 3, "they are counted")
         goes_on(world)
 
@@ -287,7 +291,7 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
     before = refused(world, "sensor")
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
-        joined.member._send(kind("sensor", {"mean": float("nan")}))
+        joined.member.link.send(kind("sensor", {"mean": float("nan")}))
         assert "figures: mean must be a finite number" in joined.ends()
     problem = f"{kind.WIRE.name}: figures: mean must be a finite number or text"
     world.says(f"sensor │ broke the protocol: {problem}")
@@ -298,9 +302,9 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
 def test_what_a_member_says_of_itself_steers_nobody_s_terminal(world, door, keys):
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
-        joined.member._send(m.MemberMetrics("sensor", {"note": "\x1b[2Jhi"}))
+        joined.member.link.send(m.MemberMetrics("sensor", {"note": "\x1b[2Jhi"}))
         for n in range(20):
-            joined.member._send(m.Failed("sensor", n, "\x1b]0;title\x07\ntwo\u202e", "three"))
+            joined.member.link.send(m.Failed("sensor", n, "\x1b]0;title\x07\ntwo\u202e", "three"))
         world.says("sensor │ failed in frame 0: ?]0;title?")
         world.says("sensor │ two?")
         listed = eventually(
@@ -320,7 +324,7 @@ def test_a_flood_is_dammed_and_its_source_named_once(world, door, keys):
         present(world, "flooder")
         message = m.Emitted("flooder", (yard.eNoise(),))
         for _ in range(10_000):
-            joined.member._send(message)
+            joined.member.link.send(message)
         world.says("flooder │ says more than 500 messages", "the rest is not heard")
         eventually(lambda: refused(world, "flooder") > 1000, "what is not heard is counted")
         goes_on(world)
@@ -330,7 +334,7 @@ def test_a_flood_is_dammed_and_its_source_named_once(world, door, keys):
 def test_what_is_too_big_is_refused_before_it_is_read(world, door, keys):
     with Joined(world, door, keys.credentials("giant"), yard.Noise()) as joined:
         present(world, "giant")
-        message = joined.member._stamp + bytes(50 << 20)
+        message = joined.member.link.stamp + bytes(50 << 20)
         with open_client("giant", door, own=keys.credentials("giant")) as session:
             for _ in range(9):  # A link that is too slow for so much is closed, and comes back.
                 put(session, f"minerva/{world.name}/from/giant", message)

@@ -50,7 +50,7 @@ def test_members_and_people_come_in_through_a_router(chain):
     ):
         present(world, "sensor")
         present(world, "screen")
-        eventually(lambda: eye.member.participant.service.pictures > 3, "views come")
+        eventually(lambda: eye.member.member.service.pictures > 3, "views come")
         with Client(place, world.name, keys.credentials("ann")) as ann:
             ann.operator.pause()
             assert ann.operator.status().paused

@@ -13,7 +13,7 @@ from minerva_bus.launch.pipes import NOWHERE, Pipes
 from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.starters import Child
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.process import Process
 from minerva_bus.testing.simulation.timeline import Timeline
@@ -176,7 +176,9 @@ class SimulatedMachine:
 
         def life() -> Generator[None, None, int]:
             participant, said = work.process.participant(), process.said
-            member = BusMember(participant, work.world, work.endpoint, said, system=process.system)
+            member = MemberProcess(
+                participant, work.world, work.endpoint, said, system=process.system
+            )
             return member.life()
 
         process.start(life)

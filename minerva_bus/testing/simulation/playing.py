@@ -13,7 +13,7 @@ from minerva_bus.launch.journaling import journal_path
 from minerva_bus.launch.summary import Summary
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import BusMember
+from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.notices import Leave
 from minerva_bus.testing.simulation.faults import Faults
 from minerva_bus.testing.simulation.history import History
@@ -63,7 +63,7 @@ class Play:
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
         self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
         self.network = self.launcher.network
-        self.guests: dict[str, tuple[Process, BusMember]] = {}
+        self.guests: dict[str, tuple[Process, MemberProcess]] = {}
         self._person = Person(self.timeline, self.network, history.acts, self._on_asked)
         self._faults = Faults(self)
         self._checked = history.seed % history.frames
@@ -119,7 +119,7 @@ class Play:
         process = Process(name, self.timeline, self.network, exited, said)
         participant = Member(name, None, GUESTS[name])
         endpoint, system = self.launcher.endpoint, process.system
-        member = BusMember(participant, NAME, endpoint, said, system=system)
+        member = MemberProcess(participant, NAME, endpoint, said, system=system)
         self.guests[name] = process, member
         process.start(member.life)
 

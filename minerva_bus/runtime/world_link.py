@@ -1,0 +1,122 @@
+"""A member's messages as bytes: to the coordinator that counts, and to and from sensor topics."""
+
+# Zenoh's own stubs leave some types open.
+# pyright: reportUnknownMemberType=false
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import zenoh
+
+from minerva_bus.errors import ProtocolError, SceneError
+from minerva_bus.frame import messages as m
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.runtime.restraint import Restraint
+from minerva_bus.wire.codec import Decoder, encode
+from minerva_bus.wire.epochs import stamp, stamped
+from minerva_bus.wire.keys import Keys
+
+
+class WorldLink:
+    """Encodes and decodes the messages of one member.
+
+    The coordinator that counts is the one of the highest epoch that has greeted, rejected or
+    stopped this member. `stamp` is its epoch as bytes, empty before that. `unsent` counts events
+    that no coordinator received.
+    """
+
+    def __init__(
+        self, keys: Keys, member: str, notify: Callable[[str], None], clock: Callable[[], float]
+    ) -> None:
+        self.keys = keys
+        self.stamp = b""
+        self.unsent: int = 0
+        self._member = member
+        self._notify = notify
+        self._clock = clock
+        self._epoch = -1
+        self._decoder = Decoder()
+        self._joined = False
+        self._restraint = Restraint()
+        self._topics = f"{keys.base}/topic/"
+        self._publishers: dict[str, zenoh.Publisher] = {}
+
+    def open(self, session: zenoh.Session, topics: Iterable[str]) -> list[Any]:
+        """Declare publishers for the coordinator and for topics; returns what to undeclare."""
+        keys, member = self.keys, self._member
+        self._replies = _publisher(session, keys.sent_by(member))
+        for topic in topics:
+            self._publishers[topic] = _publisher(session, keys.topic(topic, member))
+        return [self._replies, *self._publishers.values()]
+
+    def send(self, message: m.FromMember | m.Readings) -> None:
+        """Send a message; without a coordinator's greeting nobody could receive it."""
+        if isinstance(message, m.Readings):
+            self._publishers[message.topic].put(encode(message))
+        elif self.stamp:
+            self._replies.put(self.stamp + encode(message))
+        else:
+            self.unsent += isinstance(message, m.Emitted)
+
+    def joined(self, vocabulary: Vocabulary) -> None:
+        """The member is welcome: from now on messages may contain symbols of the world."""
+        self._decoder, self._joined = Decoder(vocabulary), True
+
+    def lost(self) -> None:
+        """The connection is lost: only a coordinator that greets again counts."""
+        if self.stamp:
+            self._epoch, self.stamp = self._epoch - 1, b""
+
+    def read(self, key: str, data: bytes) -> m.ToMember | m.Readings | None:
+        """The message that arrived on a key; None for one that does not count.
+
+        Raises ProtocolError and SceneError for a message of the coordinator that cannot be read:
+        a member that has missed one cannot take part any longer.
+        """
+        if key.startswith(self._topics):
+            return self._readings(key, data)
+        body = self._body(data)
+        try:
+            return None if body is None else self._decoder.to_member(body)
+        except (ProtocolError, SceneError):
+            if self._joined:
+                raise
+            return None  # Without the vocabulary, messages with symbols cannot be read.
+
+    def _readings(self, key: str, data: bytes) -> m.Readings | None:
+        topic, publisher = key.split("/")[3:5]
+        try:
+            return self._decoder.readings(topic, publisher, data)
+        except (ProtocolError, SceneError) as error:
+            if self._joined:
+                self._drop(publisher, str(error))
+            return None
+
+    def _body(self, data: bytes) -> bytes | None:
+        """A message without its epoch; None for one of another coordinator."""
+        if self.stamp and data.startswith(self.stamp):
+            return data[len(self.stamp) :]
+        try:
+            epoch, body = stamped(data)
+            if epoch <= self._epoch:
+                return None
+            message = self._decoder.to_member(body)
+        except (ProtocolError, SceneError):
+            return None
+        if not isinstance(message, m.Greet | m.Refused | m.Stop):
+            return None
+        self._epoch, self.stamp = epoch, stamp(epoch)
+        return body
+
+    def _drop(self, publisher: str, error: str) -> None:
+        """Report readings that cannot be read, at a limited rate per publisher."""
+        now = self._clock()
+        for who, text in self._restraint.left_out(now):
+            self._notify(f"{self._member}: from {who}: {text}")
+        if self._restraint.lets(publisher, now):
+            self._notify(f"{self._member}: from {publisher}: {error}; dropped")
+
+
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    return session.declare_publisher(key, congestion_control=zenoh.CongestionControl.BLOCK)
