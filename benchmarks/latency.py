@@ -20,6 +20,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import zenoh
@@ -132,12 +133,11 @@ def minerva(event: EventType, events: int) -> list[float]:
         Member("host", None, [Touched]),
         Member("eye", Eye(pipes.sees)),
     ]
-    children = [
-        forked(
-            lambda n=n, member=member: MemberProcess(member, "latency", pipes.endpoint(n), print).run()
-        )
-        for n, member in enumerate(members)
-    ]
+
+    def take_part(number: int, member: Member) -> int:
+        return MemberProcess(member, "latency", pipes.endpoint(number), print).run()
+
+    children = [forked(partial(take_part, n, member)) for n, member in enumerate(members)]
     children.append(forked(lambda: coordinate(pipes, [member.name for member in members])))
     return driven(pipes, children, events)
 

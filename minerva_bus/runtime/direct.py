@@ -60,23 +60,29 @@ class DirectTransport:
         self.running: Member | None = None
         self._on_readings = on_readings
         self._deliver = deliver
+        # A hello is costly to make, and what a member receives does not change.
         self._receivers: dict[str, list[Member]] = {}
+        self._observers: dict[str, list[Member]] = {}
 
     def add(self, member: Member) -> None:
         """Add a member, or replace the one of the same name."""
         self.members[member.name] = member
         self._receivers.clear()
+        self._observers.clear()
 
     def send(self, to: str, message: m.ToMember) -> Iterator[s.Stimulus]:
         """Deliver a message; yields the answers one by one, as the members give them."""
-        found = self._receivers.get(to)
-        if found is None:
-            found = self._receivers[to] = receivers(to, self.members.values())
-        return self._deliver_to(found, message)
+        group = self._receivers.get(to)
+        if group is None:
+            group = self._receivers[to] = receivers(to, self.members.values())
+        return self._deliver_to(group, message)
 
     def show(self, event_type: str, message: m.ToMember, to: str) -> Iterator[s.Stimulus]:
         """Deliver a view to its observers."""
-        return self._deliver_to(observers(event_type, self.members.values()), message)
+        group = self._observers.get(event_type)
+        if group is None:
+            group = self._observers[event_type] = observers(event_type, self.members.values())
+        return self._deliver_to(group, message)
 
     def publish(self, readings: m.Readings) -> Iterator[s.Stimulus]:
         """Deliver a publisher's readings to the members that subscribe to their topic."""
