@@ -1,4 +1,10 @@
-"""State that lives during one frame only; each frame starts with a new `FrameInFlight`."""
+"""State that lives during one frame only; each frame starts with a new `FrameInFlight`.
+
+The default factories are lambdas, because a call of `dict[str, Scene]` takes longer and there are
+many per frame, and pyright cannot infer the types of a plain `dict`.
+"""
+
+# ruff: noqa: PIE807
 
 from __future__ import annotations
 
@@ -29,7 +35,7 @@ class FrameEvents:
 
     orders: Events = ()
     permitted: Events = ()
-    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=dict[str, list[AnyEvent]])
+    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=lambda: {})
     people: tuple[str, ...] = ()
     due: tuple[str, ...] = ()
     ordered: Events = ()
@@ -55,12 +61,10 @@ class Requests:
     `layout`: how populations were divided when the hosts were asked.
     """
 
-    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(
-        default_factory=dict[tuple[str, int], tuple[str, ...]]
-    )
+    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=lambda: {})
     repeats: int = 0
-    unassigned: set[str] = field(default_factory=set[str])
-    left_out: set[str] = field(default_factory=set[str])
+    unassigned: set[str] = field(default_factory=lambda: set())
+    left_out: set[str] = field(default_factory=lambda: set())
     reduced: tuple[Events, Events] | None = None
     layout: Layout = ()
 
@@ -90,14 +94,14 @@ class FrameResult:
     `halted`: agents whose actions devices must not execute in this frame.
     """
 
-    replies: list[m.EvolveReply] = field(default_factory=list[m.EvolveReply])
-    answers: list[int] = field(default_factory=list[int])
-    changed: dict[str, Scene] = field(default_factory=dict[str, Scene])
-    changed_by: dict[str, str] = field(default_factory=dict[str, str])
-    sent: dict[str, Events] = field(default_factory=dict[str, Events])
-    newborns: dict[str, str] = field(default_factory=dict[str, str])
-    views: dict[str, dict[str, Scene]] = field(default_factory=dict[str, dict[str, Scene]])
-    view_patches: dict[str, dict[str, Delta]] = field(default_factory=dict[str, dict[str, Delta]])
+    replies: list[m.EvolveReply] = field(default_factory=lambda: [])
+    answers: list[int] = field(default_factory=lambda: [])
+    changed: dict[str, Scene] = field(default_factory=lambda: {})
+    changed_by: dict[str, str] = field(default_factory=lambda: {})
+    sent: dict[str, Events] = field(default_factory=lambda: {})
+    newborns: dict[str, str] = field(default_factory=lambda: {})
+    views: dict[str, dict[str, Scene]] = field(default_factory=lambda: {})
+    view_patches: dict[str, dict[str, Delta]] = field(default_factory=lambda: {})
     rejected: tuple[str, ...] = ()
     halted: tuple[str, ...] = ()
 
@@ -129,8 +133,8 @@ class FrameInFlight:
 
     clock_views: tuple[str, ...] = ()
     logged: FrameInputs | None = None
-    pending: set[str] = field(default_factory=set[str])
-    ticked: dict[str, m.TickReply] = field(default_factory=dict[str, m.TickReply])
+    pending: set[str] = field(default_factory=lambda: set())
+    ticked: dict[str, m.TickReply] = field(default_factory=lambda: {})
     events: FrameEvents = field(default_factory=FrameEvents)
     requests: Requests = field(default_factory=Requests)
     result: FrameResult = field(default_factory=FrameResult)
