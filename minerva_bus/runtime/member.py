@@ -52,7 +52,7 @@ POLL_SECONDS: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class ConnectOptions:
+class MemberLinkOptions:
     """How a member connects: endpoint, shared memory for large messages, own certificate."""
 
     endpoint: str
@@ -99,7 +99,7 @@ class MemberProcess:
         self.failure: Exception | None = None
         self.link = WorldLink(keys, name, notify, system.monotonic)
         self._system = system
-        self._connect = ConnectOptions(endpoint, shared, own, arrival)
+        self._connect = MemberLinkOptions(endpoint, shared, own, arrival)
         self._notify = notify
         self._shown_at = 0.0
         self._figures: m.Figures = {}
