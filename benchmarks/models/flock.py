@@ -174,5 +174,5 @@ def _pairs(
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Who is near whom, both ways."""
     pairs = near(x, y, VISION, (side(len(x)), side(len(x))))
-    yield pairs.one, pairs.other
-    yield pairs.other, pairs.one
+    yield pairs.first, pairs.second
+    yield pairs.second, pairs.first

@@ -113,7 +113,7 @@ def test_a_ros_2_robot_is_heard_with_sharp_walls(late):
     bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)
     source, scans = _Listening(Session(), bridge), []
     told = source.read(type("Never", (), {"is_set": lambda self: False})())
-    heard = {"/odom": source.receiver(types.ODOMETRY), "/scan": source.hears(types.LASER_SCAN)}
+    heard = {"/odom": source.receiver(types.ODOMETRY), "/scan": source.receiver(types.LASER_SCAN)}
     ros, _ = messages()
     for _, topic, message in said_of(ros, drive(PLACE), late):
         heard[topic](_encoded(store, topic, message))

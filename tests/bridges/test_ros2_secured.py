@@ -89,7 +89,7 @@ def test_who_shows_no_certificate_or_a_wrong_one_stays_outside(keys, endpoint, t
             "authority is 'nothing.pem'; expected a PEM file",
         ),
         ("tls/h:1", {"certificate": __file__}, "certificate and key belong together"),
-        ("tcp/h:1", {"authority": __file__}, "certificates are for tls/ and quic/"),
+        ("tcp/h:1", {"authority": __file__}, "certificates require tls/ or quic/"),
     ],
 )
 def test_wrong_options(router, options, why):

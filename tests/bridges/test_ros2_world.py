@@ -54,7 +54,7 @@ def test_it_finds_its_objective_after_all_that_goes_wrong(tmp_path, floor):
         robot.process.send_signal(signal.SIGSTOP)
         run.says("no odometry")
         robot.process.send_signal(signal.SIGCONT)
-        run.says("is back")
+        run.says("has returned")
         summary = run.summary()
         assert math.dist(robot.place[:2], DOOR) < 0.6
     assert summary["frames"] > 20

@@ -161,7 +161,7 @@ def test_a_string_cut_anywhere_is_a_string_or_wrong_with_a_caret(minerva, home):
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    (b"\xff\xfe\x00", "no text in UTF-8"),
+    (b"\xff\xfe\x00", "not a text in UTF-8"),
     ("PDot · · PDot", "found '·'"),
     ("PDot(PDot)", "the primitive PDot has no scope"),
     ("TMove<dist=1>", "the transformation TMove needs a scope"),

@@ -70,7 +70,7 @@ def kept(data, folder, check=True):
 
 def flipped(data, at, count=1):
     data = bytearray(data)
-    for place in range(at, at + count):
+    for place in range(at, min(at + count, len(data))):
         data[place] ^= 0xFF
     return bytes(data)
 

@@ -67,4 +67,4 @@ def test_one_that_publishes_faster_than_the_world_consumes(tmp_path):
         world.kill(signal.SIGINT)
         world.ends()
         world.gone()
-    assert len(re.findall("more are dropped", world.text)) == 1
+    assert len(re.findall("dropping further events", world.text)) == 1

@@ -22,7 +22,7 @@ from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
 from minerva_bus.runtime.client import Client  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
-from minerva_services.views.web.camera import FIELD, bounds_of, outlook  # noqa: E402
+from minerva_services.views.web.camera import FIELD, bounds_of, camera_pose  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")
@@ -150,7 +150,7 @@ def pixel_of(page, name):
     """Where on the page the head of a marker's pin is."""
     shown = Lists(vocabulary).picture(scene({}), {})
     bounds, box = bounds_of(shown), page.locator("canvas").first.bounding_box()
-    seen = outlook(bounds, 1.0, box["width"] / box["height"])
+    seen = camera_pose(bounds, 1.0, box["width"] / box["height"])
     high = 0.7 * 0.06 * math.hypot(bounds.right - bounds.left, bounds.top - bounds.bottom)
     x, y = next((one.x[0], one.y[0]) for one in shown.of(Texts) if one.texts[0] == name)
     eye, aim = np.array(seen.position), np.array(seen.look_at)
