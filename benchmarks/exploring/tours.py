@@ -40,7 +40,6 @@ class Tour:
         stops = self._stops()
         metres = self._between(stops)
         self._order = [stops[index] for index in _shortened(metres)]
-        self._metres = metres
 
     def metres_to(self, x: float, y: float) -> float:
         """Metres that the robot drives on the tour until it sees a marker, and then to it."""
