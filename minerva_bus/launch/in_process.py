@@ -103,7 +103,7 @@ class InProcessRun:
             on_readings=record.sensed if record.topics else None,
         )
         self._questions.world = Operated(
-            runner, self._schedule, log.diary, counter, status, _no_rejections, _no_restart
+            runner, self._schedule, log.event_log, counter, status, _no_rejections, _no_restart
         )
         for member in members:
             member.operator = AskingOperator(self._questions.ask)
@@ -183,7 +183,7 @@ class _Log(Sink):
     """Writes warnings to the console, the record and the log that operators read."""
 
     def __init__(self, algorithm: FrameAlgorithm, console: Console, record: RunRecord) -> None:
-        self.diary = EventLog()
+        self.event_log = EventLog()
         self._algorithm = algorithm
         self._console = console
         self._record = record
@@ -195,9 +195,9 @@ class _Log(Sink):
             self._console.frame = frame
             self._console.log(notice.member, notice.text, "warning")
             self._record.said(notice.member, f"{notice.text}\n{notice.details}".rstrip())
-            self.diary.line(time.time(), notice.member, notice.text, frame, "warning")
+            self.event_log.line(time.time(), notice.member, notice.text, frame, "warning")
         elif isinstance(notice, s.FrameDone):
-            self.diary.frame(notice.frame, notice.events)
+            self.event_log.frame(notice.frame, notice.events)
 
 
 class _FrameCounter(Sink):

@@ -60,7 +60,7 @@ class Operated:
 
     runner: Runner
     schedule: FrameSchedule
-    diary: EventLog
+    event_log: EventLog
     meter: Meter
     status: StatusMeter
     rejected: Callable[[], Mapping[str, int]]
@@ -120,11 +120,11 @@ def status_of(running: Operated, since: int = 0) -> WorldStatus:
         waiting=tuple(algorithm.waiting_for()),
         waited=running.status.waited,
         members=tuple([_member(one, waits.get(one.name, 0.0)) for one in algorithm.members]),
-        events={name: count * hz for name, count in running.diary.per_frame().items()},
+        events={name: count * hz for name, count in running.event_log.per_frame().items()},
         bytes_in=measured.pop("bytes in", 0.0),
         bytes_out=measured.pop("bytes out", 0.0),
         phases=measured,
-        happenings=running.diary.entries(since),
+        happenings=running.event_log.entries(since),
         refused=running.rejected(),
         late_frames=running.schedule.overruns.count,
         behind=running.schedule.overruns.behind,
@@ -260,7 +260,7 @@ def _drain(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _logs(running: Operated, asked: Mapping[str, Any]) -> dict[str, Any]:
     member = as_text(asked.get("member", ""), "the member")
-    lines = running.diary.lines(as_int(asked.get("since", 0), "since"), member)
+    lines = running.event_log.lines(as_int(asked.get("since", 0), "since"), member)
     return {"lines": plain_lines(lines[-MAX_LINES:])}
 
 

@@ -142,7 +142,7 @@ class Coordinator:
         operated = Operated(
             self.runner,
             self.schedule,
-            self.log.diary,
+            self.log.event_log,
             self.metrics,
             self.status,
             self.admission.rules.counts,

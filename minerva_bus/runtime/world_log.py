@@ -29,7 +29,7 @@ class WorldLog(Sink):
         show: Callable[[str, str, str], None],
         system: System,
     ) -> None:
-        self.diary = EventLog()
+        self.event_log = EventLog()
         self._algorithm = algorithm
         self._metrics = metrics
         self._show = show
@@ -38,7 +38,7 @@ class WorldLog(Sink):
 
     def line(self, member: str, text: str, level: str) -> None:
         """Keep a line that a member printed."""
-        self.diary.line(self._system.time(), member, text, self._algorithm.frame, level)
+        self.event_log.line(self._system.time(), member, text, self._algorithm.frame, level)
 
     def warn(self, member: str, text: str, details: str = "") -> None:
         """Log and show a warning about a member; `details` are for the log only."""
@@ -57,7 +57,7 @@ class WorldLog(Sink):
         if isinstance(notice, s.Notify):
             self.warn(notice.member, notice.text, notice.details)
         elif isinstance(notice, s.FrameDone) and self._metrics.wanted:
-            self.diary.frame(notice.frame, notice.events)
+            self.event_log.frame(notice.frame, notice.events)
 
     def _write(self, member: str, text: str, details: str = "") -> None:
         # A member's text must not control the terminal of the person who reads it.

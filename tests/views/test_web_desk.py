@@ -190,13 +190,13 @@ def test_long_values_are_cut():
 
 
 def test_events_of_every_frame_do_not_drown_the_rest():
-    operator, diary = Nobody(), EventFeed()
+    operator, feed = Nobody(), EventFeed()
     operator.events = {"eLaser": 900.0, "eGo": 0.1}
     operator.happenings = tuple(
         LogEntry(n, n // 3, "eGo" if n == 5 else "eLaser", f"number {n}") for n in range(1, 200)
     )
-    diary.update(operator.status(0))
-    assert [one.number for one in diary.chosen(NOTABLE, 9)] == [5]
-    assert [one.number for one in diary.chosen(ALL, 3)] == [197, 198, 199]
-    assert diary.choices == (NOTABLE, ALL, "eGo", "eLaser")
-    assert diary.last == 199
+    feed.update(operator.status(0))
+    assert [one.number for one in feed.chosen(NOTABLE, 9)] == [5]
+    assert [one.number for one in feed.chosen(ALL, 3)] == [197, 198, 199]
+    assert feed.choices == (NOTABLE, ALL, "eGo", "eLaser")
+    assert feed.last == 199

@@ -77,11 +77,11 @@ class Panel:
         """Show an error."""
         self._notice.content = html.problem(text)
 
-    def show_events(self, diary: EventFeed) -> None:
+    def show_events(self, feed: EventFeed) -> None:
         """Show the selected events."""
-        if diary.choices != self._filter.options:
-            self._filter.options = diary.choices
-        self._events.content = html.events(diary.chosen(self.filter, _EVENTS))
+        if feed.choices != self._filter.options:
+            self._filter.options = feed.choices
+        self._events.content = html.events(feed.chosen(self.filter, _EVENTS))
 
     def show_agent(self, agent: AgentNode | None) -> None:
         """Show an agent's state."""
