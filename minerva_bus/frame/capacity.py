@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from minerva_bus.frame.composition import Fragment, shares
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import kind_counts
 
 
 class Capacity:
@@ -31,9 +30,7 @@ class Capacity:
 
 def agents_in(fragment: Fragment) -> int:
     """Number of agents in a fragment, including agents in the scope of others."""
-    if isinstance(fragment, Columns):
-        return fragment.count
-    return sum(1 for _ in agents(Scene((fragment,))))
+    return kind_counts(fragment).total()
 
 
 def apportion(rows: int, weights: Sequence[float], capacities: Sequence[float]) -> list[int]:

@@ -17,12 +17,9 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
-    FigureNode,
     Piece,
     Scene,
-    TransformationNode,
     agents,
-    still,
 )
 from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id
@@ -53,7 +50,7 @@ class Composition:
     def _take_apart(self, scene: Scene, named: Mapping[str, Scene]) -> None:
         """Take a string apart; parts that are among the fragments `named` keep their names."""
         kept = {name: fragment_in(scene, name) for name, scene in named.items()}
-        self._names = {id(part): name for name, part in kept.items() if isinstance(part, Columns)}
+        self._names = {id(part): name for name, part in kept.items() if part is not None}
         self._scene: Scene | None = scene
         self.fragments: dict[str, Fragment] = {}
         self._home: dict[str, str] = {}
@@ -67,14 +64,12 @@ class Composition:
         made: list[Piece] = []
         before = ""
         for piece in scene.pieces:
-            if isinstance(piece, Columns) and piece.ids is not None:
+            if piece.ids is not None:
                 made += self._part_slot(piece, beside=piece.symbol == before)
                 before = piece.symbol
                 continue
             before = ""
-            if isinstance(piece, Columns | FigureNode) or (
-                isinstance(piece, TransformationNode) and still(piece)
-            ):
+            if piece.still:
                 made.append(piece)
             else:
                 made += fill_slots(Scene((piece,)), self._slot).pieces
@@ -206,9 +201,9 @@ class Composition:
         if home is None:
             return None
         fragment = self.fragments[home]
-        if isinstance(fragment, Columns):
-            return cast("AgentNode", fragment.node(_ids(fragment).row_of(agent)))
-        return fragment
+        if fragment.ids is None:
+            return cast("AgentNode", fragment)
+        return cast("AgentNode", fragment.node(fragment.ids.row_of(agent)))
 
     def replace(self, changes: Mapping[str, Scene]) -> bool:
         """Replace fragments by what λ returned; True if the skeleton has changed.
@@ -235,7 +230,7 @@ class Composition:
         for name, scene in changes.items():
             piece = cast("Fragment", scene.pieces[0])
             self.fragments[name] = piece
-            if isinstance(piece, Columns):
+            if piece.ids is not None:
                 if piece.ids is not self.parts[name].ids:
                     before[name] = _ids(self.parts[name])
                 self.parts[name] = piece
@@ -264,13 +259,12 @@ class Composition:
         if len(scene.pieces) != 1:
             return False
         piece, old = scene.pieces[0], self.fragments[name]
-        if piece.symbol != old.symbol:
+        if piece.symbol != old.symbol or type(piece) is not type(old):
             return False
-        if isinstance(piece, Columns) or isinstance(old, Columns):
-            return isinstance(piece, Columns) and isinstance(old, Columns)
-        if not isinstance(piece, AgentNode) or piece.id != name:
-            return False
-        return piece.scope is old.scope or (piece.scope == EMPTY and old.scope == EMPTY)
+        if not isinstance(piece, AgentNode) or not isinstance(old, AgentNode):
+            return True
+        same_scope = piece.scope is old.scope or not (piece.scope.pieces or old.scope.pieces)
+        return piece.id == name and same_scope
 
     def become(self, scene: Scene) -> None:
         """Replace the whole string; remaining parts of populations keep their names.
@@ -322,8 +316,8 @@ class Composition:
 def fragment_in(scene: Scene, name: str) -> Fragment | None:
     """The fragment of this name, if the string consists of it alone; otherwise None."""
     piece = scene.pieces[0] if len(scene.pieces) == 1 else None
-    if isinstance(piece, Columns):
-        return piece if piece.ids is not None and name.startswith(PART) else None
+    if piece is not None and piece.ids is not None:
+        return piece if name.startswith(PART) else None
     return piece if isinstance(piece, AgentNode) and piece.id == name else None
 
 

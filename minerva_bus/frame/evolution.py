@@ -15,7 +15,6 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
 from minerva_bus.grammar.batch import AnyEvent, count_of
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.evolution import Policy
@@ -242,9 +241,8 @@ class EvolutionStep:
         fragments = self._algorithm.composition.fragments
         for name in self._algorithm.in_flight.requests.left_out & fragments.keys():
             fragment = fragments[name]
-            ids = fragment.ids if isinstance(fragment, Columns) else None
-            if ids is not None:
-                yield from ids.texts()
+            if fragment.ids is not None:
+                yield from fragment.ids.texts()
             else:
                 yield from (agent.id for agent in agents(Scene((fragment,))))
 

@@ -9,7 +9,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.composition import Fragment, fragment_in
 from minerva_bus.frame.messages import EvolveReply, EvolveRequest, Fragments
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns, size
+from minerva_bus.grammar.columns import has_columns, size
 from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.grammar.row_delta import RowDelta
 from minerva_bus.grammar.scene import Scene
@@ -144,25 +144,21 @@ class Host:
 
 def _other(old: Scene, new: Scene) -> bool:
     """Whether two views without a common delta differ; columns always do, to avoid a digest."""
-    several = any(isinstance(piece, Columns) for piece in new.pieces)
-    return several or old != new
+    return has_columns(new) or old != new
 
 
 def _patch(old: Scene, new: Scene, turnover: RowDelta | None = None) -> Delta | None:
     """Delta between two strings, if each is one piece in columns with rows in the same order."""
     if len(old.pieces) != 1 or len(new.pieces) != 1:
         return None
-    before, after = old.pieces[0], new.pieces[0]
-    if not isinstance(before, Columns) or not isinstance(after, Columns):
-        return None
-    return difference(before, after, turnover)
+    return difference(old.pieces[0], new.pieces[0], turnover)
 
 
 def _view_patch(shown: _Shown, piece: Fragment, view: Scene) -> Delta | None:
     """Delta between two views; rows were added and removed as in the fragment they show."""
     old, new = shown.piece, piece
     turnover = None
-    if isinstance(old, Columns) and isinstance(new, Columns) and old.ids and new.ids:
+    if old.ids is not None and new.ids is not None:
         whole = size(shown.view.pieces) == old.count and size(view.pieces) == new.count
         if old.ids is not new.ids and whole:
             turnover = new.ids.since(old.ids)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,8 @@ from minerva_bus.frame.inbox import PEOPLE, FrameInbox
 from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.trial import NormVerdict, Trial
 from minerva_bus.grammar.batch import AnyEvent, Events
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.events import Event
-from minerva_bus.grammar.scene import AgentNode, Scene, agents
+from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import EVENT, REFUSED, SOURCE, Norm, Then, ViolationCounts, sanction_of
 
@@ -229,13 +228,9 @@ class Norms:
 
     def _state(self, who: str) -> Mapping[str, Any]:
         """An agent's state in the string that the frame began with; empty where there is none."""
-        home = self._composition.home(who)
-        if home is None:
-            return {}
-        fragment = self._composition.fragments[home]
-        if isinstance(fragment, Columns) and fragment.ids is not None:
-            return cast("AgentNode", fragment.node(fragment.ids.row_of(who))).state
-        for agent in agents(Scene((fragment,))):
+        outermost = self._composition.agent(who)
+        nodes = agents(Scene((outermost,))) if outermost is not None else ()
+        for agent in nodes:
             if agent.id == who:
                 return agent.state
         return {}

@@ -244,11 +244,12 @@ class MixedOutcome(FragmentOutcome):
 
 def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:
     """The outcome of a fragment."""
-    if not isinstance(old, Columns):
+    if old.ids is None:
         return FragmentOutcome(old, new)
     now = new.pieces[0] if len(new.pieces) == 1 else None
-    alike = isinstance(now, Columns) and now.symbol == old.symbol and now.ids == old.ids
-    return ColumnsOutcome(old, cast("Columns", now)) if alike else MixedOutcome(old, new)
+    if now is None or now.ids is None or now.symbol != old.symbol or now.ids != old.ids:
+        return MixedOutcome(old, new)
+    return ColumnsOutcome(old, now)
 
 
 def state_of(norm: Norm, now: AgentNode, old: AgentNode | None, elsewhere: Elsewhere) -> Any:

@@ -13,9 +13,8 @@ from minerva_bus.frame.messages import Fragments
 from minerva_bus.frame.rendezvous import place
 from minerva_bus.frame.unassigned import UnassignedLog
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 
 MIN_BATCH: Final = 16
@@ -269,6 +268,4 @@ def _able(kinds: frozenset[str], offers: Offers) -> list[str]:
 
 def kinds_of(node: Fragment) -> frozenset[str]:
     """The kinds that a host must offer for a fragment."""
-    if isinstance(node, Columns):
-        return frozenset((node.symbol,))
-    return frozenset(agent.symbol for agent in agents(Scene((node,))))
+    return frozenset(kind_counts(node))

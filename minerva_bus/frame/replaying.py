@@ -23,7 +23,7 @@ from minerva_bus.frame.members import MemberEntry
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns, packed
+from minerva_bus.grammar.columns import packed
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene
 from minerva_bus.world.context import Frame
 from minerva_bus.world.evolution import Policy
@@ -235,6 +235,6 @@ class _Slots:
 
 def _name(piece: Piece, names: dict[int, str]) -> str:
     """Name of the fragment that a piece is, or an empty string."""
-    if isinstance(piece, Columns):
-        return names.get(id(piece), "") if piece.ids is not None else ""
+    if piece.ids is not None:
+        return names.get(id(piece), "")
     return piece.id if isinstance(piece, AgentNode) else ""

@@ -83,4 +83,4 @@ def _is_from(event: AnyEvent, senders: Container[str], part: Columns | None) -> 
 
 def _single(scene: Scene) -> Iterator[Piece]:
     """The nodes of a string outside columns, whose ids `Composition.replace` checks together."""
-    return (piece for piece in scene.pieces if not isinstance(piece, Columns))
+    return (piece for piece in scene.pieces if piece.ids is None)

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from minerva_bus.frame.composition import Composition, Fragment
 from minerva_bus.frame.outcomes import Elsewhere, FragmentOutcome, Sent, outcome_of, state_of
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.rest import rested
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.norms import Norm
 
@@ -79,7 +78,9 @@ class Trial:
         After each stage `reconsider` takes the results of the `open` fragments. Events of the
         types `always` are part of all stages.
         """
-        kinds = {symbol for name in self._open for symbol in self._symbols(name)}
+        kinds = {
+            kind for name in self._open for kind in kind_counts(self._composition.fragments[name])
+        }
         met = frozenset[str]().union(*(vocabulary.kinds[kind].subscribes for kind in kinds))
         types = list(dict.fromkeys(event.type for event in events if event.type in met))
         before = frozenset(types)
@@ -91,13 +92,6 @@ class Trial:
                 self._leniently = stage <= always
                 yield tuple([event for event in events if event.type in stage])
             before = stage
-
-    def _symbols(self, name: str) -> Iterator[str]:
-        fragment = self._composition.fragments[name]
-        if isinstance(fragment, Columns):
-            yield fragment.symbol
-        else:
-            yield from (agent.symbol for agent in agents(Scene((fragment,))))
 
     def reconsider(
         self, changed: Scenes, sent: SentBy, norms: Sequence[Norm], exceeds: Exceeds

@@ -13,10 +13,9 @@ from minerva_bus.frame.instructions import Instructions
 from minerva_bus.frame.members import MemberIndex, Members
 from minerva_bus.frame.messages import Parts, Patches, ViewShown
 from minerva_bus.frame.plain import plain_form
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import check, patched
 from minerva_bus.grammar.fitting import Unfit
-from minerva_bus.grammar.scene import EMPTY, Scene
+from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 
 
 @dataclass(slots=True)
@@ -167,18 +166,17 @@ def _send(
 def patch_all(parts: dict[str, Scene], patches: Patches) -> None:
     """Apply patches to fragments or views by name. Raises Unfit."""
     for name, patch in patches.items():
-        parts[name] = Scene((patched(_columns(parts, name), patch),))
+        parts[name] = Scene((patched(_piece(parts, name), patch),))
 
 
 def check_all(parts: Parts, patches: Patches) -> None:
     """Raise Unfit where patches do not fit the fragments or views of these names."""
     for name, patch in patches.items():
-        check(_columns(parts, name), patch)
+        check(_piece(parts, name), patch)
 
 
-def _columns(parts: Parts, name: str) -> Columns:
+def _piece(parts: Parts, name: str) -> Piece:
     old = parts.get(name, EMPTY)
-    piece = old.pieces[0] if len(old.pieces) == 1 else None
-    if not isinstance(piece, Columns):
+    if len(old.pieces) != 1:
         raise Unfit(f"a patch of {name}, which is not in columns")
-    return piece
+    return old.pieces[0]

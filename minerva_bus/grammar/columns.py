@@ -59,6 +59,11 @@ class Columns(Digested):
     ids: Ids | None = None
     scope: Columns | None = None
 
+    @property
+    def still(self) -> bool:
+        """Whether these are not agents."""
+        return self.ids is None
+
     def levels(self) -> Iterator[Columns]:
         """From outside to inside."""
         level: Columns | None = self
@@ -201,11 +206,9 @@ def shape_of(node: Piece) -> Shape | None:
         inner = scope[0]
         if len(scope) > 1 or isinstance(inner, AgentNode):
             return None
-        if isinstance(inner, Columns):
-            if inner.count > 1 or inner.ids is not None:
-                return None
-            inner = cast("FigureNode | TransformationNode", inner.nodes()[0])
-        node = inner
+        if inner.count > 1 or inner.ids is not None:
+            return None
+        node = cast("FigureNode | TransformationNode", inner.nodes()[0])
     return None
 
 
@@ -235,7 +238,7 @@ def merged(group: Sequence[Piece]) -> Columns:
 
 def size(group: Sequence[Piece]) -> int:
     """How many nodes the pieces stand for."""
-    return sum(piece.count if isinstance(piece, Columns) else 1 for piece in group)
+    return sum(piece.count for piece in group)
 
 
 def packed(scene: Scene) -> Scene:
@@ -257,13 +260,18 @@ def one_by_one(scene: Scene) -> Scene:
     """The same string with its agents as nodes; figures and transformations stay as they are."""
     made: list[Piece] = []
     for piece in scene.pieces:
-        made += piece.nodes() if isinstance(piece, Columns) and piece.ids is not None else (piece,)
+        made += (piece,) if piece.ids is None else piece.nodes()
     return of_pieces(scene, made)
 
 
+def columns_in(scene: Scene) -> Iterator[Columns]:
+    """The pieces at the outermost level that are held in columns."""
+    return (piece for piece in scene.pieces if isinstance(piece, Columns))
+
+
 def has_columns(scene: Scene) -> bool:
-    """Whether some nodes at the outermost level are held in columns."""
-    return any(isinstance(piece, Columns) for piece in scene.pieces)
+    """Whether nodes at the outermost level are held in columns."""
+    return next(columns_in(scene), None) is not None
 
 
 def rewritten(

@@ -13,6 +13,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.row_delta import RowDelta
+from minerva_bus.grammar.scene import Piece
 from minerva_bus.grammar.unique_ids import same_id
 
 MAX_PART: Final = 0.25
@@ -45,12 +46,13 @@ class Delta:
     born: Ids | None = None
 
 
-def difference(old: Columns, new: Columns, turnover: RowDelta | None = None) -> Delta | None:
-    """The delta from the old columns to the new; None where the new ones must be sent as they are.
+def difference(old: Piece, new: Piece, turnover: RowDelta | None = None) -> Delta | None:
+    """The delta from the old columns to the new; None if the new ones must be sent as they are.
 
+    Only columns of one shape have a delta.
     Ids tell which agents were removed and added; for columns without ids, `turnover` tells it.
     """
-    if old.shape != new.shape:
+    if not isinstance(old, Columns) or not isinstance(new, Columns) or old.shape != new.shape:
         return None
     if old.ids is not None and new.ids is not None and old.ids is not new.ids:
         turnover = new.ids.since(old.ids)
@@ -95,14 +97,16 @@ def _rows_after(turnover: RowDelta, old: Column, new: Column) -> Rows | None:
     return np.flatnonzero(changed)
 
 
-def check(old: Columns, delta: Delta) -> None:
-    """Raise Unfit where a delta does not apply to these columns."""
+def check(old: Piece, delta: Delta) -> Columns:
+    """The piece, if it is columns that a delta applies to. Raises Unfit."""
+    if not isinstance(old, Columns):
+        raise Unfit(f"a patch of {old.symbol}, which is not in columns")
     symbols = tuple([level.symbol for level in old.levels()])
     if delta.count != old.count or delta.symbols != symbols:
         raise Unfit(f"a patch of {old.count} {old.symbol}")
     turnover = delta.turnover
     if turnover is None:
-        return
+        return old
     if not turnover.after or turnover.count != old.count:
         raise Unfit(f"a patch that leaves nothing of {old.count} {old.symbol}")
     born = 0 if delta.born is None else len(delta.born)
@@ -113,12 +117,13 @@ def check(old: Columns, delta: Delta) -> None:
     }
     if len(turnover.born) and len(complete) < len(old.all_columns()):
         raise Unfit(f"a patch without values for {len(turnover.born)} more {old.symbol}")
+    return old
 
 
-def patched(old: Columns, delta: Delta) -> Columns:
+def patched(old: Piece, delta: Delta) -> Columns:
     """The old columns with a delta applied. Raises Unfit where it does not apply to them."""
-    check(old, delta)
-    turned = old if delta.turnover is None else _turned(old, delta.turnover, delta.born)
+    columnar = check(old, delta)
+    turned = columnar if delta.turnover is None else _turned(columnar, delta.turnover, delta.born)
     columns = [list(level.columns) for level in turned.levels()]
     for change in delta.changes:
         before = columns[change.level][change.place]

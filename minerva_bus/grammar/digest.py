@@ -110,9 +110,8 @@ def _grouped(pieces: tuple[Piece, ...]) -> Iterator[Piece | list[Columns]]:
 
 def _aligned(group: Sequence[Piece]) -> bool:
     """Whether these are columns, all but the last of them of whole chunks."""
-    return all(isinstance(piece, Columns) for piece in group) and all(
-        cast("Columns", piece).count % CHUNK == 0 for piece in group[:-1]
-    )
+    whole_chunks = all(piece.count % CHUNK == 0 for piece in group[:-1])  # so these are no nodes
+    return whole_chunks and isinstance(group[-1], Columns)
 
 
 def _digest_of_many(pieces: Sequence[Columns]) -> bytes:

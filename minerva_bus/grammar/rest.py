@@ -41,7 +41,7 @@ def rested(scene: Scene, who: Collection[str], kinds: Kinds) -> Scene:
 
 
 def _piece(piece: Piece, who: Collection[str], kinds: Kinds) -> tuple[Piece, ...]:
-    if isinstance(piece, Columns):
+    if piece.ids is not None:
         return (_columns(piece, who, kinds),)
     if not any(agent.id in who and kinds[agent.symbol].rest for agent in agents(Scene((piece,)))):
         return (piece,)

@@ -6,17 +6,20 @@ A `Scene` is a concatenation of nodes, one class for each alternative of rule 3:
     TransformationNode   t(OBJECTS)  rule 5
     AgentNode            a(OBJECTS)  rule 4
 
-Many of one shape may be held as one `Columns` (grammar/columns.py), which stands for them all.
+A string is held in *pieces*. A piece is a node, or a `Columns` (grammar/columns.py) that stands
+for many nodes of one shape. Both have `symbol`, `count`, `ids`, `still` and `nodes()`, so most code
+need not know which one a piece is.
 A *fragment* is a `Scene` too. Nothing here recurses: strings may be nested as deep as memory goes.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from operator import is_
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, cast, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,17 +126,27 @@ def _plain(pieces: tuple[Piece, ...]) -> tuple[Node, ...]:
         return cast("tuple[Node, ...]", pieces)
     made: list[Node] = []
     for piece in pieces:
-        if isinstance(piece, FigureNode | TransformationNode | AgentNode):
-            made.append(piece)
-        else:
-            made += piece.nodes()
+        made += piece.nodes()
     return tuple(made)
 
 
-class _Printed(Digested):
-    """Nodes are equal when they print the same, as strings are."""
+class _SingleNode(Digested):
+    """Base of nodes. A piece of a string is one node, or `Columns` with the same interface.
+
+    Nodes are equal when they print the same, as strings are.
+    """
 
     __slots__ = ()
+
+    count: ClassVar[int] = 1
+    """Number of nodes that a piece stands for."""
+
+    ids: ClassVar[None] = None
+    """Ids of agents held in columns; None for a node, and for columns of figures."""
+
+    def nodes(self) -> tuple[Node]:
+        """The nodes that a piece stands for."""
+        return (cast("Node", self),)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FigureNode | TransformationNode | AgentNode):
@@ -145,12 +158,15 @@ class _Printed(Digested):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FigureNode(_Printed):
+class FigureNode(_SingleNode):
     """One occurrence of a primitive p ∈ P with its parameters."""
 
     symbol: str
     names: tuple[str, ...] = ()
     values: tuple[Value, ...] = ()
+
+    still: ClassVar[bool] = True
+    """Whether a piece contains no agents."""
 
     @property
     def parameters(self) -> Mapping[str, Any]:
@@ -159,7 +175,7 @@ class FigureNode(_Printed):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TransformationNode(_Printed):
+class TransformationNode(_SingleNode):
     """One occurrence of t(OBJECTS), t ∈ T."""
 
     symbol: str
@@ -172,9 +188,18 @@ class TransformationNode(_Printed):
         """Parameters by name."""
         return dict(zip(self.names, self.values, strict=True))
 
+    @property
+    def still(self) -> bool:
+        """Whether there is no agent in the scope; found once, because frames ask it repeatedly."""
+        known: bool | None = getattr(self, "_still", None)
+        if known is None:
+            known = next(agents(self.scope), None) is None
+            object.__setattr__(self, "_still", known)
+        return known
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AgentNode(_Printed):
+class AgentNode(_SingleNode):
     """One agent a(OBJECTS): its kind's symbol, its id and its state st ∈ ST."""
 
     symbol: str
@@ -183,11 +208,16 @@ class AgentNode(_Printed):
     values: tuple[Value, ...] = ()
     scope: Scene = EMPTY
 
+    still: ClassVar[bool] = False
+
     @property
     def state(self) -> Mapping[str, Any]:
         """Attributes by name."""
         return dict(zip(self.names, self.values, strict=True))
 
+
+Scoped: TypeAlias = TransformationNode | AgentNode
+"""Nodes that have a scope."""
 
 _NODES: Final = frozenset((FigureNode, TransformationNode, AgentNode))
 
@@ -292,13 +322,15 @@ def of_pieces(old: Scene, pieces: list[Piece]) -> Scene:
     return Scene(tuple(pieces)) if pieces else EMPTY
 
 
-def still(node: TransformationNode) -> bool:
-    """Whether there is no agent in a transformation's scope."""
-    known: bool | None = getattr(node, "_still", None)
-    if known is None:
-        known = next(agents(node.scope), None) is None
-        object.__setattr__(node, "_still", known)
-    return known
+def kind_counts(*pieces: Piece) -> Counter[str]:
+    """Number of agents of each kind in pieces of a string, including agents in scopes."""
+    counts: Counter[str] = Counter()
+    for piece in pieces:
+        if piece.ids is not None:
+            counts[piece.symbol] += piece.count
+        elif not piece.still:
+            counts.update(agent.symbol for agent in agents(Scene((piece,))))
+    return counts
 
 
 def agents(scene: Scene, passed_over: Container[int] = ()) -> Iterator[AgentNode]:

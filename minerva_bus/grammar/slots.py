@@ -14,7 +14,6 @@ from minerva_bus.grammar.scene import (
     TransformationNode,
     of_pieces,
     shared,
-    still,
     walk,
 )
 
@@ -25,10 +24,10 @@ def fill(skeleton: Scene, parts: Mapping[str, Scene]) -> Scene:
     for piece in skeleton.pieces:
         if isinstance(piece, AgentNode):
             made += parts.get(piece.id, EMPTY).pieces
-        elif isinstance(piece, TransformationNode) and not still(piece):
-            made += fill_slots(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
-        else:
+        elif piece.still or piece.ids is not None:
             made.append(piece)
+        else:
+            made += fill_slots(Scene((piece,)), lambda slot: parts.get(slot.id, EMPTY)).pieces
     return of_pieces(skeleton, made)
 
 

@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.columns import columns_in
 from minerva_bus.grammar.scene import Scene
 
 FOLDER = Path("/dev/shm")  # noqa: S108
@@ -41,8 +41,7 @@ def column_bytes(scene: Scene) -> int:
     """How many bytes the numbers in a string's columns have: what its populations will send."""
     return sum(
         column.array.nbytes
-        for piece in scene.pieces
-        if isinstance(piece, Columns)
+        for piece in columns_in(scene)
         for column in piece.all_columns()
         if column.array.dtype != object
     )

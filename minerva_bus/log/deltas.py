@@ -21,15 +21,14 @@ from itertools import islice
 from typing import Any, Final, cast
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import difference, patched
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import (
     EMPTY,
     AgentNode,
-    FigureNode,
     Piece,
     Scene,
+    Scoped,
     with_scope,
 )
 from minerva_bus.wire.columns import is_patch, plain_patch
@@ -161,10 +160,10 @@ def _changed(old: Piece, new: Piece, depth: int) -> Any:
     """The step from the old piece to the new one; None if the new piece must be inserted."""
     if type(old) is AgentNode and type(new) is AgentNode and old.values is not new.values:
         return None  # The usual change: other attribute values.
-    if isinstance(old, Columns):
-        patch = difference(old, new) if isinstance(new, Columns) else None
-        return None if patch is None else plain_patch(patch)
-    if isinstance(old, FigureNode) or isinstance(new, Columns | FigureNode) or depth >= DEEPEST:
+    patch = difference(old, new)
+    if patch is not None:
+        return plain_patch(patch)
+    if not isinstance(old, Scoped) or not isinstance(new, Scoped) or depth >= DEEPEST:
         return None
     if type(old) is not type(new) or old.symbol != new.symbol or old.values is not new.values:
         return None
@@ -206,17 +205,15 @@ def _next(left: Iterator[Piece], count: int) -> list[Piece]:
 
 def _patched(piece: Piece, plain: Any, reader: Reader) -> Piece:
     try:
-        if isinstance(piece, Columns):
-            return patched(piece, reader.columns.patch(plain))
+        return patched(piece, reader.columns.patch(plain))
     except (Unfit, IndexError) as error:
         raise ProtocolError(f"a patch does not fit: {error}") from None
-    raise ProtocolError("a patch is for columns")
 
 
 def _rescoped(piece: Piece, step: Any, reader: Reader, depth: int) -> Piece:
     if not isinstance(step, dict) or list(cast("dict[Any, Any]", step)) != ["scope"]:
         raise ProtocolError("a step of a delta is a number, a string, a patch or a scope")
-    if isinstance(piece, FigureNode | Columns):
+    if not isinstance(piece, Scoped):
         raise ProtocolError("a delta enters a piece without a scope")
     delta = cast("dict[str, Any]", step)["scope"]
     return with_scope(piece, apply_delta(piece.scope, delta, reader, depth + 1))

@@ -9,8 +9,7 @@ from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.scene import Scene, agents
+from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.losses import Losses
 from minerva_bus.log.reader import Record
@@ -157,13 +156,7 @@ def _sensed(record: Record) -> tuple[dict[str, int], int]:
 
 def kinds_in(scene: Scene) -> dict[str, int]:
     """Number of agents of each kind in a string."""
-    counts: Counter[str] = Counter()
-    for piece in scene.pieces:
-        if not isinstance(piece, Columns):
-            counts.update(agent.symbol for agent in agents(Scene((piece,))))
-        elif piece.ids is not None:
-            counts[piece.symbol] += piece.count
-    return dict(sorted(counts.items()))
+    return dict(sorted(kind_counts(*scene.pieces).items()))
 
 
 def _means(timings: Iterable[Mapping[str, float]]) -> dict[str, float]:

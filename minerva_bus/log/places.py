@@ -24,7 +24,6 @@ from minerva_bus.grammar.scene import (
     Piece,
     Scene,
     TransformationNode,
-    still,
     walk,
 )
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -85,14 +84,12 @@ class Surveyor:
     def _all_places(self, scene: Scene) -> Iterator[Places]:
         nodes: list[Piece] = []
         for piece in scene.pieces:
-            if isinstance(piece, Columns):
+            if piece.ids is not None:
                 if piece.symbol in self.placed:
                     yield from _of_nodes(nodes, self._vocabulary, self.placed)
                     yield _of_columns(piece, self.placed[piece.symbol], self._most)
                     nodes = []
-            elif isinstance(piece, AgentNode) or not (
-                isinstance(piece, FigureNode) or still(piece)
-            ):
+            elif not piece.still:
                 nodes.append(piece)
         yield from _of_nodes(nodes, self._vocabulary, self.placed)
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.forms import Raster, Shape
 from minerva_bus.grammar.scene import EMPTY, FigureNode, Piece, Scene
 from minerva_bus.grammar.slots import fill_slots
@@ -63,9 +62,9 @@ def without_agents(scene: Scene) -> Scene:
     """A string without its agents."""
     made: list[Piece] = []
     for piece in scene.pieces:
-        if isinstance(piece, Columns | FigureNode):
-            made += [] if isinstance(piece, Columns) and piece.ids is not None else [piece]
-        else:
+        if piece.still:
+            made.append(piece)
+        elif piece.ids is None:
             made += fill_slots(Scene((piece,)), lambda _: EMPTY).pieces
     return Scene(tuple(made))
 

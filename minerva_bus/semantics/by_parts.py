@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Generic, TypeVar
 
 from minerva_bus.grammar.columns import walk_pieces
-from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene, TransformationNode, still
+from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
@@ -53,7 +53,7 @@ class ByParts(Generic[_T]):
     def _piece(self, at: int, piece: Piece, parts: Mapping[str, Scene]) -> list[_T]:
         if isinstance(piece, AgentNode):
             return self._part(piece, parts.get(piece.id))
-        if isinstance(piece, TransformationNode) and not still(piece):
+        if piece.ids is None and not piece.still:
             return self._around(piece, parts)
         if at not in self._static:
             self._static[at] = self._of("", "", Scene((piece,)))

@@ -275,8 +275,9 @@ class PopulationStep:
             scene = assembled(self._state, {row: step.string for row, step in steps})
         except Unsound as error:
             raise self._unsound(error.row, event, error) from error
-        if len(scene.pieces) == 1 and isinstance(scene.pieces[0], Columns):
-            self._adapter.keep(scene.pieces[0])
+        piece = scene.pieces[0] if len(scene.pieces) == 1 else None
+        if piece is not None and piece.ids is not None:
+            self._adapter.keep(piece)
         return scene, emissions(self._state.sent, sent)
 
     def _node(self, row: int) -> AgentNode:

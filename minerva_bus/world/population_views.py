@@ -8,7 +8,7 @@ import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import Events
-from minerva_bus.grammar.columns import Columns, Rows, size
+from minerva_bus.grammar.columns import Columns, Rows, has_columns
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY, AgentNode, Scene, agents
@@ -65,24 +65,20 @@ def returned(shown: object) -> Scene:
 def _one_each(result: object, count: int) -> Scene:
     """A string with a node for each of some agents, or the same for all of them."""
     shown = returned(result)
-    left = next(agents(shown), None) if not _plain(shown) else None
+    left = next(agents(shown), None)
     if left is not None:
         raise MisuseError(f"a view is a string of L(E): {left.symbol}#{left.id} is an agent")
     pieces = shown.pieces
     if not pieces:
         return EMPTY
-    if not any(isinstance(piece, Columns) for piece in pieces):
+    if not has_columns(shown):
         return Scene(pieces * count)
-    if any(size([piece]) != count for piece in pieces):
+    if any(piece.count != count for piece in pieces):
         raise MisuseError(
             f"the view of a population has a node for each of its {count} agents, not"
-            f" {sorted({size([piece]) for piece in pieces})}"
+            f" {sorted({piece.count for piece in pieces})}"
         )
     if len(pieces) == 1:
         return shown
-    each = [cast("Columns", piece).nodes() for piece in pieces]
+    each = [piece.nodes() for piece in pieces]
     return Scene(tuple([node for row in zip(*each, strict=True) for node in row]))
-
-
-def _plain(shown: Scene) -> bool:
-    return all(isinstance(piece, Columns) and piece.ids is None for piece in shown.pieces)
