@@ -18,10 +18,9 @@ from minerva_bus import (
 )
 from minerva_services.bridges.mqtt import Mqtt
 from minerva_services.bridges.mqtt.broker import Broker, Login
-from minerva_services.bridges.mqtt.event_rule import EventRule
+from minerva_services.bridges.mqtt.event_rule import EventRule, InvalidPayload
 from minerva_services.bridges.mqtt.outbox import MqttMessage, MqttOutbox
 from minerva_services.bridges.mqtt.pattern import Pattern
-from minerva_services.bridges.mqtt.payload import InvalidPayload
 from minerva_services.bridges.mqtt.rule import rules_of
 from minerva_services.bridges.mqtt.traffic import RateLimiter
 

@@ -14,12 +14,12 @@ from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
 from minerva_services.bridges.ros2.buffers import scanned_from, seen_from
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
 from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry
-from minerva_services.bridges.ros2.mounts import mount_of
+from minerva_services.bridges.ros2.mobile_base import FramePacer
 from minerva_services.bridges.ros2.network import Attachment, Ros2Network
-from minerva_services.bridges.ros2.pacing import FramePacer
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.ros_messages import Frames, SensorMount
+from minerva_services.bridges.ros_messages.frames import mount_of
 
 SCAN = "sensor_msgs/msg/LaserScan"
 HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"

@@ -16,8 +16,14 @@ from minerva_bus import Degrees, EventType, Frame, Metres, MinervaError, Tick, V
 from minerva_services.bridging.testing import Running
 from minerva_services.sensors.laser import Laser
 from minerva_services.sensors.rplidar import Rplidar, protocol
-from minerva_services.sensors.rplidar.packets import ExpressPackets, Samples, StandardPackets
-from minerva_services.sensors.rplidar.revolutions import LONGEST, RevolutionBuffer, ranges
+from minerva_services.sensors.rplidar.packets import (
+    LONGEST,
+    ExpressPackets,
+    RevolutionBuffer,
+    Samples,
+    StandardPackets,
+    ranges,
+)
 
 BEAMS = 120
 

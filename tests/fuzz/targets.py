@@ -43,8 +43,8 @@ from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.plain import unpack
 from minerva_bus.wire.status import read_lines, read_status
 from minerva_bus.world.recordings import RecordingError
+from minerva_services.bridges.mqtt.event_rule import InvalidPayload, Payload
 from minerva_services.bridges.mqtt.pattern import Pattern
-from minerva_services.bridges.mqtt.payload import InvalidPayload, Payload
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros_messages import GarbageError, images
 from minerva_services.bridges.ros_messages import readings as ros
@@ -52,9 +52,13 @@ from minerva_services.bridges.rosbag.bag import open_bag
 from minerva_services.sensors.carmen.log import open_log
 from minerva_services.sensors.nmea.sentences import SkippedSentence, read_fix
 from minerva_services.sensors.rplidar import protocol as rplidar
-from minerva_services.sensors.rplidar.packets import ExpressPackets, StandardPackets
-from minerva_services.sensors.rplidar.revolutions import RevolutionBuffer, ranges
-from minerva_services.sensors.serial_line.splitter import LineSplitter
+from minerva_services.sensors.rplidar.packets import (
+    ExpressPackets,
+    RevolutionBuffer,
+    StandardPackets,
+    ranges,
+)
+from minerva_services.sensors.serial_line.line import LineSplitter
 
 MOST = 500
 """Readings, or frames, that are looked at of one file."""

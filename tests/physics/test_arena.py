@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_services.physics.arena import Arena
-from minerva_services.physics.body import BodyPose, DriveOutcome, Odometer
+from minerva_services.physics.body import BodyPose, DriveOutcome, Odometer, SavedArena
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.saved import SavedArena
 from minerva_services.physics.walls import Segments, wall_segments
 
 MAPS = Path(__file__).parents[3] / "shared" / "data" / "ros_maps"

@@ -24,8 +24,8 @@ from minerva_bus import (
 from minerva_bus.grammar.fields import Default
 from minerva_bus.grammar.types import Cells, Metres
 from minerva_services.physics.arena import Arena
+from minerva_services.physics.encounters import Contact
 from minerva_services.physics.service import Physics
-from minerva_services.physics.touch import Contact
 from tests.collision_event import eCollision
 
 

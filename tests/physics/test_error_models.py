@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from minerva_bus.world.readings import Sighting
-from minerva_services.physics.beam_model import BeamModel
+from minerva_services.physics.error_models import BeamModel, DriveStep, MotionModel, SightingModel
 from minerva_services.physics.errors import PhysicsError
-from minerva_services.physics.motion_model import DriveStep, MotionModel
-from minerva_services.physics.sighting_model import SightingModel
 
 MANY = 20_000
 NAMES = ("desk", "door", "lamp")

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from minerva_agents.robot import jumps, planning, windows
+from minerva_agents.robot import jumps, planning
 from minerva_agents.robot.distances import clearance, inflate
 from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.planning import GridPath, nearest, shortest_path
@@ -254,8 +254,8 @@ def test_small_windows_change_no_length(problem, margin, seed):
     blocked, start, goal = problem
     targets = np.random.default_rng(seed).random(blocked.shape) < 0.05
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(windows, "_MARGIN", margin)
-        patch.setattr(windows, "_GROWTH", 2)
+        patch.setattr(planning, "_MARGIN", margin)
+        patch.setattr(planning, "_GROWTH", 2)
         found = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
     expected = shortest_path(blocked, start, goal), nearest(blocked, start, targets)
     assert [path and path.length for path in found] == [path and path.length for path in expected]

@@ -5,7 +5,7 @@ import pytest
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
-from minerva_agents.robot.giving_up import FAILURES, SEARCHES
+from minerva_agents.robot.deciding import FAILURES, SEARCHES
 from minerva_agents.robot.knowledge import FREE, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap

@@ -22,7 +22,7 @@ from minerva_agents.robot.world import scene, vocabulary  # noqa: E402
 from minerva_bus.errors import BusError  # noqa: E402
 from minerva_bus.runtime.client import Client  # noqa: E402
 from minerva_bus.semantics.picture import Lists, Texts  # noqa: E402
-from minerva_services.views.web.camera import FIELD, bounds_of, camera_pose  # noqa: E402
+from minerva_services.views.web.camera_control import FIELD, bounds_of, camera_pose  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium (apt install chromium)")

@@ -11,8 +11,7 @@ pytest.importorskip("viser")
 from minerva_bus.world.operator import LogEntry
 from minerva_services.views.web import html
 from minerva_services.views.web.controller import PageController
-from minerva_services.views.web.event_feed import ALL, NOTABLE, EventFeed
-from minerva_services.views.web.panel import Panel
+from minerva_services.views.web.panel import ALL, NOTABLE, EventFeed, Panel
 from minerva_services.views.web.picking import Clicked
 
 

@@ -9,7 +9,7 @@ from window_world import discs
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.semantics.plane import Pose
 from minerva_bus.world.readings import Scan, Sightings
-from minerva_services.views.window.beams import ScanBuffer, beams_of
+from minerva_services.views.window.composer import ScanBuffer, beams_of
 
 
 def scan(robot="b1", ranges=(1.0, 2.0, 8.0), time=0.0, **more):

@@ -8,7 +8,7 @@ from window_world import WORDS, Ledger, status
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_services.views.window.actions import OrderAction, PauseAction
-from minerva_services.views.window.caption import caption
+from minerva_services.views.window.composer import caption
 from minerva_services.views.window.monitor import WorldMonitor
 
 

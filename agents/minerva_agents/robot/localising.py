@@ -14,12 +14,11 @@ pose within the uncertainty of the last move.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_agents.robot.filling import filled
 from minerva_agents.robot.knowledge import (
     at_distance,
     clear_beam,
@@ -31,6 +30,27 @@ from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.motion import wrapped
 from minerva_agents.robot.robot import ARobot
 from minerva_bus import Context, Degrees, Event, EventBatch, Metres, on, portable
+
+Reals: TypeAlias = NDArray[np.float64]
+
+
+def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:
+    """The hits, plus points one cell apart between neighbours at most `max_gap` cells apart.
+
+    Distances are cells, angles degrees, (n,) each. A laser with few beams samples a wall sparsely,
+    and without interpolation a scan would fit best where its points coincide with those of the
+    previous scan. A laser with many beams needs none: interpolation would round off corners.
+    """
+    down, right = dist * portable.cos(np.radians(angle)), dist * portable.sin(np.radians(angle))
+    far_down, far_right = np.roll(down, -1) - down, np.roll(right, -1) - right
+    gaps = portable.hypot(far_down, far_right)
+    counts = np.where(gaps <= max_gap, np.maximum(np.ceil(gaps), 1), 1).astype(np.intp)
+    which = np.repeat(np.arange(len(dist)), counts)
+    firsts = np.cumsum(counts) - counts
+    parts = (np.arange(len(which)) - firsts[which]) / counts[which]
+    down, right = down[which] + parts * far_down[which], right[which] + parts * far_right[which]
+    return portable.hypot(down, right), np.degrees(portable.atan2(right, down))
+
 
 _GAP: Final = 0.6
 """Maximum gap in metres between neighbouring hits on one wall."""

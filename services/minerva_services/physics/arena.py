@@ -11,14 +11,21 @@ from collections.abc import Iterable, Mapping
 
 from minerva_bus import portable
 from minerva_bus.world.readings import Sighting
-from minerva_services.physics.body import Body, BodyPose, DriveCommand, DriveOutcome, Odometer
-from minerva_services.physics.encounters import MovingDisc, settle
+from minerva_services.physics.body import (
+    Body,
+    BodyPose,
+    DriveCommand,
+    DriveOutcome,
+    Odometer,
+    SavedArena,
+    restored,
+    saved,
+)
+from minerva_services.physics.encounters import Contact, MovingDisc, contacts, settle
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.obstacles import Obstacles
-from minerva_services.physics.saved import SavedArena, restored, saved
 from minerva_services.physics.sensors import Distances, camera, laser
 from minerva_services.physics.sweep import SLACK, Point, contact, offset
-from minerva_services.physics.touch import Contact, contacts
 from minerva_services.physics.walls import Segments
 
 

@@ -16,15 +16,12 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.physics.arena_state import ArenaState
-from minerva_services.physics.beam_model import BeamModel
 from minerva_services.physics.body import DriveCommand, DriveOutcome, Odometer
 from minerva_services.physics.collision_events import Collision, CollisionEvents
-from minerva_services.physics.error_models import ErrorModels
+from minerva_services.physics.error_models import BeamModel, ErrorModels, MotionModel, SightingModel
 from minerva_services.physics.errors import PhysicsError, positive
 from minerva_services.physics.geometry import PhysicalGeometry
-from minerva_services.physics.motion_model import MotionModel
 from minerva_services.physics.noise import Noise
-from minerva_services.physics.sighting_model import SightingModel
 
 
 class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("eCollision",)):
@@ -46,11 +43,11 @@ class Physics(Device, Generator, draws=("eRepresent",), coupled=True, events=("e
         turn_noise: standard deviation of turns in degrees.
         camera_noise: standard deviation of the camera's distances in metres.
         camera_angle_noise: standard deviation of the camera's angles in degrees.
-        alpha1: α1 of `motion_model`: turn error from turning, as a variance.
+        alpha1: α1 of `MotionModel`: turn error from turning, as a variance.
         alpha2: turn error from driving, rad²/m².
         alpha3: distance error from driving.
         alpha4: distance error from turning, m²/rad².
-        laser_short: probability of a beam that ends before its obstacle, see `beam_model`.
+        laser_short: probability of a beam that ends before its obstacle, see `BeamModel`.
         laser_decay: λ of these short ranges in 1/m.
         laser_random: probability of a meaningless range.
         camera_miss: probability that a visible marker is not recognised.

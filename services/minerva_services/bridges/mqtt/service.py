@@ -11,9 +11,8 @@ from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.mqtt.broker import Broker, Login
 from minerva_services.bridges.mqtt.connection import Connection, check_library, tls_context
 from minerva_services.bridges.mqtt.event_rule import EventRule
-from minerva_services.bridges.mqtt.geometry import PLACE, MessageGeometry
 from minerva_services.bridges.mqtt.outbox import MqttOutbox
-from minerva_services.bridges.mqtt.publication import publications_of
+from minerva_services.bridges.mqtt.publication import PLACE, MessageGeometry, publications_of
 from minerva_services.bridges.mqtt.rule import checked_qos, rules_of
 from minerva_services.bridges.mqtt.traffic import Traffic
 from minerva_services.bridging import Bridge

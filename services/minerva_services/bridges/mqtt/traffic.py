@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_bus.grammar.events import Event
 from minerva_services.bridges.mqtt.connection import Connection
-from minerva_services.bridges.mqtt.event_rule import EventRule
+from minerva_services.bridges.mqtt.event_rule import EventRule, InvalidPayload
 from minerva_services.bridges.mqtt.outbox import MqttOutbox
-from minerva_services.bridges.mqtt.payload import InvalidPayload
 
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage

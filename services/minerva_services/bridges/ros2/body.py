@@ -17,9 +17,9 @@ from minerva_services.bridges.ros2.driver import DriveTolerances
 from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry, OrderedRobot
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.mounts import mount_of
 from minerva_services.bridges.ros2.network import Ros2Network, Tls
 from minerva_services.bridges.ros2.steering import MotorLimits
+from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory
 from minerva_services.sensors.playback import checked_offset
 

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, Final
 
 from minerva_bus.errors import MisuseError
-from minerva_services.bridges.ros_messages.errors import GarbageError
+from minerva_services.bridges.ros_messages.frames import GarbageError
 
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Final
@@ -9,17 +10,36 @@ from typing import Final
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.services import Tick
-from minerva_services.bridges.ros2.buffers import SensorBuffers
+from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
 from minerva_services.bridges.ros2.geometry import MotorCommand, OrderedRobot
 from minerva_services.bridges.ros2.link import NetworkLink, log
 from minerva_services.bridges.ros2.motors import Motors
 from minerva_services.bridges.ros2.network import Ros2Network
-from minerva_services.bridges.ros2.pacing import FramePacer
-from minerva_services.bridges.ros2.publishing import ReadingPublisher
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.stepping import Stepper
+
+_FORGIVEN: Final = 5.0
+"""Delay in frames up to which the schedule is kept; beyond it, it restarts."""
+
+
+@dataclass(slots=True)
+class FramePacer:
+    """When the current command should end.
+
+    The time that the world needs between two commands, to measure, decide and distribute, counts
+    towards the second: meanwhile the robot still drives towards the end of the first.
+    """
+
+    due: float = -math.inf
+
+    def begin(self, seconds: float, now: float) -> float:
+        """The time left for a command that begins now, of its nominal duration."""
+        late = now - self.due
+        self.due = max(self.due + seconds, now) if late < _FORGIVEN * seconds else now + seconds
+        return self.due - now
+
 
 _POLL_SECONDS: Final = 0.005
 _SILENT_SECONDS: Final = 3.0

@@ -26,7 +26,6 @@ from minerva_services.bridges.ros2.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.mounts import UnplacedError, mount_of, mounting_of
 from minerva_services.bridges.ros2.network import Ros2Network, Tls
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros_messages import (
@@ -36,6 +35,7 @@ from minerva_services.bridges.ros_messages import (
     images,
     readings,
 )
+from minerva_services.bridges.ros_messages.frames import UnplacedError, mount_of, mounting_of
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory

@@ -1,6 +1,5 @@
 """Conversion of ROS messages to readings, shared by ROS 1 and ROS 2, bags and networks."""
 
-from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import Frames, SensorMount
+from minerva_services.bridges.ros_messages.frames import Frames, GarbageError, SensorMount
 
 __all__ = ["Frames", "GarbageError", "SensorMount"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus import portable
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.world.readings import CENTRE, Mount
 from minerva_services.bridging.transforms import inverse, matrix_of, product
 
@@ -19,6 +21,14 @@ BASE: Final = "base_link"
 _OPTICAL: Final = "optical_frame"
 _DIGITS: Final = 6
 """Decimals kept of a mount's metres and degrees: smaller digits are rounding noise."""
+
+
+class GarbageError(MinervaError):
+    """Bytes that are not a message of their type, or a message that is not a valid reading."""
+
+
+class UnplacedError(GarbageError):
+    """A message of a sensor whose mount is not known yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,3 +98,26 @@ class Frames:
 
 def _bare(frame: str) -> str:
     return frame.lstrip("/")
+
+
+def mounting_of(frames: Frames, base: str, frame: str, given: Mount | None) -> SensorMount:
+    """A sensor's mount: as given, or from its frame's transform. Raises UnplacedError."""
+    if given is not None:
+        return SensorMount(given)
+    mounting = frames.mounting(base, frame)
+    if mounting is None:
+        raise UnplacedError(f"no transform from {frame} to {base}")
+    return mounting
+
+
+def mount_of(text: str) -> Mount | None:
+    """Parse "x, y, degrees"; None for "". Raises MisuseError."""
+    if not text.strip():
+        return None
+    try:
+        x, y, angle = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = angle = math.nan
+    if not all(map(math.isfinite, (x, y, angle))):
+        raise MisuseError(f"ros2: mount is {text!r}; expected 'x, y, degrees'")
+    return Mount(x, y, angle)

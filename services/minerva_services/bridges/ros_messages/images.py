@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.world.readings import Image
 from minerva_bus.world.recordings import RecordingError
-from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import SensorMount
+from minerva_services.bridges.ros_messages.frames import GarbageError, SensorMount
 from minerva_services.bridges.ros_messages.readings import stamp_of
 
 _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.world.readings import Battery, Odometry, Position, Scan, Sighting, Sightings
-from minerva_services.bridges.ros_messages.errors import GarbageError
-from minerva_services.bridges.ros_messages.frames import Matrix, SensorMount
+from minerva_services.bridges.ros_messages.frames import GarbageError, Matrix, SensorMount
 from minerva_services.bridging.transforms import moved
 
 _FARTHEST: Final = float(np.finfo(np.float32).max)

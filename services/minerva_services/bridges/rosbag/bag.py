@@ -9,12 +9,37 @@ from typing import TYPE_CHECKING, Any, Final
 
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.bridges.ros_messages import Frames, GarbageError
-from minerva_services.bridges.rosbag.messages import CONVERSIONS
 from minerva_services.sensors.playback import MountOverride
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
+
+
+from collections.abc import Callable
+
+from minerva_bus.world.readings import Reading
+from minerva_services.bridges.ros_messages import SensorMount, images, readings
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """Conversion of a message type, and its default topic."""
+
+    topic: str
+    read: Callable[[Any, str, SensorMount, float | None], Reading]
+
+
+CONVERSIONS: Final[Mapping[str, Conversion]] = {
+    "sensor_msgs/msg/LaserScan": Conversion("scan", readings.scan_of),
+    "nav_msgs/msg/Odometry": Conversion("odometry", readings.odometry_of),
+    "sensor_msgs/msg/Image": Conversion("image", images.image_of),
+    "sensor_msgs/msg/CompressedImage": Conversion("image", images.file_of),
+    "sensor_msgs/msg/BatteryState": Conversion("battery", readings.battery_of),
+    "sensor_msgs/msg/NavSatFix": Conversion("position", readings.position_of),
+}
+"""Keyed by type name; rosbags uses the same names for ROS 1."""
+
 
 _STATIC: Final = "tf_static"
 _NANO: Final = 1e-9

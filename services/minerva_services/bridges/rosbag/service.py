@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from minerva_bus.errors import MisuseError
-from minerva_services.bridges.rosbag.bag import Bag
-from minerva_services.bridges.rosbag.messages import CONVERSIONS
+from minerva_services.bridges.rosbag.bag import CONVERSIONS, Bag
 from minerva_services.sensors.playback import MountOverride, PlaybackPace, Playing
 
 

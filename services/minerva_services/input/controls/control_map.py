@@ -1,16 +1,106 @@
-"""The events of a device's keys and buttons, prepared when a world is joined."""
+"""Bindings of keys and buttons to events, which are created when a world is joined."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import shlex
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any, cast
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MisuseError, SceneError
 from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.parser import parse
+from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import WorldInfo
 from minerva_services.event_factory import event_type
-from minerva_services.input.controls.binding import Binding, only_datum
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """An event type by name, and its data as words; an unnamed word is the only datum."""
+
+    type: str
+    words: tuple[tuple[str, str], ...] = ()
+
+    def event(self, service: str, world: WorldInfo, to: tuple[str, ...]) -> Event:
+        """The event in a world, for these receivers. Raises MisuseError, naming the service."""
+        declared = event_type(service, world, self.type)
+        data = {name or only_datum(service, declared): shown for name, shown in self.words}
+        if len(data) < len(self.words):
+            raise MisuseError(f"{service}: {self} does not fit: each datum is given once")
+        kinds = {field.name: field.type.kind for field in declared.fields.all}
+        values = {
+            name: shown if kinds.get(name) == "text" else _value(shown)
+            for name, shown in data.items()
+        }
+        try:
+            made: Event = declared(receivers=to, **values)
+        except (MisuseError, SceneError) as error:
+            raise MisuseError(f"{service}: {self} does not fit: {error}") from None
+        return made
+
+    def __str__(self) -> str:
+        shown = [f"{name}={word}" if name else word for name, word in self.words]
+        return " ".join([self.type, *shown])
+
+
+def only_datum(service: str, declared: EventType, kind: str = "") -> str:
+    """Name of an event type's only datum, which must be of a kind. Raises MisuseError."""
+    fields = declared.fields.all
+    if len(fields) != 1 or kind not in ("", fields[0].type.kind):
+        wanted = f"one {kind} number" if kind == "real" else "one datum"
+        data = ", ".join(f"{field.name} ({field.type})" for field in fields) or "none"
+        raise MisuseError(f"{service}: {declared.name} must have {wanted}; it has {data}")
+    return fields[0].name
+
+
+def bindings(service: str, option: str, given: Mapping[str, Any] | None) -> dict[str, Binding]:
+    """Parse an option such as `keys = { w = "eSpeed speed=0.8" }`. Raises MisuseError."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise MisuseError(
+            f'{service}: {option} must be a table such as {{ w = "eSpeed speed=0.8" }}'
+        )
+    return {str(name): _read(service, f"{option}.{name}", text) for name, text in given.items()}
+
+
+def choices(service: str, type_: str, given: Any) -> list[Binding]:
+    """One event per text: a list, or a comma-separated string. Raises MisuseError."""
+    if isinstance(given, str):
+        given = [text.strip() for text in given.split(",") if text.strip()]
+    items = cast("Iterable[Any]", given) if isinstance(given, list | tuple) else (None,)
+    texts = [item for item in items if isinstance(item, str) and item]
+    if len(texts) < len(list(items)):
+        raise MisuseError(
+            f'{service}: markers must be a list of strings such as ["kitchen", "lab"]'
+        )
+    return [Binding(type_, (("", text),)) for text in texts]
+
+
+def _read(service: str, where: str, text: Any) -> Binding:
+    try:
+        first, *words = shlex.split(text) if isinstance(text, str) else [""]
+    except ValueError:
+        first, words = "", list[str]()
+    pairs = [word.partition("=") for word in words]
+    if not first.startswith("e") or not all(name for name, _, _ in pairs):
+        raise MisuseError(
+            f"{service}: {where} is {text!r}; expected an event type and its data,"
+            " such as 'eSpeed speed=0.8'"
+        )
+    return Binding(first, tuple([(n, v) if equals else ("", n) for n, equals, v in pairs]))
+
+
+def _value(shown: str) -> Any:
+    """A value in the language's syntax; strings may omit their quotes."""
+    try:
+        (node,) = parse(f"P<value={shown}>", "value")
+        (value,) = node.values
+    except (SceneError, ValueError):
+        return shown
+    return value
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
-from minerva_services.input.keyboard.keys import KeyDecoder
-from minerva_services.input.keyboard.terminal import Terminal
+from minerva_services.input.keyboard.terminal import KeyDecoder, Terminal
 
 DIGITS: Final = "1234567890"
 

@@ -12,8 +12,7 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
 from minerva_services.physics.neighbours.lattice import HOODS, Lattice, counts
-from minerva_services.physics.neighbours.perception import individual, summary
-from minerva_services.physics.neighbours.plane import near, tree
+from minerva_services.physics.neighbours.perception import individual, near, summary, tree
 from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
 _KINDS = {"who": "text", "number": "int", "same": "int"}

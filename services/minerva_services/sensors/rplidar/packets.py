@@ -1,4 +1,4 @@
-"""Decoding of scan data to measurements; damaged packets are skipped and counted.
+"""Decoding of scan data to measurements and revolutions; damaged packets are counted.
 
 Formats: chapter 4, "Start scan" (figure 4-5) and "Start express scan" (figures 4-12, 4-13). Angles
 of an express scan: ibid., "Data processing of the express scan data".
@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -164,3 +165,62 @@ def _express(capsule: bytes, first: float, width: float) -> tuple[NDArray[np.flo
     compensation = (low | (words & 3) << 4) / 8.0
     raw = (first + width / 32.0 * np.arange(32, dtype=np.float64)) % 360.0
     return raw, (raw - compensation.ravel()) % 360.0, (words >> 2).ravel() / 1000.0
+
+
+LONGEST: Final = 32_768
+"""Samples without the start of a revolution after which the data are discarded."""
+
+
+class RevolutionBuffer:
+    """Collects samples until a revolution is complete; the first partial one is discarded."""
+
+    def __init__(self, count: Count) -> None:
+        self._count = count
+        self._parts: list[Samples] = []
+        self._length = 0
+        self._begun = False
+
+    def add(self, samples: Samples) -> Iterator[Samples]:
+        """The revolutions that end within these samples."""
+        cuts = [0, *np.flatnonzero(samples.starts).tolist(), len(samples.angles)]
+        for number, (begin, end) in enumerate(pairwise(cuts)):
+            if number:
+                yield from self._end()
+                self._begun = True
+            if self._begun and end > begin:
+                self._gather(_part(samples, begin, end))
+
+    def _end(self) -> Iterator[Samples]:
+        if self._parts:
+            yield Samples(
+                np.concatenate([part.angles for part in self._parts]),
+                np.concatenate([part.distances for part in self._parts]),
+                np.concatenate([part.starts for part in self._parts]),
+            )
+        self._parts, self._length = [], 0
+
+    def _gather(self, part: Samples) -> None:
+        self._parts.append(part)
+        self._length += len(part.angles)
+        if self._length > LONGEST:
+            self._count("endless turns")
+            self._parts, self._length, self._begun = [], 0, False
+
+
+def _part(samples: Samples, begin: int, end: int) -> Samples:
+    rows = slice(begin, end)
+    return Samples(samples.angles[rows], samples.distances[rows], samples.starts[rows])
+
+
+def ranges(turn: Samples, beams: int) -> NDArray[np.float32]:
+    """A revolution in equal steps, shape (beams,), metres: beam i at i·360/beams degrees.
+
+    Counter-clockwise, unlike the lidar's own angles. Each sample belongs to the nearest beam, whose
+    shortest hit counts; a beam without samples is 0.
+    """
+    hit = turn.distances > 0
+    beam = np.rint(-turn.angles[hit] * (beams / 360.0)).astype(np.intp) % beams
+    nearest = np.full(beams, np.inf)
+    np.minimum.at(nearest, beam, turn.distances[hit])
+    nearest[np.isinf(nearest)] = 0.0
+    return nearest.astype(np.float32)

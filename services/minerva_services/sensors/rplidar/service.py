@@ -15,9 +15,8 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Scan
 from minerva_services.bridging import Bridge, SourceError
 from minerva_services.sensors.rplidar.lidar import Lidar
-from minerva_services.sensors.rplidar.packets import Samples
+from minerva_services.sensors.rplidar.packets import RevolutionBuffer, Samples, ranges
 from minerva_services.sensors.rplidar.protocol import EXPRESS_SINCE
-from minerva_services.sensors.rplidar.revolutions import RevolutionBuffer, ranges
 from minerva_services.sensors.serial_line import SerialLine, check_installed, open_line
 
 MODES: Final = ("auto", "express", "standard")

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.options import event_types, names_in
-from minerva_services.views.sound.roles import roles
 from minerva_services.views.sound.sonification import Sonification
+from minerva_services.views.sound.sound_geometry import roles
 from minerva_services.views.sound.tuning import Tuning
 from minerva_services.views.sound.wavfile import WavFile, wav_path
 

@@ -8,8 +8,7 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Pose
 from minerva_bus.world.services import View, WorldInfo
-from minerva_services.views.sound.roles import SoundRoles
-from minerva_services.views.sound.sound_geometry import SoundGeometry
+from minerva_services.views.sound.sound_geometry import SoundGeometry, SoundRoles
 from minerva_services.views.sound.synthesis import Synthesis
 from minerva_services.views.sound.tuning import Tone, Tuning
 from minerva_services.views.sound.wavfile import WavFile

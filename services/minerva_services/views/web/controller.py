@@ -12,10 +12,9 @@ from typing import Any, Protocol
 from minerva_bus.errors import MinervaError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.world.services import WorldInfo
-from minerva_services.views.web.event_feed import EventFeed
 from minerva_services.views.web.html import parted
 from minerva_services.views.web.orders import OrderSender, first_with
-from minerva_services.views.web.panel import Panel
+from minerva_services.views.web.panel import EventFeed, Panel
 from minerva_services.views.web.picking import Clicked
 
 BEAT = 0.1

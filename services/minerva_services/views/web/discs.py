@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from viser import SceneApi
 
 from minerva_bus.semantics.picture import Discs
-from minerva_services.views.web.batch import MANY, Batch
-from minerva_services.views.web.rotation import upright
+from minerva_services.views.web.batch import MANY, Batch, upright
 from minerva_services.views.web.solids import arrow, cylinder
 
 _STEP, _MOST = 0.01, 0.5

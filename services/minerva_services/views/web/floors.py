@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from viser import ImageHandle, MeshHandle, SceneApi
 
 from minerva_bus.semantics.picture import Tiles, rgb
-from minerva_services.views.web.rotation import upright
+from minerva_services.views.web.batch import upright
 from minerva_services.views.web.solids import flat, walls
 
 _Nodes: TypeAlias = "list[MeshHandle | ImageHandle]"

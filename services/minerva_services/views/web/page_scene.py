@@ -11,15 +11,13 @@ from viser import SceneApi, ViserServer
 
 from minerva_bus.semantics.bounds import Bounds
 from minerva_bus.semantics.picture import Discs, Picture, Polyline, Texts, Tiles
-from minerva_services.views.web.batch import Batch
-from minerva_services.views.web.camera import bounds_of
-from minerva_services.views.web.camera_control import CameraControl
+from minerva_services.views.web.batch import Batch, upright
+from minerva_services.views.web.camera_control import CameraControl, bounds_of
 from minerva_services.views.web.discs import DiscNodes, DiscTable, disc_table
 from minerva_services.views.web.floors import FloorNodes
 from minerva_services.views.web.lines import LineNodes
 from minerva_services.views.web.picking import Clicked, clicked
 from minerva_services.views.web.pins import PinNodes
-from minerva_services.views.web.rotation import upright
 from minerva_services.views.web.solids import ring
 
 _ACCENT = (255, 196, 0)

@@ -6,8 +6,7 @@ import numpy as np
 from viser import LabelHandle, SceneApi
 
 from minerva_bus.semantics.picture import Texts, rgb
-from minerva_services.views.web.batch import Batch
-from minerva_services.views.web.rotation import upright
+from minerva_services.views.web.batch import Batch, upright
 from minerva_services.views.web.solids import pin
 
 MOST_LABELS = 300

@@ -14,16 +14,15 @@ processes keyboard and mouse, sends users' orders, and polls the world's status.
 
 - `options`: the options of a view, validated; they select a window, pictures or a video.
 - `painter`: the protocol `Painter`, and `Sight`, everything that it displays at one time.
-- `device`: `WindowDevice`; `composer`: from views to a `Sight`; `outputs`: pictures and videos.
+- `device`: `WindowDevice`; `composer`: from views and scans to a `Sight`.
+- `outputs`: PNG files and videos; `video`: MP4 and GIF files.
 - `picking`: what is under the mouse: the nearest disc of an agent, or a label.
 - `order_types`: which of the world's event types a click, two clicks and the arrow keys send.
-- `controls`: from clicks and keys to actions; `actions`: what is done to the world and reported.
+- `controls`: key bindings, and from clicks and keys to actions; `actions`: changes to the world.
 - `monitor`: a thread that performs actions and polls the status, so that no window blocks.
-- `keys`: the key bindings; the help is generated from them.
-- `screen`: pygame's display, or an error that says why there is none.
-- `pictures`: PNG files; `video`: MP4 and GIF files.
+- `screen`: pygame's display, or an error that explains why there is none.
 
-Only `screen`, `pictures`, `video` and `events` need a library, which they import when used.
+Only `screen`, `outputs`, `video` and `events` need a library, which they import when used.
 """
 
 from minerva_services.views.window.device import WindowDevice

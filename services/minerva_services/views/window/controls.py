@@ -5,6 +5,8 @@ Pure: knows the selection and the world's order types, and performs nothing itse
 
 from __future__ import annotations
 
+from enum import Enum
+
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.picture import Picture
 from minerva_bus.world.operator import WorldStatus
@@ -17,9 +19,41 @@ from minerva_services.views.window.actions import (
     StepAction,
     WorldAction,
 )
-from minerva_services.views.window.keys import KEYS, Action
 from minerva_services.views.window.order_types import OrderTypes, order_types
 from minerva_services.views.window.picking import Hit, first_agent
+
+
+class Action(Enum):
+    """Meanings of keys."""
+
+    PAUSE = "pause, go on"
+    STEP = "one frame"
+    MORE = "more"
+    LESS = "less"
+    FOLLOW = "follow the selected agent"
+    DESELECT = "select nobody"
+    FIT = "show the whole world"
+    BEAMS = "laser beams"
+    HELP = "this help"
+
+
+KEYS: dict[Action, tuple[str, ...]] = {
+    Action.PAUSE: ("space",),
+    Action.STEP: ("n", "."),
+    Action.MORE: ("up", "+", "=", "[+]"),
+    Action.LESS: ("down", "-", "[-]"),
+    Action.FOLLOW: ("f",),
+    Action.DESELECT: ("escape",),
+    Action.FIT: ("0", "home", "[0]"),
+    Action.BEAMS: ("b",),
+    Action.HELP: ("h", "f1"),
+}
+_ACTIONS = {key: action for action, keys in KEYS.items() for key in keys}
+
+
+def action_of(key: str) -> Action | None:
+    """The action of a key, by pygame's name."""
+    return _ACTIONS.get(key.lower())
 
 
 class WindowControls:

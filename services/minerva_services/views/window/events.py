@@ -10,8 +10,7 @@ import pygame
 
 from minerva_bus.semantics.picture import Picture
 from minerva_services.views.window.actions import WorldAction
-from minerva_services.views.window.controls import WindowControls
-from minerva_services.views.window.keys import Action, action_of
+from minerva_services.views.window.controls import Action, WindowControls, action_of
 from minerva_services.views.window.painter import Painter
 from minerva_services.views.window.picking import Hit, pick
 
