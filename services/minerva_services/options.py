@@ -1,8 +1,59 @@
-"""Options that list names in one string, separated by commas."""
+"""Common parts of services: groups of options, lists in one string, libraries, passwords."""
 
 from __future__ import annotations
 
+import importlib.util
+import inspect
+import os
+from collections.abc import Callable
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
 from minerva_bus.errors import MisuseError
+
+_Init = TypeVar("_Init", bound=Callable[..., None])
+
+
+def takes_options(*groups: type[Any], without: tuple[str, ...] = ()) -> Callable[[_Init], _Init]:
+    """Decorator of a constructor whose `**` parameter holds the fields of dataclasses of options.
+
+    The constructor's signature then lists these options with their types and defaults, except those
+    of `without`, because the bus checks the options of a world file against the signature.
+    """
+
+    def extended(init: _Init) -> _Init:
+        signature = inspect.signature(init)
+        *own, _ = signature.parameters.values()
+        added = [
+            inspect.Parameter(
+                field.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if field.default is MISSING else field.default,
+                annotation=get_type_hints(group)[field.name],
+            )
+            for group in groups
+            for field in fields(group)
+            if field.name not in (*signature.parameters, *without)
+        ]
+        described: Any = init  # the type of functions does not declare __signature__
+        described.__signature__ = signature.replace(parameters=[*own, *added])
+        init.__annotations__ |= {parameter.name: parameter.annotation for parameter in added}
+        return init
+
+    return extended
+
+
+def grouped(given: dict[str, Any], *groups: type[Any]) -> tuple[Any, ...]:
+    """The dataclasses of options, created from their fields. Raises TypeError for other options."""
+    rest = dict(given)
+    made = [
+        group(**{field.name: rest.pop(field.name) for field in fields(group) if field.name in rest})
+        for group in groups
+    ]
+    if rest:
+        raise TypeError(f"unknown options: {', '.join(rest)}")
+    return tuple(made)
 
 
 def names_in(text: str) -> tuple[str, ...]:
@@ -16,3 +67,30 @@ def event_types(service: str, text: str) -> tuple[str, ...]:
     if not types:
         raise MisuseError(f"{service}: draws is {text!r}; expected visual event types, as ePicture")
     return types
+
+
+def require(service: str, module: str, library: str, extra: str) -> None:
+    """Raise MisuseError, with the command that installs it, if a library is not installed.
+
+    The library is not imported: some take seconds, too long for a frame.
+    """
+    try:
+        missing = importlib.util.find_spec(module) is None
+    except ImportError:  # not even its package
+        missing = True
+    if missing:
+        raise MisuseError(f"{service} needs {library}: pip install 'minerva-bus[{extra}]'")
+
+
+def read_password(service: str, variable: str, file: str) -> str:
+    """The password in an environment variable or in a file. Raises MisuseError."""
+    if variable:
+        password = os.environ.get(variable)
+        if password is None:
+            raise MisuseError(f"{service}: environment variable {variable} is not set")
+        return password
+    try:
+        return Path(file).read_text(encoding="utf-8").rstrip("\r\n")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise MisuseError(f"{service}: password_file {file}: {reason}") from None

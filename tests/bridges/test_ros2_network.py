@@ -102,7 +102,7 @@ def test_garbage_and_what_has_no_place_are_counted():
     with network() as (endpoint, hub):
         session = Ros2Session(Ros2Network(endpoint), "robot")
         laser = session.publisher("scan", types.LASER_SCAN)
-        key = Ros2Network(endpoint).key("scan", types.LASER_SCAN, "RIHS01_0")
+        key = Ros2Network(endpoint).key_of("scan", types.LASER_SCAN, "RIHS01_0")
         with Heard(Ros2(endpoint)) as heard:
 
             def counted():

@@ -124,7 +124,7 @@ print(json.dumps([made, topic_keyexpr(5, "/a/b", name, made), endpoint_livelines
     made, key, token = json.loads(judge.stdout.readline())
     vector, ours = "geometry_msgs/msg/Vector3", Ros2Network("tcp/h:1", domain=5)
     assert messages().hash(vector) == made
-    assert ours.key("a/b", vector, made) == key
+    assert ours.key_of("a/b", vector, made) == key
     # A root namespace is "/", of which rmw_zenoh makes %.
     told = ours.topic_token("abc", "motors", 3, "MP", "a/b", vector, made, lasting=False)
     assert told == token

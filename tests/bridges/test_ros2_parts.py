@@ -56,17 +56,17 @@ def test_after_a_rest_the_rhythm_begins_anew():
 
 def test_the_key_of_a_topic_in_rmw_zenoh():
     network = Ros2Network("tcp/h:7447", domain=5)
-    assert network.key("scan", SCAN, HASH) == f"5/scan/sensor_msgs::msg::dds_::LaserScan_/{HASH}"
+    assert network.key_of("scan", SCAN, HASH) == f"5/scan/sensor_msgs::msg::dds_::LaserScan_/{HASH}"
     assert network.pattern("/scan", SCAN) == "5/scan/sensor_msgs::msg::dds_::LaserScan_/*"
 
 
 def test_the_key_of_a_topic_in_dds_is_its_name():
-    assert Ros2Network("tcp/h:7447", "dds").key("/scan", SCAN, HASH) == "scan"
+    assert Ros2Network("tcp/h:7447", "dds").key_of("/scan", SCAN, HASH) == "scan"
     assert Ros2Network("tcp/h:7447", "dds", namespace="/bot1").pattern("scan", SCAN) == "bot1/scan"
 
 
 def test_humble_has_no_hashes():
-    key = Ros2Network("tcp/h:7447", humble=True).key("scan", SCAN, HASH)
+    key = Ros2Network("tcp/h:7447", humble=True).key_of("scan", SCAN, HASH)
     assert key == "0/scan/sensor_msgs::msg::dds_::LaserScan_/TypeHashNotSupported"
 
 

@@ -14,7 +14,7 @@ from minerva_bus.security.keys import Keys
 from minerva_services.bridges.ros2 import Ros2
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridging import SourceError
 from tests.runtime.running import eventually
@@ -58,11 +58,12 @@ def endpoint(keys):
 
 def files(keys, name="robot"):
     own = keys.credentials(name)
-    return Tls(str(own.authority), str(own.certificate), str(own.key))
+    names = "authority", "certificate", "key"
+    return {name: str(getattr(own, name)) for name in names}
 
 
 def test_messages_go_over_a_secured_link(keys, endpoint):
-    network, heard = Ros2Network(endpoint, tls=files(keys)), []
+    network, heard = Ros2Network(endpoint, **files(keys)), []
     one, other = Ros2Session(network, "one"), Ros2Session(network, "other")
     one.subscribe("cmd_vel", types.TWIST, heard.append)
     motors = other.publisher("cmd_vel", types.TWIST)
@@ -74,10 +75,9 @@ def test_messages_go_over_a_secured_link(keys, endpoint):
 def test_who_shows_no_certificate_or_a_wrong_one_stays_outside(keys, endpoint, tmp_path):
     own = files(keys)
     stranger = files(keys_in(tmp_path / "others"))
-    wrong = Tls(own.authority, stranger.certificate, stranger.key)
-    for tls in (Tls(own.authority), wrong):
+    for tls in ({"authority": own["authority"]}, stranger | {"authority": own["authority"]}):
         with pytest.raises(SourceError, match="no ROS 2 network answers at tls/"):
-            Ros2Session(Ros2Network(endpoint, tls=tls), "stranger")
+            Ros2Session(Ros2Network(endpoint, **tls), "stranger")
 
 
 @pytest.mark.parametrize(

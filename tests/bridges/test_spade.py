@@ -140,7 +140,7 @@ def test_a_view_is_a_mailbox():
 
 
 def joined(monkeypatch, vocabulary=None, server=""):
-    monkeypatch.setattr(service, "check_library", lambda: None)
+    monkeypatch.setattr(service, "require", lambda *_: None)
     monkeypatch.setenv("YARD_PASSWORD", "secret")
     bridge = Spade(["clerk"], domain="localhost", password_env="YARD_PASSWORD", server=server)
     bridge.joined(WorldInfo("w", vocabulary or Vocabulary.of(*MESSAGES, *OUTSIDE), 0, 0.1))

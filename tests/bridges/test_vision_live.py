@@ -59,7 +59,7 @@ class Told(list):
 
 
 def vision(source):
-    service = Vision(str(source), "6X6_250", SIZE, robot="r", fx=FX)
+    service = Vision(str(source), dictionary="6X6_250", size=SIZE, robot="r", fx=FX)
     service.joined(WorldInfo("w", Vocabulary.of(), 0, 0.1))
     return service
 

@@ -1,5 +1,5 @@
 """Base of all bridges: connecting, reconnecting and counting."""
 
-from minerva_services.bridging.bridge import Bridge, Source, SourceError
+from minerva_services.bridging.bridge import Bridge, OpenSource, Source, SourceError
 
-__all__ = ["Bridge", "Source", "SourceError"]
+__all__ = ["Bridge", "OpenSource", "Source", "SourceError"]

@@ -10,8 +10,9 @@ import sys
 import threading
 import time
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from minerva_bus.errors import MinervaError
@@ -33,7 +34,7 @@ class SourceError(MinervaError):
 class Source(Protocol):
     """Something that yields readings and events until it ends."""
 
-    def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
+    def read(self, stop: threading.Event, /) -> Iterator[SourceItem | None]:
         """Items as they arrive; None from time to time while there are none.
 
         Ends when the source is exhausted, or soon after `stop` is set. Raises SourceError if the
@@ -44,6 +45,14 @@ class Source(Protocol):
     def close(self) -> None:
         """Release the source."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class OpenSource:
+    """A `Source` of two functions."""
+
+    read: Callable[[threading.Event], Iterator[SourceItem | None]]
+    close: Callable[[], None]
 
 
 class Bridge(Generator, lockstep=False):
@@ -132,6 +141,17 @@ class Bridge(Generator, lockstep=False):
                 emit(item)
                 self.count("events")
 
-    def _log(self, what: str) -> None:
-        sys.stdout.write(f"{what}\n")
-        sys.stdout.flush()
+    def pass_over(self, what: str, line: str) -> None:
+        """Count skipped input, and log the first of its kind."""
+        if what not in self._counts:
+            self._log(f"{line}; further ones are counted as {what!r}")
+        self.count(what)
+
+    def _log(self, line: str) -> None:
+        log(line)
+
+
+def log(line: str) -> None:
+    """Write a line to standard output at once: the launcher shows it as the member's log."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()

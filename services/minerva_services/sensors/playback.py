@@ -208,9 +208,3 @@ class Playing(Bridge):
 
     def _uncorrected(self) -> None:
         self.pass_over(NOT_CORRECTED, f"{self.source}: {WHY_NOT_CORRECTED}")
-
-    def pass_over(self, what: str, line: str) -> None:
-        """Count skipped input, and log the first of its kind."""
-        if what not in self._counts:
-            self._log(f"{line}; further ones are counted as {what!r}")
-        self.count(what)

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 from urllib.parse import SplitResult, urlsplit
 
 from minerva_bus.errors import MisuseError
+from minerva_services.options import read_password
 
 _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 
 
 @dataclass(frozen=True, slots=True)
 class Login:
-    """Client id, user, and where the password and certificates are stored."""
+    """Client id, user, and where the password and certificates are stored.
+
+    Args:
+        client: the client id; assigned by the broker by default.
+        user: user name; its password is in an environment variable or a file.
+        password_env: the environment variable.
+        password_file: the file.
+        ca: a PEM file of trusted authorities; the system's by default.
+        cert: a PEM file with a client certificate, for brokers that require one.
+        key: its key, if that is in another file.
+
+    Raises MisuseError for options that exclude or require each other.
+
+    """
 
     client: str = ""
     user: str = ""
@@ -35,18 +47,9 @@ class Login:
 
     def password(self) -> str | None:
         """The password, read from its storage. Raises MisuseError."""
-        if self.password_env:
-            password = os.environ.get(self.password_env)
-            if password is None:
-                raise MisuseError(f"mqtt: environment variable {self.password_env} is not set")
-            return password
-        if not self.password_file:
+        if not self.password_env and not self.password_file:
             return None
-        try:
-            return Path(self.password_file).read_text(encoding="utf-8").rstrip("\r\n")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            raise MisuseError(f"mqtt: password_file {self.password_file}: {reason}") from None
+        return read_password("mqtt", self.password_env, self.password_file)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,14 +23,6 @@ WAITING: Final = 1000
 ONLINE, OFFLINE = b"online", b"offline"
 
 
-def check_library() -> None:
-    """Raise MisuseError if the MQTT library is not installed."""
-    try:
-        import paho.mqtt.client as _  # noqa: F401
-    except ImportError:
-        raise MisuseError("mqtt needs paho-mqtt: pip install 'minerva-bus[mqtt]'") from None
-
-
 def tls_context(login: Login) -> ssl.SSLContext:
     """The TLS context for a login. Raises MisuseError for missing or invalid files."""
     for name, path in (("ca", login.ca), ("cert", login.cert), ("key", login.key)):

@@ -9,7 +9,7 @@ from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.mqtt.broker import Broker, Login
-from minerva_services.bridges.mqtt.connection import Connection, check_library, tls_context
+from minerva_services.bridges.mqtt.connection import Connection, tls_context
 from minerva_services.bridges.mqtt.event_rule import EventRule
 from minerva_services.bridges.mqtt.outbox import MqttOutbox
 from minerva_services.bridges.mqtt.publication import PLACE, MessageGeometry, publications_of
@@ -17,6 +17,7 @@ from minerva_services.bridges.mqtt.rule import checked_qos, rules_of
 from minerva_services.bridges.mqtt.traffic import Traffic
 from minerva_services.bridging import Bridge
 from minerva_services.event_factory import event_type
+from minerva_services.options import require, takes_options
 
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage
@@ -28,18 +29,12 @@ class Mqtt(Bridge, Device, lockstep=False):
     As a device its geometric system consists of messages: α of a primitive is a publication.
 
     Args:
-        broker: `mqtt://HOST[:PORT]`, or `mqtts://` for TLS.
+        broker: `mqtt://HOST[:PORT]`, or `mqtts://` for TLS; user, password and certificates are the
+          options of `Login`.
         topics: incoming messages: by topic pattern an event type, a table, or a list of these.
         publish: outgoing messages: by primitive a topic, or a table.
         draws: the visual event type whose views are published.
         every: frames between views; 0 leaves requesting them to a generator.
-        user: user name; its password is in an environment variable or a file.
-        password_env: the environment variable.
-        password_file: the file.
-        ca: a PEM file of trusted authorities; the system's by default.
-        cert: a PEM file with a client certificate, for brokers that require one.
-        key: its key, if that is in another file.
-        client: the client id; assigned by the broker by default.
         keeps: whether the broker stores messages of QoS 1 or 2 for this client id while the bridge
           is disconnected.
         qos: default QoS of subscriptions and publications: 0, 1 or 2.
@@ -53,6 +48,7 @@ class Mqtt(Bridge, Device, lockstep=False):
 
     source_option: ClassVar[str] = "broker"
 
+    @takes_options(Login)
     def __init__(
         self,
         broker: str,
@@ -60,28 +56,22 @@ class Mqtt(Bridge, Device, lockstep=False):
         publish: Mapping[str, Any] | None = None,
         draws: str = "ePicture",
         every: int = 1,
-        user: str = "",
-        password_env: str = "",
-        password_file: str = "",
-        ca: str = "",
-        cert: str = "",
-        key: str = "",
-        client: str = "",
         keeps: bool = False,
         qos: int = 0,
         status: str = "",
         most: int = 1000,
         people: bool = True,
+        **login: Any,
     ) -> None:
         super().__init__()
         self.people = people
         self._broker = Broker.at(broker)
-        _check(keeps and not client, "keeps requires the option client")
+        self._login = Login(**login)
+        _check(keeps and not self._login.client, "keeps requires the option client")
         _check(every < 0, f"every is {every}; expected a number of frames from 0")
         _check(most < 0, f"most is {most}; expected a number of events a second from 0")
         _check(bool(set(status) & set("+#\0")), f"status is {status!r}; expected a topic")
         _check(not topics and not publish, "nothing to do; give topics (in), publish (out) or both")
-        self._login = Login(client, user, password_env, password_file, ca, cert, key)
         self._keeps, self._status, self._most = keeps, status, most
         self.source = f"mqtt: the broker {self._broker}"
         checked_qos("mqtt", qos)
@@ -97,7 +87,7 @@ class Mqtt(Bridge, Device, lockstep=False):
         return tuple(dict.fromkeys(rule.event for rule in self._rules))
 
     def joined(self, world: WorldInfo) -> None:
-        check_library()
+        require("mqtt", "paho.mqtt.client", "paho-mqtt", "mqtt")
         self._login.password()
         if self._broker.tls:
             tls_context(self._login)

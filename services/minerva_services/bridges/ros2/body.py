@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -17,10 +16,11 @@ from minerva_services.bridges.ros2.driver import DriveTolerances
 from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry, OrderedRobot
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
-from minerva_services.bridges.ros2.network import Ros2Network, Tls
-from minerva_services.bridges.ros2.steering import MotorLimits
+from minerva_services.bridges.ros2.network import Ros2Network
+from minerva_services.bridges.ros2.steering import MotorLimits, check_positive
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory
+from minerva_services.options import grouped, takes_options
 from minerva_services.sensors.playback import checked_offset
 
 
@@ -34,12 +34,9 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
     has the robot: the difference to odometry at the time of measurement is in their mounts.
 
     Args:
-        router: the endpoint of the robot's Zenoh router or zenoh-bridge-ros2dds.
+        router: the endpoint of the robot's network; further options are those of
+          `Ros2Network`, `MotorLimits` and `DriveTolerances`.
         robot: the id of the agent whose body it is; optional if there is only one.
-        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
-        domain: the ROS domain, for rmw_zenoh.
-        namespace: prefix of all topics that do not begin with a slash.
-        humble: the robot runs ROS 2 Humble, which has no type hashes.
         scan: topic of LaserScan messages.
         odometry: topic of Odometry messages; "": the motors are assumed to do what they are sent.
         detections: topic of Detection3DArray messages, whose classes are markers.
@@ -50,35 +47,20 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         time_offset: seconds added to the times of scans if the lidar's clock differs from that of
             odometry.
         map_frame: if set, the transform from it to the odometry frame is published on /tf.
-        speed: maximum in m/s.
-        turn: maximum in degrees/s.
-        acceleration: maximum in m/s².
-        turn_acceleration: maximum in degrees/s².
-        near: distance in metres that may be missing when the next command begins.
-        aligned: degrees that may be missing then.
-        patience: seconds without progress after which a command counts as blocked.
-        silence: seconds without odometry after which the robot stops, and the world waits.
-        dead_man: seconds without a command after which the robot stops.
         rate: velocities per second.
         clock: topic of Clock messages, for a simulation driven by them: it receives the time, and
             must answer each step with all its readings of that time.
-        authority: for tls/: PEM file of the authority that signed the router's certificate.
-        certificate: a client certificate, if the router requires one.
-        key: its private key.
 
     """
 
     source_option: ClassVar[str] = "router"
     publishes = ("scan", "sightings")
 
+    @takes_options(Ros2Network, MotorLimits, DriveTolerances)
     def __init__(
         self,
         router: str,
         robot: str = "",
-        layout: str = "rmw_zenoh",
-        domain: int = 0,
-        namespace: str = "",
-        humble: bool = False,
         scan: str = "scan",
         odometry: str = "odom",
         detections: str = "detections",
@@ -88,41 +70,23 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         mount: str = "",
         time_offset: float = 0.0,
         map_frame: str = "",
-        speed: float = 0.3,
-        turn: float = 90.0,
-        acceleration: float = 1.0,
-        turn_acceleration: float = 360.0,
-        near: float = 0.1,
-        aligned: float = 10.0,
-        patience: float = 1.5,
-        silence: float = 0.5,
-        dead_man: float = 0.5,
         rate: float = 20.0,
         clock: str = "",
-        authority: str = "",
-        certificate: str = "",
-        key: str = "",
+        **further: Any,
     ) -> None:
-        topics = Topics(scan, odometry, detections, cmd_vel, clock)
+        options = {"router": router, **further}
+        network, limits, tolerances = grouped(options, Ros2Network, MotorLimits, DriveTolerances)
         self._options = BaseOptions(
-            Ros2Network(
-                router, layout, domain, namespace, humble, Tls(authority, certificate, key)
-            ),
-            topics,
+            network,
+            Topics(scan, odometry, detections, cmd_vel, clock),
             stamped or bool(clock),
             base,
             mount_of(mount),
             map_frame,
             checked_offset(time_offset),
-            MotorLimits(speed, turn, acceleration, turn_acceleration),
-            DriveTolerances(
-                _positive("near", near),
-                _positive("aligned", aligned),
-                _positive("patience", patience),
-                _positive("silence", silence),
-                _positive("dead_man", dead_man),
-            ),
-            _positive("rate", rate),
+            limits,
+            tolerances,
+            check_positive("rate", rate),
         )
         _check_topics(self._options)
         self._robot = robot
@@ -216,9 +180,3 @@ def _check_topics(options: BaseOptions) -> None:
         if topic:
             options.network.name(topic)
     options.network.name(topics.cmd_vel)
-
-
-def _positive(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value > 0):
-        raise MisuseError(f"ros2: {name} is {value!r}; expected a number above 0")
-    return float(value)

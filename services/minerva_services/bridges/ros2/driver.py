@@ -7,14 +7,21 @@ from __future__ import annotations
 
 import math
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.world.poses import Pose
 from minerva_services.bridges.ros2.geometry import MotorCommand
-from minerva_services.bridges.ros2.steering import CommandPath, MotorLimits, Velocity, driven, steer
+from minerva_services.bridges.ros2.steering import (
+    CommandPath,
+    MotorLimits,
+    Velocity,
+    check_positive,
+    driven,
+    steer,
+)
 from minerva_services.bridges.ros2.track import SUDDEN, OdometryTrack
 
 _STOPPING: Final = 0.5
@@ -47,11 +54,15 @@ class State(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DriveTolerances:
-    """Precision and time-outs of commands.
+    """Precision and time-outs of commands. Raises MisuseError unless all are above 0.
 
-    The next command begins within `near` metres and `aligned` degrees of the goal; a command
-    without progress for `patience` seconds is blocked. Without odometry for `silence` seconds, or
-    without a command for `dead_man` seconds, the robot stops.
+    Args:
+        near: distance in metres that may be missing when the next command begins.
+        aligned: degrees that may be missing then.
+        patience: seconds without progress after which a command counts as blocked.
+        silence: seconds without odometry after which the robot stops, and the world waits.
+        dead_man: seconds without a command after which the robot stops.
+
     """
 
     near: float = 0.1
@@ -59,6 +70,10 @@ class DriveTolerances:
     patience: float = 1.5
     silence: float = 0.5
     dead_man: float = 0.5
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_positive(field.name, getattr(self, field.name))
 
 
 @dataclass(slots=True)

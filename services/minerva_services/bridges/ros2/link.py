@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from typing import Final
 
 from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
-from minerva_services.bridging import SourceError
+from minerva_services.bridging.bridge import SourceError, log
 
 _AGAIN: Final = 0.5
 _GLANCE: Final = 0.25
@@ -87,9 +86,3 @@ class NetworkLink:
         if state != self.state:
             self.state = state
             log(line)
-
-
-def log(line: str) -> None:
-    """Write a line to standard output."""
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()

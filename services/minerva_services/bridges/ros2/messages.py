@@ -8,8 +8,8 @@ import math
 from functools import cache
 from typing import Any, Final
 
-from minerva_bus.errors import MisuseError
 from minerva_services.bridges.ros_messages.frames import GarbageError
+from minerva_services.options import require
 
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
@@ -42,12 +42,9 @@ class MessageTypes:
     """All supported message types. Raises MisuseError if rosbags is missing."""
 
     def __init__(self) -> None:
-        try:
-            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-        except ImportError:
-            raise MisuseError(
-                "ros2 needs rosbags, which is not installed: pip install 'minerva-bus[ros]'"
-            ) from None
+        require("ros2", "rosbags.typesys", "rosbags", "ros")
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
         self._store = get_typestore(Stores.LATEST)
         types: dict[Any, Any] = {}
         for name, fields in _VISION.items():

@@ -13,12 +13,13 @@ from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
 from minerva_services.bridges.ros2.geometry import MotorCommand, OrderedRobot
-from minerva_services.bridges.ros2.link import NetworkLink, log
+from minerva_services.bridges.ros2.link import NetworkLink
 from minerva_services.bridges.ros2.motors import Motors
 from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.stepping import Stepper
+from minerva_services.bridging.bridge import log
 
 _FORGIVEN: Final = 5.0
 """Delay in frames up to which the schedule is kept; beyond it, it restarts."""

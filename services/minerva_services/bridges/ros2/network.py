@@ -30,46 +30,23 @@ _LASTING_QOS: Final = ":1:,1:,:,:,,"
 
 
 @dataclass(frozen=True, slots=True)
-class Tls:
-    """PEM files for TLS: the authority of the router's certificate, and our own certificate.
-
-    Raises MisuseError for a missing file or a certificate without key.
-    """
-
-    authority: str = ""
-    certificate: str = ""
-    key: str = ""
-
-    def __post_init__(self) -> None:
-        for name, path in (
-            ("authority", self.authority), ("certificate", self.certificate), ("key", self.key),
-        ):  # fmt: skip
-            if path and not Path(path).is_file():
-                raise MisuseError(f"ros2: {name} is {path!r}; expected a PEM file")
-        if bool(self.certificate) != bool(self.key):
-            raise MisuseError("ros2: certificate and key belong together; set both or neither")
-
-    def __bool__(self) -> bool:
-        return bool(self.authority or self.certificate)
-
-    def settings(self) -> dict[str, str | bool]:
-        """The settings in Zenoh's format, for transport/link/tls."""
-        files = {
-            "root_ca_certificate": self.authority,
-            "connect_certificate": self.certificate,
-            "connect_private_key": self.key,
-        }
-        given = {name: str(Path(path).absolute()) for name, path in files.items() if path}
-        return {**given, "enable_mtls": bool(self.certificate)}
-
-
-@dataclass(frozen=True, slots=True)
 class Ros2Network:
-    """Address of a robot's Zenoh network, and the layout of ROS 2 on it.
+    """A robot's Zenoh network, and the layout of ROS 2 on it: options that all services share.
 
-    `router` is its endpoint (rmw_zenohd, zenohd or zenoh-bridge-ros2dds); `domain` is the ROS
-    domain of rmw_zenoh; `namespace` precedes all topics that do not begin with /. `tls` configures
-    a secured link. Raises MisuseError for invalid values.
+    Args:
+        router: the endpoint of the robot's Zenoh router (rmw_zenohd, zenohd) or of a
+          zenoh-bridge-ros2dds.
+        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
+        domain: the ROS domain, for rmw_zenoh.
+        namespace: prefix of all topics that do not begin with a slash.
+        humble: the robot runs ROS 2 Humble, which has no type hashes.
+        authority: for tls/ and quic/: PEM file of the authority that signed the router's
+          certificate.
+        certificate: PEM file of a client certificate, if the router requires one.
+        key: PEM file of its private key.
+
+    Raises MisuseError for invalid values.
+
     """
 
     router: str
@@ -77,7 +54,9 @@ class Ros2Network:
     domain: int = 0
     namespace: str = ""
     humble: bool = False
-    tls: Tls = Tls()
+    authority: str = ""
+    certificate: str = ""
+    key: str = ""
 
     def __post_init__(self) -> None:
         if self.layout not in LAYOUTS:
@@ -85,16 +64,36 @@ class Ros2Network:
                 f"ros2: layout is {self.layout!r}{nearest(self.layout, list(LAYOUTS))};"
                 f" expected {' or '.join(LAYOUTS)}"
             )
-        if self.router.partition("/")[0] not in ENDPOINTS or not self.router.partition("/")[2]:
+        protocol, _, address = self.router.partition("/")
+        if protocol not in ENDPOINTS or not address:
             raise MisuseError(f"ros2: {self.router!r} is not an endpoint; expected tcp/HOST:7447")
-        if self.tls and self.router.partition("/")[0] not in SECURED:
-            raise MisuseError(
-                f"ros2: certificates require tls/ or quic/, but the router is {self.router}"
-            )
         if not 0 <= self.domain <= 232:
             raise MisuseError(f"ros2: domain is {self.domain}; expected 0 to 232")
         if self.namespace.strip("/"):
             check_name("namespace", self.namespace)
+        self._check_certificates(protocol)
+
+    def _check_certificates(self, protocol: str) -> None:
+        for name in ("authority", "certificate", "key"):
+            path = getattr(self, name)
+            if path and not Path(path).is_file():
+                raise MisuseError(f"ros2: {name} is {path!r}; expected a PEM file")
+        if bool(self.certificate) != bool(self.key):
+            raise MisuseError("ros2: certificate and key belong together; set both or neither")
+        if self.tls_settings() and protocol not in SECURED:
+            raise MisuseError(
+                f"ros2: certificates require tls/ or quic/, but the router is {self.router}"
+            )
+
+    def tls_settings(self) -> dict[str, str | bool]:
+        """Zenoh's settings for transport/link/tls; empty without certificates."""
+        files = {
+            "root_ca_certificate": self.authority,
+            "connect_certificate": self.certificate,
+            "connect_private_key": self.key,
+        }
+        given = {name: str(Path(path).absolute()) for name, path in files.items() if path}
+        return {**given, "enable_mtls": bool(self.certificate)} if given else {}
 
     def name(self, topic: str) -> str:
         """A topic's full name without the leading slash. Raises MisuseError."""
@@ -103,7 +102,7 @@ class Ros2Network:
             return topic.strip("/")
         return f"{self.namespace.strip('/')}/{topic.strip('/')}"
 
-    def key(self, topic: str, message: str, type_hash: str) -> str:
+    def key_of(self, topic: str, message: str, type_hash: str) -> str:
         """The key on which a topic of a message type is published."""
         name = self.name(topic)
         if self.layout == "dds":

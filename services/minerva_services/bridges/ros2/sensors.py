@@ -26,7 +26,7 @@ from minerva_services.bridges.ros2.messages import (
     TRANSFORMS,
     messages,
 )
-from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros_messages import (
     Frames,
@@ -39,6 +39,7 @@ from minerva_services.bridges.ros_messages.frames import UnplacedError, mount_of
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 from minerva_services.event_factory import EventFactory
+from minerva_services.options import takes_options
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
 _WAITING: Final = 100
@@ -55,12 +56,8 @@ class Ros2(Bridge):
     laser.
 
     Args:
-        router: the endpoint of the robot's Zenoh router or zenoh-bridge-ros2dds.
+        router: the endpoint of the robot's network; its other options are those of `Ros2Network`.
         robot: the id of the agent that the sensors belong to.
-        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
-        domain: the ROS domain, for rmw_zenoh.
-        namespace: prefix of all topics that do not begin with a slash.
-        humble: the robot runs ROS 2 Humble, which has no type hashes.
         scan: topic of LaserScan messages, published here on `scan`.
         odometry: topic of Odometry messages, on `odometry`.
         image: topic of Image messages, on `image`.
@@ -74,22 +71,16 @@ class Ros2(Bridge):
         map: topic of OccupancyGrid messages; each becomes an event of the type `map_event`.
         map_event: that type, with `cells` in the codes of a robot's grid (0 unknown, 1 free, 9
           obstacle), the side of a `cell`, and `x`, `y` and `angle` of the corner.
-        authority: for tls/: PEM file of the authority that signed the router's certificate.
-        certificate: a client certificate, if the router requires one.
-        key: its private key.
 
     """
 
     source_option: ClassVar[str] = "router"
 
+    @takes_options(Ros2Network)
     def __init__(
         self,
         router: str,
         robot: str = "r1",
-        layout: str = "rmw_zenoh",
-        domain: int = 0,
-        namespace: str = "",
-        humble: bool = False,
         scan: str = "scan",
         odometry: str = "odom",
         image: str = "",
@@ -101,13 +92,10 @@ class Ros2(Bridge):
         time_offset: float = 0.0,
         map: str = "",
         map_event: str = "eMap",
-        authority: str = "",
-        certificate: str = "",
-        key: str = "",
+        **network: Any,
     ) -> None:
         super().__init__()
-        tls = Tls(authority, certificate, key)
-        self._network = Ros2Network(router, layout, domain, namespace, humble, tls)
+        self._network = Ros2Network(router, **network)
         self.source = f"the ROS 2 network at {router}"
         self._robot = robot
         self._base = base

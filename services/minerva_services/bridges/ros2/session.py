@@ -67,8 +67,8 @@ class Ros2Session:
     def __init__(self, network: Ros2Network, node: str) -> None:
         config = zenoh.Config()
         settings = _CONFIG | {"connect/endpoints": [network.router]}
-        if network.tls:
-            settings |= {"transport/link/tls": network.tls.settings()}
+        if tls := network.tls_settings():
+            settings |= {"transport/link/tls": tls}
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
         try:
@@ -111,7 +111,7 @@ class Ros2Session:
 
         Raises SourceError if the session is lost.
         """
-        key = self.network.key(topic, message, messages().hash(message))
+        key = self.network.key_of(topic, message, messages().hash(message))
         cache, declare = zenoh.ext.CacheConfig(1), self._session.declare_publisher
         if lasting:
             declare = partial(

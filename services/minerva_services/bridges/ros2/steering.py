@@ -32,6 +32,13 @@ _REACHED: Final = 0.015
 """Distance in metres from a corner at which the robot may turn."""
 
 
+def check_positive(name: str, value: float) -> float:
+    """The value of an option, if it is a finite number above 0. Raises MisuseError."""
+    if not (math.isfinite(value) and value > 0):
+        raise MisuseError(f"ros2: {name} is {value!r}; expected a number above 0")
+    return float(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Velocity:
     """Metres per second along the heading, degrees per second counter-clockwise."""
@@ -42,21 +49,24 @@ class Velocity:
 
 @dataclass(frozen=True, slots=True)
 class MotorLimits:
-    """Limits of the motors in m/s, degrees/s, m/s² and degrees/s².
+    """Limits of the motors. Raises MisuseError unless all are above 0.
 
-    Raises MisuseError unless all are above 0.
+    Args:
+        speed: maximum in m/s.
+        turn: maximum in degrees/s.
+        acceleration: maximum in m/s².
+        turn_acceleration: maximum in degrees/s².
+
     """
 
-    speed: float
-    turn: float
-    acceleration: float
-    turn_acceleration: float
+    speed: float = 0.3
+    turn: float = 90.0
+    acceleration: float = 1.0
+    turn_acceleration: float = 360.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise MisuseError(f"ros2: {field.name} is {value!r}; expected a number above 0")
+            check_positive(field.name, getattr(self, field.name))
 
     def clipped(self, wanted: Velocity) -> Velocity:
         """The velocity, limited to the maximum."""

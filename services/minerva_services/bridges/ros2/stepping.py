@@ -17,8 +17,8 @@ from minerva_bus import portable
 from minerva_bus.world.poses import Pose
 from minerva_services.bridges.ros2.driver import STILL, Driver, State
 from minerva_services.bridges.ros2.geometry import MotorCommand
-from minerva_services.bridges.ros2.link import log
 from minerva_services.bridges.ros2.steering import MotorLimits, Velocity
+from minerva_services.bridging.bridge import log
 
 NANO: Final = 1_000_000_000
 BEGIN: Final = NANO

@@ -19,12 +19,14 @@ from minerva_bus.semantics.plane import PlaneGeometry
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2 import messages as types
-from minerva_services.bridges.ros2.link import NetworkLink, log
+from minerva_services.bridges.ros2.link import NetworkLink
 from minerva_services.bridges.ros2.messages import messages
-from minerva_services.bridges.ros2.network import Ros2Network, Tls
+from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session, TopicPublisher
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import place_of
+from minerva_services.bridging.bridge import log
+from minerva_services.options import takes_options
 
 Cells = NDArray[np.int16]
 _BEAT: Final = 0.25
@@ -95,12 +97,8 @@ class Ros2View(Device, draws=("ePicture",)):
     World coordinates are those of the map frame. A goal stands for the marker nearest to it.
 
     Args:
-        router: the endpoint of the Zenoh router or zenoh-bridge-ros2dds.
+        router: the endpoint of the robot's network; its other options are those of `Ros2Network`.
         robot: the id of the agent; optional if there is only one.
-        layout: "rmw_zenoh", or "dds" for a zenoh-bridge-ros2dds.
-        domain: the ROS domain, for rmw_zenoh.
-        namespace: prefix of all topics that do not begin with a slash.
-        humble: ROS 2 Humble, which has no type hashes.
         map: topic of the OccupancyGrid messages.
         plan: topic of the Path messages.
         objective: topic of PoseStamped messages: where the robot assumes its objective.
@@ -109,22 +107,16 @@ class Ros2View(Device, draws=("ePicture",)):
         event: the type of the order, whose `marker` is the marker's name.
         frame: the map frame.
         every: frames between pictures.
-        authority: for tls/: PEM file of the authority that signed the router's certificate.
-        certificate: a client certificate, if the router requires one.
-        key: its private key.
 
     """
 
     source_option: ClassVar[str] = "router"
 
+    @takes_options(Ros2Network)
     def __init__(
         self,
         router: str,
         robot: str = "",
-        layout: str = "rmw_zenoh",
-        domain: int = 0,
-        namespace: str = "",
-        humble: bool = False,
         map: str = "map",
         plan: str = "plan",
         objective: str = "objective",
@@ -133,12 +125,9 @@ class Ros2View(Device, draws=("ePicture",)):
         event: str = "eObjective",
         frame: str = "map",
         every: int = 10,
-        authority: str = "",
-        certificate: str = "",
-        key: str = "",
+        **network: Any,
     ) -> None:
-        tls = Tls(authority, certificate, key)
-        self._network = Ros2Network(router, layout, domain, namespace, humble, tls)
+        self._network = Ros2Network(router, **network)
         self._out = {types.GRID: map, types.PATH: plan, types.POSE_STAMPED: objective}
         for topic in (*self._out.values(), goal):
             if topic:

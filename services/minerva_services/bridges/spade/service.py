@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
-from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from minerva_bus.acl import Outside, eMail, eMessage
@@ -21,14 +19,10 @@ from minerva_services.bridges.spade.acl_messages import (
     metadata_of,
 )
 from minerva_services.bridges.spade.addresses import Addresses
-from minerva_services.bridges.spade.session import (
-    XmppMessage,
-    XmppServer,
-    XmppSession,
-    check_library,
-)
+from minerva_services.bridges.spade.session import XmppMessage, XmppServer, XmppSession
 from minerva_services.bridging import Bridge
 from minerva_services.event_factory import event_type
+from minerva_services.options import read_password, require
 
 WAITING: Final = 10_000
 """Maximum number of messages that wait for the server; more are dropped."""
@@ -85,7 +79,7 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         self._reported: set[str] = set()
 
     def joined(self, world: WorldInfo) -> None:
-        check_library()
+        require("spade", "spade", "SPADE", "spade")
         self._password()
         self._world = world
         self._clock = Clock(0, world.dt)
@@ -154,16 +148,7 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
             self._log(f"spade: {problem}; further ones are counted as {what!r}")
 
     def _password(self) -> str:
-        if self._password_env:
-            password = os.environ.get(self._password_env)
-            if password is None:
-                raise MisuseError(f"spade: environment variable {self._password_env} is not set")
-            return password
-        try:
-            return Path(self._password_file).read_text(encoding="utf-8").rstrip("\r\n")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            raise MisuseError(f"spade: password_file {self._password_file}: {reason}") from None
+        return read_password("spade", self._password_env, self._password_file)
 
 
 def _place(server: str) -> tuple[str, int]:

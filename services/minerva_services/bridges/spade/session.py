@@ -11,10 +11,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_services.bridging import SourceError
 
@@ -26,12 +24,6 @@ TURN: Final = 0.05
 GOODBYE: Final = 1.0
 NOTHING: Final = " "
 """Body of a message without content: SPADE does not deliver messages without a body."""
-
-
-def check_library() -> None:
-    """Raise MisuseError if SPADE is not installed."""
-    if find_spec("spade") is None:  # importing takes seconds: too long for a frame
-        raise MisuseError("spade: needs SPADE: pip install 'minerva-bus[spade]'")
 
 
 class XmppServer(NamedTuple):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from minerva_bus.errors import MisuseError
 from minerva_services.bridging import SourceError
 
 
@@ -31,12 +29,6 @@ class Pad(Protocol):
     def close(self) -> None:
         """Release the gamepad."""
         ...
-
-
-def check_installed() -> None:
-    """Raise MisuseError if the extra is not installed."""
-    if importlib.util.find_spec("pygame") is None:
-        raise MisuseError("gamepad needs pygame-ce: pip install 'minerva-bus[gamepad]'")
 
 
 def open_pad(number: int) -> Pad:

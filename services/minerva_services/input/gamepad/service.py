@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
-from minerva_services.bridging import Bridge, SourceError
+from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
-from minerva_services.input.gamepad.pad import Pad, PadState, check_installed, open_pad
+from minerva_services.input.gamepad.pad import Pad, PadState, open_pad
+from minerva_services.options import require
 
 POLLED_EVERY: Final = 0.02
 """Polling interval in seconds: shorter than any button press."""
@@ -57,7 +59,7 @@ class Gamepad(Bridge):
         to: str = "",
     ) -> None:
         super().__init__()
-        check_installed()
+        require("gamepad", "pygame", "pygame-ce", "gamepad")
         if pad < 0 or axis < 0:
             raise MisuseError("gamepad: pad and axis count from 0")
         if not 0 <= dead < 1 or not low <= 0 < high:
@@ -73,61 +75,47 @@ class Gamepad(Bridge):
         if wrong:
             raise MisuseError(f"gamepad: buttons.{wrong[0]}: buttons are numbered, from 0")
         self.source = f"gamepad {pad}"
-        self.controls = ControlMap("gamepad", bound, slide, to)
+        self._controls = ControlMap("gamepad", bound, slide, to)
         self._pad, self._axis, self._dead, self._slides = pad, axis, dead, bool(slide)
 
     def generates(self) -> tuple[str, ...]:
-        return self.controls.generates()
+        return self._controls.generates()
 
     def joined(self, world: WorldInfo) -> None:
-        self.controls.joined(world)
+        self._controls.joined(world)
 
-    def open(self) -> GamepadSource:
+    def open(self) -> Source:
         """Raises SourceError if no such gamepad is connected."""
         pad = open_pad(self._pad)
-        self._log(f"{self.source}: {pad.name}; " + ", ".join(self.controls.descriptions()))
-        return GamepadSource(self, pad)
+        self._log(f"{self.source}: {pad.name}; " + ", ".join(self._controls.descriptions()))
+        return OpenSource(partial(self._events, pad), pad.close)
 
-    def slid(self, state: PadState) -> float:
+    def _events(self, pad: Pad, stop: threading.Event) -> Iterator[Event | None]:
+        """Poll the gamepad: events as buttons are pressed and the stick moves."""
+        before, sent = pad.state(), 0.0
+        while not stop.wait(POLLED_EVERY):
+            state = pad.state()
+            if state is None or before is None:
+                if sent:
+                    yield self._controls.slid(0.0)  # a robot must not drive on without its gamepad
+                raise SourceError(f"{self.source} was unplugged")
+            for button in sorted(state.buttons - before.buttons):
+                yield self._pressed(button)
+            number = self._slid(state)
+            if number != sent:
+                sent = number
+                yield self._controls.slid(number)
+            before = state
+            yield None
+
+    def _pressed(self, button: int) -> Event | None:
+        event = self._controls.pressed(str(button))
+        if event is None:
+            self.count("other buttons")
+        return event
+
+    def _slid(self, state: PadState) -> float:
         """The number that the stick gives."""
         way = -state.axes[self._axis] if self._slides and self._axis < len(state.axes) else 0.0
         far = max(0.0, abs(way) - self._dead) / (1 - self._dead)
         return self._range.nearest(far * (self._range.high if way > 0 else self._range.low))
-
-
-class GamepadSource:
-    """A gamepad that is polled."""
-
-    def __init__(self, bridge: Gamepad, pad: Pad) -> None:
-        self._bridge = bridge
-        self._pad = pad
-        self._number = 0.0
-
-    def read(self, stop: threading.Event) -> Iterator[Event | None]:
-        """Events as buttons are pressed and the stick moves."""
-        before = self._pad.state()
-        while not stop.wait(POLLED_EVERY):
-            state = self._pad.state()
-            if state is None or before is None:
-                yield from self._slid(0.0)
-                raise SourceError(f"{self._bridge.source} was unplugged")
-            for button in sorted(state.buttons - before.buttons):
-                yield self._pressed(button)
-            yield from self._slid(self._bridge.slid(state))
-            before = state
-            yield None
-
-    def close(self) -> None:
-        """Release the gamepad."""
-        self._pad.close()
-
-    def _pressed(self, button: int) -> Event | None:
-        event = self._bridge.controls.pressed(str(button))
-        if event is None:
-            self._bridge.count("other buttons")
-        return event
-
-    def _slid(self, number: float) -> Iterator[Event]:
-        if number != self._number:
-            self._number = number
-            yield self._bridge.controls.slid(number)

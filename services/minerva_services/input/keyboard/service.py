@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any, ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.services import WorldInfo
-from minerva_services.bridging import Bridge, SourceError
+from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
 from minerva_services.input.controls import ControlMap, InputRange, bindings, choices
 from minerva_services.input.keyboard.terminal import KeyDecoder, Terminal
 
@@ -82,17 +83,22 @@ class Keyboard(Bridge):
         except SourceError as error:
             raise MisuseError(f"keyboard: {error}") from None
 
-    def open(self) -> KeyboardSource:
+    def open(self) -> Source:
         """Log the available keys and start listening."""
         arrows = [f"up and down {self._slide}"] if self._moves else []
-        self._log(
-            "; ".join(
-                ["keys: " + ", ".join(arrows + self._controls.descriptions()), "Ctrl-C quits"]
-            )
-        )
-        return KeyboardSource(self, self._terminal or self._opened())
+        self._log(f"keys: {', '.join(arrows + self._controls.descriptions())}; Ctrl-C quits")
+        terminal = self._terminal or self._opened()
+        return OpenSource(partial(self._events, terminal), terminal.close)
 
-    def pressed(self, key: str) -> Event | None:
+    def _events(self, terminal: Terminal, stop: threading.Event) -> Iterator[Event | None]:
+        """Events as keys are pressed, until the terminal is gone."""
+        keys = KeyDecoder()
+        while not stop.is_set() and (data := terminal.read()) is not None:
+            for key in keys.named(data):
+                yield self._pressed(key)
+            yield None
+
+    def _pressed(self, key: str) -> Event | None:
         """The event of a key; unbound keys are counted."""
         event = self._controls.pressed(key)
         if event is None and key in self._moves:
@@ -108,26 +114,3 @@ class Keyboard(Bridge):
         """Restore the terminal."""
         if self._terminal is not None:
             self._terminal.close()
-
-
-class KeyboardSource:
-    """A terminal that is read key by key."""
-
-    def __init__(self, bridge: Keyboard, terminal: Terminal) -> None:
-        self._bridge = bridge
-        self._terminal = terminal
-
-    def read(self, stop: threading.Event) -> Iterator[Event | None]:
-        """Events as keys are pressed."""
-        keys = KeyDecoder()
-        while not stop.is_set():
-            data = self._terminal.read()
-            if data is None:
-                return
-            for key in keys.named(data):
-                yield self._bridge.pressed(key)
-            yield None
-
-    def close(self) -> None:
-        """Restore the terminal."""
-        self._terminal.close()

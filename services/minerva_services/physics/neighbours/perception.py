@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.errors import MisuseError
+from minerva_services.options import require
 from minerva_services.physics.neighbours.spots import Spots
 
 Numbers = NDArray[np.float64]
@@ -36,12 +36,8 @@ class Pairs:
 
 def tree() -> Any:
     """scipy's k-d tree. Raises MisuseError if scipy is not installed."""
-    try:
-        spatial: Any = import_module("scipy.spatial")
-    except ImportError:
-        raise MisuseError(
-            "neighbours in a plane need scipy: pip install 'minerva-bus[neighbours]'"
-        ) from None
+    require("neighbours", "scipy.spatial", "scipy", "neighbours")
+    spatial: Any = import_module("scipy.spatial")
     return spatial.cKDTree
 
 

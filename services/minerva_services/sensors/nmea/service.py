@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from functools import partial
 from typing import ClassVar, Final
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Position
-from minerva_services.bridging import Bridge
+from minerva_services.bridging import Bridge, OpenSource, Source
+from minerva_services.options import require
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
-from minerva_services.sensors.serial_line import (
-    LineSplitter,
-    SerialLine,
-    check_installed,
-    open_line,
-)
+from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
 
 DAY: Final = 86_400.0
 LONGEST: Final = 256
@@ -50,7 +47,7 @@ class Nmea(Bridge):
         topic: str = "position",
     ) -> None:
         super().__init__()
-        check_installed("nmea")
+        require("nmea", "serial", "pyserial", "serial")
         if not 0 < error < float("inf"):
             raise MisuseError(f"nmea: error is {error}; expected metres above 0")
         self.source = f"the receiver at {port}"
@@ -59,11 +56,31 @@ class Nmea(Bridge):
         self._error, self._robot = error, robot
         self._days, self._second = 0.0, 0.0
 
-    def open(self) -> NmeaSource:
+    def open(self) -> Source:
         """Raises SourceError if the line cannot be opened."""
-        return NmeaSource(self, open_line(self._port, self._baud))
+        line = open_line(self._port, self._baud)
+        return OpenSource(partial(self._positions, line), line.close)
 
-    def position(self, fix: Fix) -> tuple[str, Position]:
+    def _positions(
+        self, line: SerialLine, stop: threading.Event
+    ) -> Iterator[tuple[str, Position] | None]:
+        """Positions as sentences arrive."""
+        lines, has_gga = LineSplitter(self.count, LONGEST), False
+        while not stop.is_set():
+            for text in lines.feed(line.read()):
+                try:
+                    fix = read_fix(text)
+                except SkippedSentence as reason:
+                    self.count(str(reason))
+                    continue
+                has_gga |= fix.sentence == "GGA"
+                if has_gga and fix.sentence == "RMC":
+                    self.count("other sentences")
+                else:
+                    yield self._position(fix)
+            yield None
+
+    def _position(self, fix: Fix) -> tuple[str, Position]:
         """A fix as a reading, with its topic."""
         if fix.second < self._second - DAY / 2:
             self._days += DAY
@@ -76,38 +93,3 @@ class Nmea(Bridge):
             None if fix.dilution is None else self._error * fix.dilution,
             self._days + fix.second,
         )
-
-
-class NmeaSource:
-    """A receiver on an open line."""
-
-    def __init__(self, bridge: Nmea, line: SerialLine) -> None:
-        self._bridge = bridge
-        self._line = line
-        self._gga = False
-
-    def read(self, stop: threading.Event) -> Iterator[tuple[str, Position] | None]:
-        """Positions as sentences arrive."""
-        lines = LineSplitter(self._bridge.count, LONGEST)
-        while not stop.is_set():
-            for line in lines.feed(self._line.read()):
-                fix = self._fix(line)
-                if fix is not None:
-                    yield self._bridge.position(fix)
-            yield None
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
-    def _fix(self, line: str) -> Fix | None:
-        try:
-            fix = read_fix(line)
-        except SkippedSentence as reason:
-            self._bridge.count(str(reason))
-            return None
-        self._gga |= fix.sentence == "GGA"
-        if self._gga and fix.sentence == "RMC":
-            self._bridge.count("other sentences")
-            return None
-        return fix

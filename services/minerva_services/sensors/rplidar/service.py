@@ -7,17 +7,19 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar, Final
 
 import numpy as np
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Scan
-from minerva_services.bridging import Bridge, SourceError
+from minerva_services.bridging import Bridge, OpenSource, Source, SourceError
+from minerva_services.options import require
 from minerva_services.sensors.rplidar.lidar import Lidar
-from minerva_services.sensors.rplidar.packets import RevolutionBuffer, Samples, ranges
+from minerva_services.sensors.rplidar.packets import Packets, RevolutionBuffer, Samples, ranges
 from minerva_services.sensors.rplidar.protocol import EXPRESS_SINCE
-from minerva_services.sensors.serial_line import SerialLine, check_installed, open_line
+from minerva_services.sensors.serial_line import SerialLine, open_line
 
 MODES: Final = ("auto", "express", "standard")
 MOST_BEAMS: Final = 7200
@@ -58,7 +60,7 @@ class Rplidar(Bridge):
         topic: str = "scan",
     ) -> None:
         super().__init__()
-        check_installed("rplidar")
+        require("rplidar", "serial", "pyserial", "serial")
         if mode not in MODES:
             raise MisuseError(f"rplidar: mode is {mode!r}; expected one of {', '.join(MODES)}")
         if not 1 <= beams <= MOST_BEAMS:
@@ -83,7 +85,7 @@ class Rplidar(Bridge):
         self._logged = ""
         self._health = ""
 
-    def open(self) -> LidarSource:
+    def open(self) -> Source:
         """Raises SourceError if no lidar answers, or it is in protection mode."""
         line = open_line(self._port, self._baud)
         try:
@@ -92,12 +94,24 @@ class Rplidar(Bridge):
             express = self._mode == "express" or (
                 self._mode == "auto" and lidar.info.firmware >= EXPRESS_SINCE
             )
-            return LidarSource(self, line, lidar, express)
+            packets = lidar.scan(express, self.count)
         except SourceError:
             line.close()
             raise
+        return OpenSource(partial(self._scans, lidar, packets), partial(_rest, lidar, line))
 
-    def scan(self, turn: Samples) -> tuple[str, Scan]:
+    def _scans(
+        self, lidar: Lidar, packets: Packets, stop: threading.Event
+    ) -> Iterator[tuple[str, Scan] | None]:
+        """Scans, one per completed revolution."""
+        turns = RevolutionBuffer(self.count)
+        for data in lidar.read(stop):
+            for samples in packets.feed(data):
+                for turn in turns.add(samples):
+                    yield self._read(turn)
+            yield None
+
+    def _read(self, turn: Samples) -> tuple[str, Scan]:
         """A revolution as a scan, with its topic; the lidar has no clock, so ours is used."""
         distances = ranges(turn, len(self._scan.ranges))
         return self._topic, replace(
@@ -116,26 +130,8 @@ class Rplidar(Bridge):
         self._logged = line
 
 
-class LidarSource:
-    """A lidar that is scanning."""
-
-    def __init__(self, bridge: Rplidar, line: SerialLine, lidar: Lidar, express: bool) -> None:
-        self._bridge = bridge
-        self._line = line
-        self._lidar = lidar
-        self._packets = lidar.scan(express, bridge.count)
-
-    def read(self, stop: threading.Event) -> Iterator[tuple[str, Scan] | None]:
-        """Scans, one per completed revolution."""
-        turns = RevolutionBuffer(self._bridge.count)
-        for data in self._lidar.read(stop):
-            for samples in self._packets.feed(data):
-                for turn in turns.add(samples):
-                    yield self._bridge.scan(turn)
-            yield None
-
-    def close(self) -> None:
-        """Stop the lidar if it is still reachable."""
-        with suppress(SourceError):
-            self._lidar.rest()
-        self._line.close()
+def _rest(lidar: Lidar, line: SerialLine) -> None:
+    """Stop the lidar if it is still reachable, and close its line."""
+    with suppress(SourceError):
+        lidar.rest()
+    line.close()

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any, Final
 
-from minerva_bus.errors import MisuseError
 from minerva_services.bridging import SourceError
 
 NAP: Final = 0.1
@@ -15,14 +14,6 @@ NAP: Final = 0.1
 
 WRITE_WITHIN: Final = 2.0
 MOST: Final = 4096
-
-
-def check_installed(service: str) -> None:
-    """Raise MisuseError if the extra is not installed."""
-    try:
-        import serial  # noqa: F401  # pyright: ignore[reportUnusedImport]
-    except ImportError:
-        raise MisuseError(f"{service} needs pyserial: pip install 'minerva-bus[serial]'") from None
 
 
 class SerialLine:

@@ -6,7 +6,7 @@ import os
 from functools import cache
 from typing import Any
 
-from minerva_bus.errors import MisuseError
+from minerva_services.options import require
 
 _QUIET = {
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -23,12 +23,9 @@ def opencv() -> Any:
     """
     for name, value in _QUIET.items():
         os.environ.setdefault(name, value)
-    try:
-        import cv2
-    except ImportError:
-        raise MisuseError(
-            "vision: markers need OpenCV: pip install 'minerva-bus[vision]'"
-        ) from None
+    require("vision", "cv2", "OpenCV", "vision")
+    import cv2
+
     library: Any = cv2
     # Set again in case cv2 was imported earlier; version 5 has another name for it.
     quieten = getattr(library, "setLogLevel", None) or library.utils.logging.setLogLevel

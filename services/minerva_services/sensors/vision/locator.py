@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -23,14 +23,23 @@ _SQUARE: Final = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]], np.f
 
 @dataclass(frozen=True, slots=True)
 class VisionOptions:
-    """The markers to recognise (dictionary, size in metres, names) and the camera's lens.
+    """The markers to recognise and the camera's lens. Raises MisuseError.
 
-    Without names, a marker's name is its number. Raises MisuseError.
+    Args:
+        dictionary: the markers' dictionary, such as `6X6_250` or `APRILTAG_36h11`.
+        size: side of a marker's black square in metres.
+        names: the world's names of markers by their numbers; by default the numbers.
+        calibration: a calibration file of OpenCV or ROS.
+        fx: focal length in pixels, instead of a file.
+        fy: in pixels; 0: as fx.
+        cx: optical centre in pixels; 0: the image's centre.
+        cy: in pixels, likewise.
+
     """
 
     dictionary: str
     size: float
-    names: Mapping[int, str] = field(default_factory=dict[int, str])
+    names: Mapping[str, Any] | None = None
     calibration: str = ""
     fx: float = 0.0
     fy: float = 0.0
@@ -38,7 +47,8 @@ class VisionOptions:
     cy: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "dictionary", dictionary_of(self.dictionary))
+        dictionary_of(self.dictionary)
+        names_of(self.names)
         if not 0 < self.size < math.inf:
             raise MisuseError(
                 f"vision: size is {self.size:g}; expected metres, the side of a marker's square"
@@ -75,7 +85,8 @@ class MarkerLocator:
     def __init__(self, options: VisionOptions, count: Callable[[str], None]) -> None:
         self._options = options
         self._count = count
-        self._detect = detector(options.dictionary)
+        self._detect = detector(dictionary_of(options.dictionary))
+        self._names = names_of(options.names)
         self._calibrated = options.lens()
         self._lens = self._calibrated
 
@@ -88,8 +99,7 @@ class MarkerLocator:
         return tuple([sighting for sighting in seen if sighting is not None])
 
     def _sighting(self, marker: DetectedMarker, mount: Mount) -> Sighting | None:
-        names = self._options.names
-        name = names.get(marker.id) if names else str(marker.id)
+        name = self._names.get(marker.id) if self._names else str(marker.id)
         if name is None:
             self._count("unknown markers")
             return None
@@ -133,4 +143,4 @@ def from_centre(ahead: float, left: float, mount: Mount) -> tuple[float, float]:
     return portable.hypot(x, y), math.degrees(portable.atan2(y, x))
 
 
-__all__ = ["MarkerLocator", "VisionOptions", "WrongSize", "from_centre", "names_of"]
+__all__ = ["MarkerLocator", "VisionOptions", "WrongSize", "from_centre"]

@@ -10,13 +10,9 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Image, Sightings
 from minerva_bus.world.services import Generator, Tick, WorldInfo
+from minerva_services.options import takes_options
 from minerva_services.sensors.vision.images import NoImage, grey_of
-from minerva_services.sensors.vision.locator import (
-    MarkerLocator,
-    VisionOptions,
-    WrongSize,
-    names_of,
-)
+from minerva_services.sensors.vision.locator import MarkerLocator, VisionOptions, WrongSize
 
 
 class Markers(Generator):
@@ -25,15 +21,7 @@ class Markers(Generator):
     In lockstep: a frame waits until its images are processed. Robot and mount are those of the
     image.
 
-    Args:
-        dictionary: the markers' dictionary, such as `6X6_250` or `APRILTAG_36h11`.
-        size: side of a marker's black square in metres.
-        names: the world's names of markers by their numbers; by default the numbers.
-        calibration: a calibration file of OpenCV or ROS.
-        fx: focal length in pixels, instead of a file.
-        fy: in pixels; 0: as fx.
-        cx: optical centre in pixels; 0: the image's centre.
-        cy: in pixels, likewise.
+    Args (further ones are those of `VisionOptions`):
         images: the topic of the images.
         topic: the topic of the sightings.
         takes: of images that arrive faster than frames, use the "newest" or "all".
@@ -41,24 +29,16 @@ class Markers(Generator):
 
     """
 
+    @takes_options(VisionOptions)
     def __init__(
         self,
-        dictionary: str,
-        size: float,
-        names: Mapping[str, Any] | None = None,
-        calibration: str = "",
-        fx: float = 0.0,
-        fy: float = 0.0,
-        cx: float = 0.0,
-        cy: float = 0.0,
         images: str = "image",
         topic: str = "sightings",
         takes: str = "newest",
         nth: int = 1,
+        **vision: Any,
     ) -> None:
-        self._options = VisionOptions(
-            dictionary, size, names_of(names), calibration, fx, fy, cx, cy
-        )
+        self._options = VisionOptions(**vision)
         self.takes, self.nth = takes, nth
         # Topics differ between worlds, so the instance attributes hide the class's.
         self.topics = (images,)

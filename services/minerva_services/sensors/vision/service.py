@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -13,16 +11,12 @@ from minerva_bus.world.readings import Mount, Sightings
 from minerva_bus.world.recordings import Recording, RecordingError
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
+from minerva_services.options import takes_options
 from minerva_services.sensors.playback import ALONE, PlaybackPace, Player
 from minerva_services.sensors.vision.detection import Grey
 from minerva_services.sensors.vision.images import is_image
 from minerva_services.sensors.vision.live import LiveCamera, shown
-from minerva_services.sensors.vision.locator import (
-    MarkerLocator,
-    VisionOptions,
-    WrongSize,
-    names_of,
-)
+from minerva_services.sensors.vision.locator import MarkerLocator, VisionOptions, WrongSize
 from minerva_services.sensors.vision.video import ImageFolder, Video
 
 
@@ -32,18 +26,10 @@ class Vision(Bridge, lockstep=False):
     The camera is assumed to be level. A sighting gives a marker's horizontal distance and angle
     from the robot's centre and heading.
 
-    Args:
+    Args (further ones are those of `VisionOptions`):
         source: a video file, an image or a folder of them, a device (`0`, `/dev/video0`), or a
           stream (`rtsp://`, `http://`).
-        dictionary: the markers' dictionary, such as `6X6_250` or `APRILTAG_36h11`.
-        size: side of a marker's black square in metres.
         robot: the id of the agent that carries the camera.
-        names: the world's names of markers by their numbers; by default the numbers.
-        calibration: a calibration file of OpenCV or ROS.
-        fx: focal length in pixels, instead of a file.
-        fy: in pixels; 0: as fx.
-        cx: optical centre in pixels; 0: the image's centre.
-        cy: in pixels, likewise.
         mount_x: camera position, metres ahead of the robot's centre.
         mount_y: metres to its left.
         mount_angle: rotation in degrees, counter-clockwise.
@@ -59,18 +45,11 @@ class Vision(Bridge, lockstep=False):
 
     source_option: ClassVar[str] = "source"
 
+    @takes_options(VisionOptions)
     def __init__(
         self,
         source: str,
-        dictionary: str,
-        size: float,
         robot: str = "r1",
-        names: Mapping[str, Any] | None = None,
-        calibration: str = "",
-        fx: float = 0.0,
-        fy: float = 0.0,
-        cx: float = 0.0,
-        cy: float = 0.0,
         mount_x: float = 0.0,
         mount_y: float = 0.0,
         mount_angle: float = 0.0,
@@ -80,11 +59,10 @@ class Vision(Bridge, lockstep=False):
         loop: bool = False,
         width: int = 0,
         height: int = 0,
+        **vision: Any,
     ) -> None:
         super().__init__()
-        self._options = VisionOptions(
-            dictionary, size, names_of(names), calibration, fx, fy, cx, cy
-        )
+        self._options = VisionOptions(**vision)
         if not all(map(math.isfinite, (mount_x, mount_y, mount_angle))):
             raise MisuseError("vision: mount_x, mount_y and mount_angle must be numbers")
         if not 0 <= fps < math.inf or width < 0 or height < 0:
@@ -135,19 +113,12 @@ class Vision(Bridge, lockstep=False):
     def _recording(self) -> Recording:
         path = Path(self._address)
         if path.is_dir() or is_image(path):
-            return ImageFolder(path, self._topic, self._find, self._pass_over, self._fps)
+            return ImageFolder(path, self._topic, self._find, self.pass_over, self._fps)
         return Video(path, self._topic, self._find, self._fps)
 
     def _find(self, image: Grey, time: float) -> Sightings | None:
         try:
             return Sightings(self._robot, self._locator.locate(image, self._mount), time)
         except WrongSize as problem:
-            self._pass_over("wrong size", f"{self.source}: {problem}")
+            self.pass_over("wrong size", f"{self.source}: {problem}")
             return None
-
-    def _pass_over(self, what: str, line: str) -> None:
-        """Count skipped input, and log the first of its kind."""
-        if what not in self._counts:
-            sys.stdout.write(f"{line}; further ones are counted as {what!r}\n")
-            sys.stdout.flush()
-        self.count(what)

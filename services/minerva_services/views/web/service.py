@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import time
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.semantics.picture import Lists, Picture
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types, names_in
+from minerva_services.options import event_types, names_in, require
 
 if TYPE_CHECKING:
     from minerva_services.views.web.controller import PageController
@@ -65,8 +64,7 @@ class Web(Device, draws=("ePicture",)):
         shadows: bool = True,
         names: str = "",
     ) -> None:
-        if importlib.util.find_spec("viser") is None:
-            raise MisuseError("web: a page needs viser: pip install 'minerva-bus[web]'")
+        require("web", "viser", "viser", "web")
         if not 0 <= port <= 65535:
             raise MisuseError(f"web: port is {port}; expected 1 to 65535, or 0 for a free one")
         if not 0 < rate <= 1000:

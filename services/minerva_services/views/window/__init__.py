@@ -5,8 +5,7 @@ the rest: it joins, opens a window (or writes PNG files, or a video), composes w
 processes keyboard and mouse, sends users' orders, and polls the world's status.
 
     class Sprites(WindowDevice, draws=("ePicture",)):
-        def __init__(self, width: int = 1200, path: str = "", ...) -> None:
-            super().__init__(WindowOptions("sprites", width=width, path=path, ...))
+        service = "sprites"
 
         def painter(self) -> Painter:
             from minerva_services.views.sprites.painter import SpritePainter  # needs the extra

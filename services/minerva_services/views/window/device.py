@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Device, View, WorldInfo
-from minerva_services.options import event_types
+from minerva_services.options import event_types, takes_options
 from minerva_services.views.window.composer import Composer
 from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.monitor import WorldMonitor
@@ -20,16 +21,21 @@ from minerva_services.views.window.screen import quiet
 
 
 class WindowDevice(Device):
-    """Base of views that a `Painter` draws.
+    """Base of views that a `Painter` draws; their common options are those of `WindowOptions`.
 
     A window is interactive: keys and mouse act on the world, and closing it leaves the world.
     Pictures are written by an observer, a video by a coupled device that receives every view.
     """
 
     topics = ("scan",)
+    service: ClassVar[str]
+    """Name of the view and of the extra with its libraries."""
+    needs: ClassVar[tuple[str, ...]] = ("pygame",)
+    """Modules that the painter imports."""
 
-    def __init__(self, options: WindowOptions, draws: str = "ePicture") -> None:
-        self.options = options
+    @takes_options(WindowOptions, without=("service", "needs", "environment"))
+    def __init__(self, draws: str = "ePicture", **window: Any) -> None:
+        self.options = options = WindowOptions(self.service, self.needs, **window)
         self.draws = event_types(options.service, draws)
         self.every, self.rate = options.asks_every, options.rate
         self.interactive = options.medium is Medium.WINDOW

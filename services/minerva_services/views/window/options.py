@@ -29,10 +29,25 @@ class Medium(Enum):
 
 @dataclass(frozen=True, slots=True)
 class WindowOptions:
-    """Options, validated on creation; raises MisuseError.
+    """Options of views in windows, validated on creation; raises MisuseError.
 
-    `service` is the name of the view and of its extra, `needs` the modules that it imports. The
-    others are documented with the views.
+    `service` is the name of the view and of its extra, `needs` the modules that it imports.
+
+    Args:
+        width: width of the window or picture in pixels.
+        height: height in pixels.
+        path: a PNG file instead of a window; each picture replaces the previous one atomically.
+        every: frames between views. 0: thirty views per second in a window, every 10th frame as a
+          picture, every frame in a video.
+        frames: keep all pictures, numbered by frame, as in `world-000010.png`.
+        video: an .mp4 or .gif file instead of a window; needs `pip install 'minerva-bus[video]'`.
+        fps: frame rate of the video; 0: as many pictures as there are views, up to 60 (GIF: 25).
+        speed: speed of the video relative to simulated time; at 1, worlds with frames longer than a
+          tenth of a second are shown at ten frames per second.
+        click: the event type sent by a click on a label, if the world accepts several.
+        slide: the event type sent by the arrow keys, if the world accepts several.
+        follow: an agent to keep in the middle.
+
     """
 
     service: str
