@@ -17,9 +17,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, Final
@@ -28,20 +26,21 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.messages import FrameRecord, Readings
 from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
-from minerva_bus.log.backlog import Backlog, Sensed
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.extra import check_installed
+from minerva_bus.log.mcap_file import open_for_record, part_of, take_name
+from minerva_bus.log.queues import Backlog, FrameQueue, Pending, Sensed
 from minerva_bus.log.reader import Record
-from minerva_bus.log.writer import RecordWriter, open_for_record, part_of, take_name
+from minerva_bus.log.writer import RecordWriter
 
-WAITING: Final = 16
 HELPED_WITHIN: Final = 4
 """Queued frames that may wait for `idle` before the thread is woken."""
 
-PATIENCE: Final = 1.0
 CLOSING_WITHIN: Final = 30.0
+"""Seconds that `close` waits for the disk."""
+
 TURN: Final = 0.001
 """Seconds after which the recorder's thread releases the interpreter's lock. Python's default of
 five milliseconds is several frames; releasing it more often costs more than it gains."""
@@ -52,28 +51,7 @@ LIGHT: Final = 0.0005
 REST: Final = 0.01
 """Minimum seconds between two wake-ups of the thread, however short the flush interval."""
 
-_NONE: Mapping[str, float] = {}
-
-
-@dataclass(frozen=True, slots=True)
-class _FrameItem:
-    record: FrameRecord | FrameDone
-    scene: Scene
-    seconds: float
-    timings: Mapping[str, float]
-    kept: Kept | None
-
-
-@dataclass(frozen=True, slots=True)
-class _LogItem:
-    frame: int
-    seconds: float
-    member: str
-    text: str
-    warning: bool
-
-
-_Item = _FrameItem | _LogItem
+_NO_TIMINGS: Mapping[str, float] = {}
 
 
 class Recorder:
@@ -100,42 +78,12 @@ class Recorder:
     ) -> None:
         check_installed()
         self.path = path
-        self.lost: int = 0
         self._say = say
-        self._failure = ""
-        self._is_reported = False
-        self._frame: int = 0
         self._durable = durable
-        self._flush_seconds = 0.0 if durable else flush_seconds
-        self._flush_at = time.monotonic() + self._flush_seconds
-        if past is None:
-            self._stream = open_for_record(path)
-        else:
-            self._stream = open_for_record(part_of(path), keep_old=False)
-        try:
-            self._writer = RecordWriter(self._stream, description, past)
-            if past is not None:
-                take_name(path, keep_old=keep_old)
-        except (OSError, RecordError) as error:
-            _shut(self._stream)
-            if past is not None:
-                part_of(path).unlink(missing_ok=True)
-            if isinstance(error, RecordError):
-                raise
-            raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
-        self._items: deque[_Item] = deque()
-        self._given = self._taken = self._flushed = 0
-        self._writing = threading.Lock()
-        self._called = threading.Event()
-        self._written = threading.Event()
         self._is_helped = False
-        self._light = True
-        self._stuck = False
-        self._closed = False
-        self._backlog = Backlog()
-        self._dropped: int = 0
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._thread.start()
+        self._is_reported = False
+        stream, self._writer = _opened(path, description, past, keep_old=keep_old)
+        self._work = _RecordingThread(stream, self._writer, flush_seconds, durable=durable)
         sys.setswitchinterval(min(TURN, sys.getswitchinterval()))
 
     @property
@@ -143,12 +91,17 @@ class Recorder:
         """Number of frames that are certainly in the record."""
         return self._writer.kept
 
+    @property
+    def lost(self) -> int:
+        """Number of frames that were dropped because the disk was too slow."""
+        return self._work.queue.lost
+
     def frame(
         self,
         record: FrameRecord | FrameDone,
         scene: Scene,
         seconds: float,
-        timings: Mapping[str, float] = _NONE,
+        timings: Mapping[str, float] = _NO_TIMINGS,
         checkpoint: Checkpoint | None = None,
     ) -> None:
         """Record a frame; `scene` is the string after it, `seconds` the time since the beginning.
@@ -157,13 +110,14 @@ class Recorder:
         in seconds, by name. `checkpoint` is that after the frame; a run can only be resumed if
         there is one.
         """
-        self._frame = record.frame + 1
+        self._work.frame = record.frame + 1
         try:
             kept = Kept.of(checkpoint) if checkpoint is not None else None
         except (TypeError, ValueError, OverflowError) as error:
-            self._failure = self._failure or f"a member saved data that are not plain: {error}"
+            self._work.fail(f"a member saved data that are not plain: {error}")
         else:
-            self._put(_FrameItem(record, scene, seconds, timings, kept))
+            write = partial(self._writer.frame, record, scene, seconds, timings, kept)
+            self._put(Pending(write, is_frame=True))
         self._report_failure()
 
     def idle(self) -> None:
@@ -173,111 +127,154 @@ class Recorder:
         further ones.
         """
         self._is_helped = True
-        if self._durable or not (self._items or self._backlog.waiting):
+        self._work.help()
+
+    def log(self, member: str, text: str, seconds: float, *, warning: bool = False) -> None:
+        """Record a line about a member."""
+        write = partial(self._writer.log, self._work.frame, seconds, member, text, warning)
+        self._put(Pending(write, is_frame=False))
+
+    def sensed(self, readings: Readings, seconds: float) -> None:
+        """Record readings of a sensor topic, without waiting. From any thread."""
+        self._queue(Sensed(readings.topic, readings.member, readings, self._work.frame, seconds))
+
+    def received(self, topic: str, member: str, data: bytes, seconds: float) -> None:
+        """As `sensed`, for readings as received from the bus."""
+        self._queue(Sensed(topic, member, data, self._work.frame, seconds))
+
+    def _queue(self, sensed: Sensed) -> None:
+        if self._work.is_open:
+            self._work.backlog.put(sensed)
+
+    def close(self) -> None:
+        """Write the remaining data and the index. Further calls do nothing."""
+        if self._work.is_closed:
             return
-        little = self._light and self._writer.has_room
-        if self._backlog.waiting or not (little and self._flush_seconds):
-            self._called.set()
+        self._work.close()
+        self._report_failure()
+        if self.lost:
+            self._say(
+                f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
+            )
+        dropped = self._work.backlog.dropped
+        if dropped:
+            self._say(
+                f"{self.path}: {dropped} messages on topics are not in the record:"
+                " they arrived faster than they could be written"
+            )
+
+    def _put(self, pending: Pending) -> None:
+        work = self._work
+        if not work.is_open:
+            return
+        was_stuck = work.queue.is_stuck
+        if not work.queue.put(pending):
+            if not was_stuck:
+                self._say(
+                    f"{self.path}: disk too slow; dropping frames from the record until it"
+                    " catches up"
+                )
+        elif self._durable:
+            work.queue.wait_until_flushed()
+        elif not self._is_helped or len(work.queue) > HELPED_WITHIN:
+            work.wake.set()
+
+    def _report_failure(self) -> None:
+        if not self._work.failure or self._is_reported:
+            return
+        self._is_reported = True
+        self._say(
+            f"{self.path}: {self._work.failure}; the world continues without a record, of which"
+            f" {self._writer.kept} frames can be read"
+        )
+
+
+def _opened(
+    path: Path, description: Description, past: Record | None, *, keep_old: bool
+) -> tuple[IO[bytes], RecordWriter]:
+    """The file of a record and its writer, with the contents of `past`. Raises RecordError."""
+    part = None if past is None else part_of(path)
+    stream = open_for_record(path) if part is None else open_for_record(part, keep_old=False)
+    try:
+        writer = RecordWriter(stream, description, past)
+        if part is not None:
+            take_name(path, keep_old=keep_old)
+    except (OSError, RecordError) as error:
+        _shut(stream)
+        if part is not None:
+            part.unlink(missing_ok=True)
+        if isinstance(error, RecordError):
+            raise
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from None
+    return stream, writer
+
+
+class _RecordingThread:
+    """The thread that writes a record, and its queues.
+
+    `frame`: number of the frame in progress. `failure`: why nothing is written any longer, or an
+    empty string.
+    """
+
+    def __init__(
+        self, stream: IO[bytes], writer: RecordWriter, flush_seconds: float, *, durable: bool
+    ) -> None:
+        self.frame: int = 0
+        self.failure = ""
+        self.is_closed = False
+        self.wake = threading.Event()
+        self.queue = FrameQueue(self.wake)
+        self.backlog = Backlog()
+        self._stream = stream
+        self._writer = writer
+        self._durable = durable
+        self._flush_seconds = 0.0 if durable else flush_seconds
+        self._flush_at = time.monotonic() + self._flush_seconds
+        self._writing = threading.Lock()
+        self._is_light = True
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    # --- for the caller's thread ---
+
+    @property
+    def is_open(self) -> bool:
+        """Whether anything more can be recorded."""
+        return not (self.failure or self.is_closed)
+
+    def fail(self, reason: str) -> None:
+        """Record nothing more; the first reason counts."""
+        self.failure = self.failure or reason
+
+    def help(self) -> None:
+        """Write a queued frame if that is quick and stays in memory; otherwise wake the thread."""
+        if self._durable or not (self.queue or self.backlog.waiting):
+            return
+        is_quick = self._is_light and self._writer.has_room and self._flush_seconds
+        if self.backlog.waiting or not is_quick:
+            self.wake.set()
         elif self._writing.acquire(blocking=False):
             try:
                 self._write_next()
             finally:
                 self._writing.release()
 
-    def log(self, member: str, text: str, seconds: float, *, warning: bool = False) -> None:
-        """Record a line about a member."""
-        self._put(_LogItem(self._frame, seconds, member, text, warning))
-
-    def sensed(self, readings: Readings, seconds: float) -> None:
-        """Record readings of a sensor topic, without waiting. From any thread."""
-        self._queue(Sensed(readings.topic, readings.member, readings, self._frame, seconds))
-
-    def received(self, topic: str, member: str, data: bytes, seconds: float) -> None:
-        """As `sensed`, for readings as received from the bus."""
-        self._queue(Sensed(topic, member, data, self._frame, seconds))
-
-    def _queue(self, sensed: Sensed) -> None:
-        if not (self._failure or self._closed):
-            self._backlog.put(sensed)
-
     def close(self) -> None:
-        """Write the remaining data and the index. Further calls do nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        self._called.set()
+        """Write everything that is queued, and end."""
+        self.is_closed = True
+        self.wake.set()
         self._thread.join(CLOSING_WITHIN)
         if self._thread.is_alive():
-            self._failure = self._failure or "the disk does not respond"
-        self._report_failure()
-        if self.lost:
-            self._say(
-                f"{self.path}: {self.lost} frames are not in the record: the disk was too slow"
-            )
-        if self._backlog.dropped:
-            self._say(
-                f"{self.path}: {self._backlog.dropped} messages on topics are not in the record:"
-                " they arrived faster than they could be written"
-            )
-
-    def _put(self, item: _Item) -> None:
-        if self._failure or self._closed:
-            return
-        if not self._has_room():
-            self._drop(item)
-            return
-        self._items.append(item)
-        self._given += 1
-        self._stuck = False
-        if self._durable:
-            self._await_disk()
-        elif not self._is_helped or len(self._items) > HELPED_WITHIN:
-            self._called.set()
-
-    def _await_disk(self) -> None:
-        """Wait for the thread: an interrupt ends the wait, but not the write."""
-        while self._flushed < self._given:
-            self._written.clear()
-            self._called.set()
-            if self._flushed < self._given:
-                self._written.wait()
-
-    def _has_room(self) -> bool:
-        """Whether the queue has room, now or within `PATIENCE`. Polling is cheaper than locks."""
-        until = 0.0 if self._stuck else time.monotonic() + PATIENCE
-        while len(self._items) >= WAITING:
-            self._called.set()
-            if time.monotonic() >= until:
-                return False
-            time.sleep(0.001)
-        return True
-
-    def _drop(self, item: _Item) -> None:
-        if not self._stuck:
-            self._say(
-                f"{self.path}: disk too slow; dropping frames from the record until it catches up"
-            )
-        self._stuck = True
-        self.lost += isinstance(item, _FrameItem)
-
-    def _report_failure(self) -> None:
-        if not self._failure or self._is_reported:
-            return
-        self._is_reported = True
-        self._say(
-            f"{self.path}: {self._failure}; the world continues without a record, of which"
-            f" {self._writer.kept} frames can be read"
-        )
+            self.fail("the disk does not respond")
 
     # --- in the thread ---
 
     def _run(self) -> None:
-        while not self._closed:
+        while not self.is_closed:
             rest = max(REST, self._flush_at - time.monotonic())
-            self._called.wait(None if self._durable else rest)
-            self._called.clear()
+            self.wake.wait(None if self._durable else rest)
+            self.wake.clear()
             self._write_all()
-            self._written.set()
         self._write_all()
         self._carefully(self._write_sensed)
         self._carefully(self._writer.finish)
@@ -287,55 +284,49 @@ class Recorder:
         """Write all queued data; flush on time even if a fast world always queues more."""
         more = True
         while more:
-            with self._writing:  # Released after each item, so that `idle` can write too.
+            with self._writing:  # Released after each item, so that `help` can write too.
                 self._write_next()
                 self._carefully(self._write_sensed)
                 if time.monotonic() >= self._flush_at:
                     self._carefully(self._writer.flush)
-                    self._flushed = self._taken
+                    self.queue.mark_flushed()
                     self._flush_at = time.monotonic() + self._flush_seconds
-            more = bool(self._items)
+            more = bool(self.queue)
 
     def _write_next(self) -> None:
-        """Write the oldest queued item; the caller holds `_writing`."""
-        if self._items:
-            began = time.thread_time()
-            item = self._items.popleft()
-            self._taken += 1
-            self._carefully(partial(self._write, item))
-            if isinstance(item, _FrameItem):
-                self._light = time.thread_time() - began <= LIGHT
-
-    def _write(self, item: _Item) -> None:
-        if isinstance(item, _FrameItem):
-            self._writer.frame(item.record, item.scene, item.seconds, item.timings, item.kept)
-        else:
-            self._writer.log(item.frame, item.seconds, item.member, item.text, item.warning)
+        """Write what has waited longest; the caller holds `_writing`."""
+        began = time.thread_time()
+        pending = self.queue.take()
+        if pending is not None:
+            self._carefully(pending.write)
+            if pending.is_frame:
+                self._is_light = time.thread_time() - began <= LIGHT
 
     def _write_sensed(self) -> None:
         """Write queued readings, unless the world waits for the queue of frames."""
-        seconds = 0.0
-        for _ in range(self._backlog.waiting):
-            taken = self._backlog.take() if len(self._items) < WAITING else None
+        backlog, seconds = self.backlog, 0.0
+        for _ in range(backlog.waiting):
+            taken = backlog.take() if self.queue.has_room else None
             if taken is None:
                 break
             sensed, readings = taken
             seconds = sensed.seconds
             self._writer.sensed(readings, sensed.frame, seconds)
-        if self._backlog.dropped > self._dropped:
-            new, self._dropped = self._backlog.dropped - self._dropped, self._backlog.dropped
-            self._writer.dropped(new, self._frame, seconds)
+        dropped = backlog.dropped - backlog.recorded_drops
+        if dropped:
+            backlog.recorded_drops += dropped
+            self._writer.dropped(dropped, self.frame, seconds)
 
     def _carefully(self, work: Callable[[], None]) -> None:
         """Note a failure instead of raising it: a record must never end its world."""
-        if self._failure:
+        if self.failure:
             return
         try:
             work()
         except OSError as error:
-            self._failure = error.strerror or str(error)
+            self.fail(error.strerror or str(error))
         except Exception as error:
-            self._failure = f"{type(error).__name__}: {error}"
+            self.fail(f"{type(error).__name__}: {error}")
 
 
 def _shut(stream: IO[bytes]) -> None:

@@ -13,8 +13,8 @@ from typing import ClassVar
 import pytest
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.log import queues, writer
 from minerva_bus.log import recorder as module
-from minerva_bus.log import writer
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recorder import Recorder
@@ -198,7 +198,7 @@ def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
 
 
 def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 0.01)
+    monkeypatch.setattr(queues, "PATIENCE", 0.01)
     disk = Disk()
     recorder, said = recorder_on(monkeypatch, disk, flush_seconds=0.0)
     disk.free.clear()
@@ -208,7 +208,7 @@ def test_a_disk_that_stands_still_holds_nothing_up_for_long(tmp_path, monkeypatc
     disk.asked.wait()  # The thread is with the disk now, and takes nothing.
     for record, string in frames[1:50]:
         recorder.frame(record, string, 0.0)
-    assert recorder.lost == 49 - module.WAITING
+    assert recorder.lost == 49 - queues.WAITING
     assert [text for text in said if "disk too slow; dropping frames" in text] == said[:1]
     disk.free.set()
     while recorder.frames < 50 - recorder.lost:
@@ -234,7 +234,7 @@ def test_the_world_waits_for_a_slow_disk_and_nothing_is_lost(tmp_path, monkeypat
             recorder.frame(record, string, 0.0)
         done.set()
 
-    monkeypatch.setattr(module, "PATIENCE", 60.0)
+    monkeypatch.setattr(queues, "PATIENCE", 60.0)
     happened("meadow")
     thread = threading.Thread(target=world)
     thread.start()
@@ -352,7 +352,7 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
     recorder.idle()
     for record, string in happened("meadow")[1]:
         recorder.frame(record, string, 0.0)
-        while recorder._items:
+        while recorder._work.queue:
             recorder.idle()
     recorder.close()
     assert not said
@@ -380,12 +380,12 @@ def test_who_helps_never_waits_for_the_disk(monkeypatch):
     frames = happened("meadow")[1]
     recorder.frame(*frames[0], 0.0)
     disk.asked.wait()  # The thread is with the disk now.
-    for record, string in frames[1 : module.WAITING]:
+    for record, string in frames[1 : queues.WAITING]:
         recorder.frame(record, string, 0.0)
         recorder.idle()
     disk.free.set()
     recorder.close()
-    assert recorder.frames == module.WAITING
+    assert recorder.frames == queues.WAITING
     assert not recorder.lost
 
 

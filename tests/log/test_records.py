@@ -8,7 +8,7 @@ import pytest
 
 from minerva_bus.grammar.batch import single
 from minerva_bus.log import channels as c
-from minerva_bus.log import chunks
+from minerva_bus.log import chunks, display
 from minerva_bus.log.description import encode_description
 from minerva_bus.log.entries import encode_frame
 from minerva_bus.log.errors import RecordError
@@ -171,9 +171,8 @@ def test_others_see_the_map():
 
 
 def test_a_world_of_many_shows_some_of_them(monkeypatch):
-    from minerva_bus.log import writer
 
-    monkeypatch.setattr(writer, "SHOWN", 10)
+    monkeypatch.setattr(display, "SHOWN", 10)
     file, frames = happened("flock")
     stream = io.BytesIO()
     one = RecordWriter(stream, description(file))

@@ -176,7 +176,7 @@ def written(checkpoints, folder, last=None):
         writer.frame(record, string, 0.0, {}, Kept.of(checkpoint))
         writer.flush()
     if last is not None:
-        writer._put(
+        writer._file.put(
             c.CHECKPOINT, encode_checkpoint(Kept.of(last), None), last.frame, 0.0, last.frame
         )
     writer.finish()

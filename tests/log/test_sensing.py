@@ -14,9 +14,8 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.messages import Readings
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.recording import recording
-from minerva_bus.log import backlog
 from minerva_bus.log import channels as c
-from minerva_bus.log import recorder as module
+from minerva_bus.log import queues
 from minerva_bus.log.reader import Record
 from minerva_bus.log.recorder import Recorder
 from minerva_bus.log.sensing import Dropped, decode_sensed, encode_readings, shown_readings
@@ -185,7 +184,7 @@ def test_what_cannot_be_is_said_in_one_line(tmp_path, words, problem):
 
 
 def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(backlog, "MESSAGES", 3)
+    monkeypatch.setattr(queues, "MESSAGES", 3)
     path = tmp_path / "run.mcap"
     file, frames = happened("meadow")
     said = []
@@ -208,7 +207,7 @@ def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
 
 
 def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "PATIENCE", 10.0)
+    monkeypatch.setattr(queues, "PATIENCE", 10.0)
     file, frames = happened("meadow")
     data = encode(Readings("m", "battery", 0, (ALL[""],)))
     sensed, said = RecordWriter.sensed, []
@@ -253,10 +252,10 @@ def test_what_is_sensed_is_written_though_frames_always_wait(tmp_path, monkeypat
 
 
 def test_large_messages_are_bounded_by_their_bytes(monkeypatch):
-    monkeypatch.setattr(backlog, "BYTES", 100)
-    waiting = backlog.Backlog()
+    monkeypatch.setattr(queues, "BYTES", 100)
+    waiting = queues.Backlog()
     for _ in range(3):
-        waiting.put(backlog.Sensed("t", "m", bytes(40), 0, 0.0))
+        waiting.put(queues.Sensed("t", "m", bytes(40), 0, 0.0))
     assert waiting.dropped == 1
 
 
