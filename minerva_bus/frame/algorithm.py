@@ -184,6 +184,9 @@ class FrameAlgorithm:
 
         A world that expects no members becomes ready by its first `Begin`.
         """
+        if begin.inputs is not None and begin.inputs.complete:
+            self._repeat(begin.inputs)
+            return
         if self.phase is Phase.WAITING:
             self.start_if_complete()
             return
@@ -193,6 +196,25 @@ class FrameAlgorithm:
         self.in_flight = FrameInFlight(begin.due, begin.inputs)
         self._enter(Awaited.BEGIN)
         self.source.begin()
+
+    def _repeat(self, inputs: FrameInputs) -> None:
+        """Run a frame from its complete inputs, which succession does before any member appears.
+
+        It awaits nothing, so the phase stays. Raises ProtocolError where the inputs are not those
+        of the next frame, or do not fit.
+        """
+        if inputs.frame != self.frame:
+            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
+        source, self.in_flight = self.source, FrameInFlight(logged=inputs)
+        try:
+            source.begin()
+            source.collect()
+            source.evolve()
+            source.settle()
+            self.show()
+            source.commit()
+        except Unfit as unfit:
+            raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
 
     def on_drain(self, drain: s.Drain) -> None:
         """Move a host's agents to other hosts when the next frame begins."""
@@ -345,10 +367,6 @@ class FrameAlgorithm:
         """The latest view of each visual event type, as a keyframe."""
         return self.views.keyframes()
 
-    def show_again(self, view: m.ViewShown) -> None:
-        """Continue a view stream from a keyframe."""
-        self.views.restore(view)
-
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
         """The events of no complete frame, by source, if people's events are among them."""
@@ -373,25 +391,6 @@ class FrameAlgorithm:
         """Wait for these members too before the next frame."""
         for name in sorted(members):
             self.members.expect(name)
-
-    def feed(self, inputs: FrameInputs) -> list[s.Instruction]:
-        """Run a frame from logged inputs, before any member has appeared.
-
-        Raises ProtocolError where they are not those of the next frame, or do not fit.
-        """
-        if inputs.frame != self.frame:
-            raise ProtocolError(f"expected inputs of frame {self.frame}, got frame {inputs.frame}")
-        self.out.take()
-        self.in_flight = FrameInFlight()
-        live = LiveSource(self)
-        try:
-            live.repeat(inputs)
-            self.show()
-            live.commit()
-        except Unfit as unfit:
-            raise ProtocolError(f"inputs of frame {inputs.frame}: {unfit}") from None
-        self.placement.outdated = True
-        return self.out.take()
 
 
 _HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {

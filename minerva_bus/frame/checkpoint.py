@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from minerva_bus.grammar.batch import AnyEvent
-from minerva_bus.grammar.scene import Scene
 
 HALTED: Final = "~halted"
 """Key in `Checkpoint.saved` for the agents whose actions the last views must not execute."""
@@ -31,15 +30,3 @@ class Checkpoint:
     )
     reached: frozenset[str] = frozenset()
     reaching: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True, slots=True)
-class LastView:
-    """The last view of a visual event type: its frame and its string over L(E).
-
-    Devices did not execute actions of the agents in `halted`, because a norm rejected their step.
-    """
-
-    frame: int
-    scene: Scene
-    halted: tuple[str, ...] = ()

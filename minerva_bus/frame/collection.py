@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.frame import messages as m
@@ -148,21 +148,18 @@ class CollectionStep:
     def collect(self) -> None:
         """Steps 2 to 4: e*, e^v and e^u."""
         algorithm, world = self._algorithm, self._algorithm.world
-        in_flight, later = algorithm.in_flight, dict[str, list[AnyEvent]]()
+        in_flight = algorithm.in_flight
         due = due_views(algorithm.members.index, algorithm.frame, in_flight.clock_views)
+        later: Mapping[str, Sequence[AnyEvent]]
         if in_flight.logged is None:
             later = algorithm.inbox.hold_back()
         else:  # Logged events were few enough for one frame.
+            later = in_flight.logged.waiting
             due = tuple(sorted({*due, *in_flight.logged.due}))
         self._gather(due)
         algorithm.inbox.put_back(later)
         if not world.frames or algorithm.frame + 1 < world.frames:
             self._ask_ahead(algorithm.frame + 1)
-
-    def repeat(self, inputs: FrameInputs) -> None:
-        """Steps 2 to 4 from logged inputs."""
-        self._load(inputs)
-        self._gather(inputs.due)
 
     def _gather(self, due: tuple[str, ...]) -> None:
         algorithm, events = self._algorithm, self._algorithm.in_flight.events

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from minerva_bus.errors import VocabularyError
-from minerva_bus.frame.checkpoint import Checkpoint, LastView
+from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.constraints import PlacementRules
+from minerva_bus.frame.messages import ViewShown
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.evolution import Policy
@@ -30,7 +31,7 @@ class World:
     string unless some find no place.
 
     One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
-    views of before, by visual event type, which coupled devices still have to act on.
+    last views as keyframes, on which coupled devices still have to act.
 
     Raises VocabularyError where, under the literal policy, an agent has the id of a copy that a
     frame to come may make.
@@ -53,7 +54,7 @@ class World:
     speaks_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     placement: PlacementRules = field(default_factory=PlacementRules)
     past: Checkpoint = field(default_factory=Checkpoint)
-    shown: Mapping[str, LastView] = field(default_factory=dict[str, LastView])
+    shown: Sequence[ViewShown] = ()
 
     def __post_init__(self) -> None:
         for agent in agents(self.scene) if self.policy is Policy.LITERAL else ():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import islice
 from typing import TYPE_CHECKING, Final
 
 from minerva_bus.errors import VocabularyError
@@ -39,6 +38,11 @@ class EvolutionStep:
         """Steps 5 and 6: ask all hosts concerned for w_next = η(w, e^u) and v = π(w, e^v)."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         requests, events = in_flight.requests, in_flight.events
+        if in_flight.logged is not None and in_flight.logged.complete:
+            algorithm.composition.lay_out(in_flight.logged.layout)
+            requests.layout = in_flight.logged.layout
+            requests.left_out.update(in_flight.logged.left_out)
+            return
         self._arrange_if_needed()
         requests.layout = algorithm.composition.layout
         hosts = self._hosts_to_ask()
@@ -174,18 +178,13 @@ class EvolutionStep:
         copies = range(2, 1 + sum(map(count_of, events)))
         return frozenset((agent, *(copy_id(agent, algorithm.frame, copy) for copy in copies)))
 
-    def repeat(self, inputs: FrameInputs) -> None:
-        """Steps 5 and 6 from logged inputs, one request after another. Raises Unfit."""
-        composition, in_flight = self._algorithm.composition, self._algorithm.in_flight
-        composition.lay_out(inputs.layout)
-        in_flight.requests.layout = inputs.layout
-        in_flight.requests.left_out = set(inputs.left_out)
-        replies = iter(inputs.replies)
-        for count in inputs.answers:
-            for reply in islice(replies, count):
-                in_flight.result.merge(reply, patched(reply, composition))
-            self._judge()
-            in_flight.requests.reduced = next(in_flight.stages, ()), ()
+    def _merge_logged(self, inputs: FrameInputs) -> None:
+        """Merge the logged replies to the latest request. Raises Unfit."""
+        result = self._algorithm.in_flight.result
+        begin, requests = len(result.replies), len(result.answers)
+        end = begin + sum(inputs.answers[requests : requests + 1])
+        for reply in inputs.replies[begin:end]:
+            result.merge(reply, patched(reply, self._algorithm.composition))
 
     # --- norms ---
 
@@ -193,6 +192,8 @@ class EvolutionStep:
         """Whether the results are final; if a norm rejects some, ask again by fewer events."""
         in_flight = self._algorithm.in_flight
         while True:
+            if in_flight.logged is not None:
+                self._merge_logged(in_flight.logged)
             self._judge()
             stage = next(in_flight.stages, None)
             if stage is None or in_flight.trial is None:

@@ -39,6 +39,11 @@ class FrameInputs:
     left_out: tuple[str, ...] = ()
 
     @property
+    def complete(self) -> bool:
+        """Whether these inputs include the replies of hosts, so that the frame awaits no member."""
+        return bool(self.answers)
+
+    @property
     def without_replies(self) -> FrameInputs:
         """These inputs without the replies of hosts, so that hosts have to compute them again."""
         return replace(self, layout=(), replies=(), waiting={}, answers=(), left_out=())

@@ -8,7 +8,6 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.collection import CollectionStep
 from minerva_bus.frame.evolution import EvolutionStep
-from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberEntry
 
 if TYPE_CHECKING:
@@ -95,13 +94,6 @@ class LiveSource:
     def commit(self) -> None:
         """Step 8."""
         self.evolution.commit()
-
-    def repeat(self, inputs: FrameInputs) -> None:
-        """Steps 2 to 6 from logged inputs instead of members. Raises Unfit."""
-        self.collection.repeat(inputs)
-        self.evolution.repeat(inputs)
-        self.evolution.enforce()
-        self._algorithm.inbox.replace(inputs.waiting)
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""

@@ -72,12 +72,14 @@ class Views:
     """The view streams of a world; `last_change` is the frame that began with the latest change."""
 
     def __init__(self, world: World) -> None:
-        frame = world.past.frame
         self._streams = {
-            event_type: ViewStream(event_type, frame, last.frame, last.scene, halted=last.halted)
-            for event_type, last in world.shown.items()
-        }
-        self.last_change = frame
+            view.event_type: ViewStream(
+                view.event_type, view.sequence, view.frame, view.skeleton or EMPTY,
+                dict(view.parts), view.halted,
+            )
+            for view in world.shown
+        }  # fmt: skip
+        self.last_change = world.past.frame
 
     @property
     def event_types(self) -> Iterable[str]:
@@ -92,13 +94,6 @@ class Views:
         """The latest view of a visual event type, or None where there was none."""
         stream = self._streams.get(event_type)
         return None if stream is None else stream.keyframe()
-
-    def restore(self, view: ViewShown) -> None:
-        """Continue a view stream from a keyframe."""
-        skeleton = view.skeleton if view.skeleton is not None else EMPTY
-        self._streams[view.event_type] = ViewStream(
-            view.event_type, view.sequence, view.frame, skeleton, dict(view.parts), view.halted
-        )
 
     def check(self, event_type: str, patches: Patches) -> None:
         """Raise Unfit where patches do not fit the latest view of an event type."""

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.checkpoint import HALTED, Checkpoint, LastView
+from minerva_bus.frame.checkpoint import HALTED, Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.goal import GIVEN_UP
+from minerva_bus.frame.messages import ViewShown
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
@@ -208,12 +209,12 @@ def kinds_in(file: WorldFile) -> Kinds:
     return kinds_of(list(classes))
 
 
-def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[str, LastView]:
-    """The last views of coupled devices, by visual event type."""
+def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> list[ViewShown]:
+    """The last views of coupled devices, as keyframes."""
     from minerva_bus.log.errors import RecordError
 
     kinds, halted = kinds_in(file), checkpoint.saved.get(HALTED, {})
-    views: dict[str, LastView] = {}
+    views: list[ViewShown] = []
     recorded = record.last_events(_coupled(file), checkpoint.frame)
     for event_type, (frame, events) in sorted(recorded.items()):
         drawn = [event for event in events if event.type == event_type]
@@ -222,7 +223,8 @@ def last_views(record: Record, file: WorldFile, checkpoint: Checkpoint) -> dict[
         except RecordError:  # Damaged: the device waits for the next view.
             continue
         still = tuple(halted["agents"]) if halted.get("frame") == frame else ()
-        views[event_type] = LastView(frame, visualize(string, drawn, kinds, frame), still)
+        view = visualize(string, drawn, kinds, frame)
+        views.append(ViewShown(event_type, frame, checkpoint.frame, {}, view, halted=still))
     return views
 
 

@@ -262,7 +262,7 @@ def _journaled(entries: Iterator[bytes], world: World, path: Path) -> Journaled 
     keyframe = decoder.keyframe(state)
     if keyframe.checkpoint is None:
         raise RecordError(f"{path}: this journal is damaged: its keyframe has no checkpoint")
-    before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown={})
+    before = replace(world, scene=keyframe.scene, past=keyframe.checkpoint, shown=keyframe.views)
     journaled = Journaled(as_int(epoch, "the epoch"), before, keyframe)
     for entry in entries:
         _take(entry, journaled, decoder)
@@ -297,10 +297,8 @@ def resume_from(
     `watch` receives each frame since the keyframe. The algorithm then waits for all members that
     took part. Raises ProtocolError.
     """
-    for view in journaled.keyframe.views:
-        algorithm.show_again(view)
     for inputs in journaled.inputs:
-        for instruction in algorithm.feed(inputs):
+        for instruction in algorithm.receive(s.Begin(inputs=inputs)):
             if isinstance(instruction, s.FrameDone):
                 watch(instruction)
     if journaled.waiting is not None:

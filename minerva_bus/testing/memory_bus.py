@@ -156,7 +156,7 @@ class MemoryBus:
         if successor is None:
             successor = FrameAlgorithm(before.world)
             for inputs in self.inputs:
-                successor.feed(inputs)
+                successor.receive(s.Begin(inputs=inputs))
         successor.expect(member.name for member in before.members.active())
         self._transport.queues.clear()
         self._run(successor)

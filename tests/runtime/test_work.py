@@ -58,7 +58,7 @@ def test_a_journal_has_what_was_taken_and_what_waits():
     _, inputs = frame(world)
     assert [len(inputs.taken["rain"]), len(inputs.waiting["rain"])] == [3, 2]
     again = FrameAlgorithm(Described("w", PStone(), VOCABULARY))
-    again.feed(inputs)
+    again.receive(s.Begin(inputs=inputs))
     again.receive(s.Appeared("rain"))
     again.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
     assert frame(again)[0] == [3, 4]
