@@ -3,11 +3,13 @@
 import io
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
 from minerva_bus.log.reader import Record
@@ -54,7 +56,7 @@ def description(file):
 
 
 @cache
-def happened(name, seed=None):
+def happened(name, seed=None) -> tuple[WorldFile, list[tuple[Any, Any]]]:
     """A run of one of the worlds: its file, and the frames with the strings after them."""
     world, overrides = WORLDS[name]
     file, frames = world_file(world, seed=seed, **overrides), []

@@ -44,7 +44,7 @@ def test_the_messages_are_as_written(tmp_path):
     chunks = Chunks(path)
     (_, world), (_, again) = chunks.messages((c.WORLD,))
     name, version, plain = unpack(world.data)
-    listed = re.search(r'\["world", 3, \{(.*?)\}\]', DOCUMENT).group(1)
+    (listed,) = re.findall(r'\["world", 3, \{(.*?)\}\]', DOCUMENT)
     assert (name, version) == ("world", 3)
     assert unpack(again.data) == [name, version, plain | {"string": None}]
     assert list(plain) == listed.split(", ")

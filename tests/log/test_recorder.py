@@ -5,14 +5,16 @@ import io
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import pytest
 
 from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import Scene
 from minerva_bus.log import queues, writer
 from minerva_bus.log import recorder as module
 from minerva_bus.log.errors import RecordError
@@ -36,7 +38,7 @@ class Disk(io.BytesIO):
         self.free = threading.Event()
         self.free.set()
         self.asked = threading.Event()
-        self.when_asked = None
+        self.when_asked: Callable[[], object] | None = None
         self.kept = b""
 
     def write(self, data):
@@ -191,7 +193,7 @@ def test_a_thread_that_is_to_flush_at_once_waits_to_be_called(monkeypatch):
 def test_what_cannot_be_encoded_ends_the_record_and_not_the_world(monkeypatch):
     recorder, said = recorder_on(monkeypatch, Disk())
     record, _ = happened("meadow")[1][0]
-    recorder.frame(record, "no string", 0.0)
+    recorder.frame(record, cast("Scene", "no string"), 0.0)
     recorder.close()
     assert len(said) == 1
     assert "the world continues without a record" in said[0]

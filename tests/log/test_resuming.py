@@ -214,7 +214,7 @@ def test_checkpoints_are_small(tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(bytes_of("robot"))
     chunks = Chunks(path)
-    sizes = dict.fromkeys((c.CHECKPOINT, c.FRAME), 0)
+    sizes: dict[str, int] = {c.CHECKPOINT: 0, c.FRAME: 0}
     for topic, message in chunks.messages(sizes):
         sizes[topic] += len(message.data)
     chunks.close()

@@ -5,6 +5,7 @@ import io
 import json
 import threading
 from itertools import islice
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def same(one, other):
     ]
 
 
-def heard(record):
+def heard(record) -> list[Any]:
     return [told for _, told in record.sensed()]
 
 
@@ -283,7 +284,7 @@ def test_readings_of_a_frame_that_was_cut_off_are_left_out(tmp_path):
     writer.finish()
     with record_of(stream.getvalue(), tmp_path) as record:
         kept = [message for topic, message in record.messages(2) if topic == c.SENSED]
-    assert [decode_sensed(one.data).frame for one in kept] == [0, 1]
+    assert [cast("Readings", decode_sensed(one.data)).frame for one in kept] == [0, 1]
 
 
 def test_no_topics_no_ear(tmp_path):
