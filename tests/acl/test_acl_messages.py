@@ -69,7 +69,7 @@ def test_the_parameters_are_those_of_fipa():
     )
 
 
-def test_a_reply_goes_back_with_what_belongs_to_it():
+def test_a_reply_returns_with_its_conversation():
     message = eMessage(
         "request",
         "x",
@@ -94,7 +94,7 @@ def test_a_reply_goes_back_with_what_belongs_to_it():
     assert reply(elsewhere, Act.REFUSE).receivers == ("c", "d")
 
 
-def test_a_message_from_nobody_cannot_be_answered():
+def test_a_message_without_sender_cannot_be_answered():
     with pytest.raises(MisuseError, match="neither sender nor reply_to"):
         reply(eMessage("inform"), "agree")
 

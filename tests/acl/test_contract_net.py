@@ -17,7 +17,7 @@ def test_it_ends_by_its_deadline_although_one_never_answers():
     assert seller["talks"] == type(strings[0])()
 
 
-def test_the_cheapest_gets_it_and_all_others_are_told():
+def test_the_cheapest_wins_and_all_others_are_notified():
     strings, messages = auction()
     seller = state(strings[-1], "s")
     prices = {
@@ -41,7 +41,7 @@ def test_a_late_bid_is_rejected_as_such():
     assert late.receivers == ("b1",)
 
 
-def test_the_silent_one_still_holds_the_call_and_nobody_else_does():
+def test_only_the_silent_agent_still_holds_the_call():
     strings, _ = auction()
     holding = [one.id for one in agents(strings[-1]) if one.state["talks"]]
     assert holding == ["b0"]

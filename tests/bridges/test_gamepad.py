@@ -110,7 +110,7 @@ def test_buttons_give_markers_and_whatever_is_wanted_when_they_go_down(slot):
     assert runs.counted("other buttons") == 1
 
 
-def test_without_a_gamepad_it_says_so_and_waits_for_one(slot, capsys):
+def test_a_missing_gamepad_is_reported_and_awaited(slot, capsys):
     with Running(gamepad()) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
         assert runs.state == "there is no gamepad 0: none is plugged in"

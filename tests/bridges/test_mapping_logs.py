@@ -157,7 +157,7 @@ def test_a_depot_by_both(tmp_path, depot):
         assert all(one >= least for one, least in zip(found, DEPOT_PARTS, strict=True))
 
 
-def test_a_laser_that_is_not_turned_as_it_says_draws_another_house(tmp_path, home):
+def test_a_laser_with_a_wrong_declared_angle_maps_another_house(tmp_path, home):
     pytest.importorskip("rosbags")
     drawn = mapped(bag(home, tmp_path, 180, 90.0, "db3", told_yaw=80.0), tmp_path)
     assert overlap(home.plan, drawn)[0] < 0.7

@@ -33,7 +33,7 @@ def test_its_own_tests_pass(written):
     assert "4 passed" in done.stdout
 
 
-def test_a_world_hears_it(written):
+def test_a_world_receives_it(written):
     words = ("run", "yard.toml", "--in-process", "--rate", "100", "--json")
     done = run(written, "minerva_bus.cli.main", *words)
     assert done.returncode == 0, done.stderr
@@ -84,7 +84,7 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
         write_bridge("meter", tmp_path / "nowhere")
 
 
-def test_the_command_says_what_to_do_next(tmp_path, capsys):
+def test_the_command_prints_the_next_step(tmp_path, capsys):
     make_new("bridge", "meter", tmp_path)
     assert f"cd {tmp_path / 'meter'}" in capsys.readouterr().out
     with pytest.raises(MisuseError, match="kind 'brige'; did you mean 'bridge'"):

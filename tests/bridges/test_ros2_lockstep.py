@@ -95,7 +95,7 @@ def test_a_command_in_phases_is_whole_and_as_fast_as_allowed(command, lasts):
 
 
 @pytest.mark.parametrize(("resolution", "told"), [(0.0, (1.23456, -9.87654)), (0.1, (1.2, -9.9))])
-def test_a_camera_sees_as_finely_as_it_is_told(resolution, told):
+def test_a_camera_has_the_configured_resolution(resolution, told):
     camera = Camera(resolution=resolution)
     camera.joined(WorldInfo("w", Vocabulary.of(eCamera), 0, 0.1))
     seen = Sightings("r1", (Sighting("door", 1.23456, -9.87654),), 0.0)

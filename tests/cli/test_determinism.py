@@ -106,7 +106,7 @@ def check(folder, *words, when="pass", light="1.0", file=FILE):
     return done.returncode, done.stdout, done.stderr
 
 
-def test_a_good_world_is_the_same_and_what_is_left_out_is_said(tmp_path):
+def test_a_valid_world_reads_the_same_and_skipped_checks_are_named(tmp_path):
     late = "self.height += time.time() if moment.number >= 4 else 0.0"
     code, out, error = check(tmp_path, "--frames", "4", when=late, file=FILE + FREE)
     assert (code, error) == (0, "")
@@ -152,14 +152,14 @@ def test_people_read_where_and_what_to_use_instead(tmp_path):
     assert len(error.splitlines()) <= 25
 
 
-def test_bad_input_is_told_from_a_difference(tmp_path):
+def test_bad_input_and_a_difference_have_different_exit_codes(tmp_path):
     code, _, error = check(tmp_path, file=FILE.replace("garden:Sun", "garden:Son"))
     assert code == 2
     assert "Son" in error
     assert "Traceback" not in error
 
 
-def test_a_world_that_fails_says_how(tmp_path):
+def test_a_failing_world_reports_its_error(tmp_path):
     code, _, error = check(tmp_path, when="1 / 0")
     assert code == 1
     assert "garden.toml: it fails in one process for all members:" in error

@@ -21,7 +21,7 @@ def test_this_machine_runs_worlds(capsys, tmp_path, monkeypatch):
     assert found["running worlds"]["note"].startswith("none; noted in ")
 
 
-def test_what_is_missing_is_said_with_what_to_do(capsys, tmp_path, monkeypatch):
+def test_missing_parts_are_reported_with_a_remedy(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(doctoring, "find_spec", lambda name: None)
     code, found = findings(capsys)

@@ -95,7 +95,7 @@ def test_a_world_file_is_checked_without_its_code(folder):
         ("[options]", "[options", "Expected ']'"),
     ],
 )
-def test_what_is_wrong_without_any_code_is_said(old, new, complaint, folder):
+def test_errors_are_reported_without_running_code(old, new, complaint, folder):
     (folder / "trail.toml").write_text(FILE.replace(old, new))
     done = minerva(folder, "check", "trail.toml", "--no-code")
     assert done.returncode == 1
@@ -137,7 +137,7 @@ def test_what_needs_code_is_refused(folder):
     assert not ran(folder)
 
 
-def test_the_help_says_that_code_is_run(folder):
+def test_the_help_warns_that_code_is_run(folder):
     for command in ("check", "replay"):
         said = " ".join(minerva(folder, command, "--help").stdout.split())
         assert "This runs the Python code" in said

@@ -36,7 +36,7 @@ def test_where_lines_are_json_these_are_too(path):
     assert {(one["member"], one["level"]) for one in said} == {("in-process", "info")}
 
 
-def test_lines_come_whole_and_the_last_one_needs_no_end():
+def test_lines_arrive_complete_and_the_last_one_needs_no_end():
     told = []
     with printed(told.append):
         print("one")

@@ -20,7 +20,7 @@ class Profiler:
 '''
 
 
-def test_a_profile_says_where_the_time_of_each_frame_went(tmp_path):
+def test_a_profile_breaks_down_the_time_of_each_frame(tmp_path):
     path = write_world(tmp_path)
     found = summary(minerva(tmp_path, "run", path, "--profile", "--json"))
     profile = found["profile"]
@@ -49,7 +49,7 @@ def test_a_person_reads_a_table(tmp_path):
     assert "wait for walkers" in done.stdout
 
 
-def test_a_members_page_is_written_where_the_output_says(tmp_path):
+def test_a_members_profile_is_written_to_the_output_path(tmp_path):
     (tmp_path / "pyinstrument.py").write_text(SAMPLER)
     path = write_world(tmp_path)
     done = minerva(tmp_path, "run", path, "--profile-member", "steps")
@@ -73,7 +73,7 @@ def test_what_cannot_be_profiled(tmp_path):
         assert said in done.stderr
 
 
-def test_without_the_sampler_it_says_what_to_install(tmp_path, monkeypatch):
+def test_a_missing_sampler_names_the_extra(tmp_path, monkeypatch):
     path = write_world(tmp_path)
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['pyinstrument'] = None\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

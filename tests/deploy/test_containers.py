@@ -67,7 +67,7 @@ def test_the_image_stands_on_pinned_ones():
         assert re.match(r"[\w/.-]+:\d+\.\d+\.\d+[\w.-]*(@sha256:\w+)?( AS \w+)?$", base), base
 
 
-def test_the_image_runs_as_nobody_in_particular():
+def test_the_image_runs_as_any_user():
     users = [rest for word, rest in steps() if word == "USER"]
     assert users
     assert re.fullmatch(r"[1-9]\d{3,}:[1-9]\d{3,}", users[-1]), "a number, which is not root"

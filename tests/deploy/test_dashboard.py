@@ -56,7 +56,7 @@ def test_expressions_are_of_figures_that_there_are(title, expression):
     assert expression.count("(") == expression.count(")")
 
 
-def test_every_figure_that_tells_of_trouble_is_shown():
+def test_every_metric_of_trouble_is_shown():
     shown = " ".join(expression for _, expression in expressions())
     missing = {name for name in exported() if name not in shown}
     assert missing <= {

@@ -97,7 +97,7 @@ def test_pods_of_a_deployment_are_of_the_family_that_the_page_issues(tmp_path):
         assert [one for one in Keys(tmp_path / "keys").rights() if covers(one, pod)] == ["hosts-*"]
 
 
-def test_nobody_speaks_with_anybody_but_those_who_may():
+def test_only_permitted_agents_communicate():
     nobody = MANIFESTS["NetworkPolicy", "nobody"]["spec"]
     assert nobody == {"podSelector": {}, "policyTypes": ["Ingress", "Egress"]}
     open_ports = {

@@ -80,7 +80,7 @@ def samples(url):
     }
 
 
-def test_every_figure_says_of_which_world_it_is(url):
+def test_every_metric_has_a_world_label(url):
     found = samples(url)
     assert found["minerva_up", ("world", "pond")] == 1
     assert found["minerva_frame", ("world", "pond")] == 7
@@ -141,7 +141,7 @@ def test_a_world_is_ready_while_it_runs_or_rests():
     assert ready(replace(STATUS, waiting=("host",), waited=0.4)).well
 
 
-def test_a_world_that_waits_is_not_ready_and_says_for_whom():
+def test_a_waiting_world_is_not_ready_and_names_the_members():
     gathering = replace(STATUS, phase="gathering members", waiting=("a", "b"))
     assert (ready(gathering).code, ready(gathering).words) == (503, "pond: waits for a, b to join")
     stuck = replace(STATUS, waiting=("host",), waited=3.25)
@@ -160,14 +160,14 @@ def test_addresses_may_be_of_either_family():
     assert address("[::1]:80") == ("::1", 80)
 
 
-def test_a_port_in_use_is_said(world):
+def test_a_port_in_use_is_reported(world):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(BusError, match=f"cannot serve metrics at 127.0.0.1:{port}.*in use"):
             Exporter("pond", f"127.0.0.1:{port}", world.ask)
 
 
-def test_without_the_library_it_is_said_what_to_install(monkeypatch, world):
+def test_a_missing_library_names_its_extra(monkeypatch, world):
     monkeypatch.setattr("minerva_bus.launch.exporting.find_spec", lambda _: None)
     with pytest.raises(Exception, match=r"pip install 'minerva-bus\[metrics\]'"):
         Exporter("pond", "127.0.0.1:0", world.ask)

@@ -52,11 +52,11 @@ def test_regions_pay_for_many_agents_and_not_for_few():
     assert region_seconds(COSTS, FOX, 1e2, 16) > region_seconds(COSTS, FOX, 1e2, 1)
 
 
-def test_regions_that_always_need_the_same_wait_for_nobody():
+def test_regions_of_constant_speed_do_not_wait():
     assert in_step(0.02, 16, spread=1.0) == pytest.approx(0.02)
 
 
-def test_whoever_is_late_makes_its_neighbours_late():
+def test_a_late_region_delays_its_neighbours():
     alone, several, many = (in_step(1.0, regions, spread=3.0) for regions in (1, 4, 64))
     assert 1.0 < alone < several < many
     assert many == in_step(1.0, 64, spread=3.0)

@@ -6,5 +6,5 @@ from reader import of, type_page
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("page", of("examples"))
-def test_every_command_of_a_page_does_what_it_says(page, tmp_path, island):
+def test_every_command_of_a_page_works(page, tmp_path, island):
     type_page(page, tmp_path, island)

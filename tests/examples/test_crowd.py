@@ -49,18 +49,18 @@ def after(string: Any, *events: Any) -> dict[str, Any]:
     return dict(agent.state)
 
 
-def test_who_bumps_into_a_wall_goes_back_and_stops_before_it():
+def test_a_robot_that_hits_a_wall_moves_back_and_stops():
     state = after(person(vx=1.0, vy=0.5), eCollision("", "PWalls", -1.0, 0.0, 0.1))
     assert (state["x"], state["y"], state["vx"], state["vy"]) == (1.9, 2, 0, 0.5)
 
 
-def test_two_who_meet_go_back_half_the_way_each():
+def test_two_colliding_agents_move_back_half_the_overlap_each():
     state = after(person(vy=-1.0), eCollision("q", "PBody", 0.0, 1.0, 0.2))
     assert (state["y"], state["vy"]) == (2.1, 0)
     assert after(person(vy=2.0), eCollision("q", "PBody", 0.0, 1.0, 0.2))["vy"] == 2
 
 
-def test_who_touches_an_exit_is_out():
+def test_a_person_at_an_exit_has_left():
     evolved = evolve(person(), [eCollision("", "PExit", -1.0, 0.0, 0.1)], [Person])
     assert evolved.scene == EMPTY
     assert [event.type for event in evolved.emitted["p"]] == ["eOut"]
@@ -72,7 +72,7 @@ def test_people_go_where_signs_point():
     assert state["y"] == pytest.approx(2 + 0.3 * 1.3 * 0.1)
 
 
-def test_the_building_says_when_the_last_one_is_out():
+def test_the_building_reports_the_last_exit():
     building = vocabulary.read("ABuilding#b<inside=2>")
     one = evolve(building, [eOut()], [Building], Frame(3, 0.05))
     assert not one.emitted

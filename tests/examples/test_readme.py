@@ -46,7 +46,7 @@ def test_the_world_of_your_own_runs_with_the_same_digest_everywhere(garden):
     assert one["frames"] == 60
 
 
-def test_somebody_is_born_in_it(garden):
+def test_an_agent_is_born_in_it(garden):
     found = minerva(garden, "run", "garden.toml", "--view", "svg:png=false", "--quiet")
     assert found.returncode == 0, found.stderr
     assert (garden / "minerva.svg").read_text(encoding="utf-8").count("#8a5a44") > 2
@@ -62,7 +62,7 @@ def test_the_commands_that_it_names_exist():
     assert commands <= set(shown.split()), commands
 
 
-def test_a_member_of_the_recorded_robot_is_swapped_as_it_says(tmp_path):
+def test_a_member_of_the_recorded_robot_is_swapped(tmp_path):
     (swap,) = re.findall(r"^minerva (replay run.mcap --swap [^#\n]*)", README, re.M)
     run = ("run", "robot", "--in-process", "--frames", "10", "--record", "run.mcap", "--quiet")
     assert minerva(tmp_path, *run).returncode == 0

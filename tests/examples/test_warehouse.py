@@ -70,7 +70,7 @@ def test_a_carrier_bids_what_the_way_costs():
     assert tired == ("propose", f"{cost / 0.8:.1f}")
 
 
-def test_a_carrier_refuses_what_it_could_not_come_back_from():
+def test_a_carrier_refuses_a_task_from_which_it_could_not_return():
     answered = answer("ACarrier#c<x=1, y=2.5, home=2.5, battery=50>", cfp())
     assert answered == ("refuse", "battery low")
 
@@ -140,7 +140,7 @@ def test_transports_are_called_bid_for_and_done():
         assert one.id == "manager" or 0 < one.state["battery"] <= 100
 
 
-def test_nobody_carries_for_two():
+def test_a_carrier_serves_one_manager():
     run, under_way = Run(400), set()
     for message in run.messages:
         if message.performative == "accept-proposal":

@@ -22,7 +22,7 @@ def test_frames_in_time_are_not_counted():
     assert (overruns.count, overruns.behind, overruns.figures()) == (0, 0.0, {})
 
 
-def test_late_frames_are_said_ever_more_seldom():
+def test_late_frames_are_reported_with_back_off():
     overruns = Overruns()
     said = run(overruns, 0.18, frames=50)
     assert [frame for frame, _ in said] == [5, 10, 20, 40]
@@ -31,7 +31,7 @@ def test_late_frames_are_said_ever_more_seldom():
     assert overruns.figures() == {"late_frames": 50, "seconds_behind": pytest.approx(4.0)}
 
 
-def test_it_says_how_late_and_who_was_last():
+def test_it_reports_the_delay_and_the_last_member():
     ((_, text),) = run(Overruns(), 0.18, frames=5)
     assert text == (
         "frame 5 took 0.180 s instead of 0.100 s (events 0.090 s, robot the last; evolution"

@@ -43,7 +43,7 @@ rooms = st.lists(st.integers(1, 100), min_size=1, max_size=5)
 
 
 @given(rows=st.integers(1, 300), rooms=rooms)
-def test_nobody_gets_more_than_there_is_room_for_and_nobody_is_forgotten(rows, rooms):
+def test_apportioning_respects_capacity_and_covers_all_rows(rows, rooms):
     sizes = apportion(rows, [1.0] * len(rooms), rooms)
     assert sum(sizes) == rows
     assert all(size <= room for size, room in zip(sizes, rooms, strict=False))

@@ -93,7 +93,7 @@ def test_it_goes_on_from_a_frame_with_copies(recorded):
     assert here(folder, "diff", "one.mcap", "on.mcap").returncode == 0
 
 
-def test_an_id_of_a_copy_to_come_is_refused(recorded):
+def test_an_id_of_a_future_copy_is_rejected(recorded):
     folder, path, *_ = recorded
     wrong = folder / "wrong.toml"
     wrong.write_text(

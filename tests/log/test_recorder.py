@@ -81,7 +81,7 @@ def test_a_run_is_recorded(durable, tmp_path):
         assert [line.text for line in record.log()] == ["hello"]
 
 
-def test_a_line_of_the_log_is_said_in_its_frame(tmp_path):
+def test_a_log_line_appears_in_its_frame(tmp_path):
     path = tmp_path / "run.mcap"
     file, frames = happened("meadow")
     recorder = Recorder(path, description(file))
@@ -140,7 +140,7 @@ def test_what_was_written_is_there_after_a_while(tmp_path):
 
 @pytest.mark.parametrize("durable", [False, True])
 @pytest.mark.parametrize("room", [9_000, 12_000, 20_000])
-def test_a_full_disk_is_said_once_and_what_was_kept_can_be_read(
+def test_a_full_disk_is_reported_once_and_written_frames_are_readable(
     durable, room, tmp_path, monkeypatch
 ):
     disk = Disk(full_after=room)
@@ -304,7 +304,7 @@ def writers_of(monkeypatch):
     return found
 
 
-def test_what_is_little_is_written_by_who_has_time(monkeypatch):
+def test_small_frames_are_written_by_an_idle_thread(monkeypatch):
     writers = writers_of(monkeypatch)
     monkeypatch.setattr(module, "LIGHT", 60.0)
     recorder, said = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
@@ -362,7 +362,7 @@ def test_a_large_string_is_left_to_the_thread(monkeypatch):
     assert set(whole[1:]) == {"recorder"}
 
 
-def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
+def test_frames_are_written_without_help(monkeypatch):
     writers = writers_of(monkeypatch)
     recorder, _ = recorder_on(monkeypatch, Disk(), flush_seconds=60.0)
     recorder.idle()  # And never again.
@@ -374,7 +374,7 @@ def test_frames_that_nobody_helps_with_are_written_all_the_same(monkeypatch):
     assert set(writers) == {"recorder"}
 
 
-def test_who_helps_never_waits_for_the_disk(monkeypatch):
+def test_the_helping_thread_never_waits_for_the_disk(monkeypatch):
     disk = Disk()
     recorder, _ = recorder_on(monkeypatch, disk, flush_seconds=0.01)
     disk.free.clear()
@@ -391,7 +391,7 @@ def test_who_helps_never_waits_for_the_disk(monkeypatch):
     assert not recorder.lost
 
 
-def test_frames_are_in_order_whoever_writes_them(monkeypatch, tmp_path):
+def test_frames_are_in_order_with_either_writer(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "LIGHT", 60.0)
     writers = writers_of(monkeypatch)
     disk = Disk()

@@ -21,7 +21,7 @@ NAMES = ["meadow", "flock", "robot"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_frames_and_strings_come_back(name, tmp_path):
+def test_frames_and_strings_survive_a_round_trip(name, tmp_path):
     _, frames = happened(name)
     with record_of(bytes_of(name), tmp_path) as record:
         read = list(record.strings(check=True))
@@ -35,7 +35,7 @@ def test_frames_and_strings_come_back(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_description_comes_back(name, tmp_path):
+def test_the_description_survives_a_round_trip(name, tmp_path):
     file, _ = happened(name)
     with record_of(bytes_of(name), tmp_path) as record:
         told = record.description
@@ -101,7 +101,7 @@ def test_a_wrong_digest_is_found(tmp_path, monkeypatch):
             list(record.strings(check=True))
 
 
-def test_the_log_comes_back(tmp_path):
+def test_the_log_survives_a_round_trip(tmp_path):
     with record_of(bytes_of("meadow"), tmp_path) as record:
         lines = list(record.log())
     assert [line.text for line in lines[:2]] == ["begins 0", "begins 1"]

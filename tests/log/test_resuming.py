@@ -117,7 +117,7 @@ def test_a_coordinator_that_follows_does_not_go_on_in_the_record_of_another_worl
     assert path.read_bytes() == before
 
 
-def test_what_a_resumed_run_was_told_is_what_the_next_one_goes_by(tmp_path):
+def test_settings_of_a_resumed_run_apply_to_the_next_one(tmp_path):
     world, overrides = RUNS["flock"]
     path = tmp_path / "run.mcap"
     lived(world_file(world, record=str(path), **overrides), 5)
@@ -146,7 +146,7 @@ def test_a_record_that_is_cut_off_has_its_last_whole_checkpoint(name, tmp_path):
                 assert checkpoint.inbox == kept.checkpoint.inbox
 
 
-def test_a_checkpoint_says_what_is_new(tmp_path):
+def test_a_checkpoint_lists_new_data(tmp_path):
     vocabulary = happened("meadow")[0].world.vocabulary
     event = vocabulary.events["eStep"]()
     reader = Reader(vocabulary, ON_DISK)
@@ -183,7 +183,7 @@ def written(checkpoints, folder, last=None):
     return record_of(stream.getvalue(), folder)
 
 
-def test_events_that_have_come_do_not_come_again(tmp_path):
+def test_delivered_events_are_not_repeated(tmp_path):
     event = happened("meadow")[0].world.vocabulary.events["eStep"]()
     saved = {"a": {"n": 1}}
     told = [Checkpoint(1, saved, (event,), {"x": (event,)}), Checkpoint(2, saved)]
@@ -221,7 +221,7 @@ def test_checkpoints_are_small(tmp_path):
     assert 0 < sizes[c.CHECKPOINT] < sizes[c.FRAME] / 10
 
 
-def test_a_record_without_checkpoints_is_said(tmp_path):
+def test_a_record_without_checkpoints_is_reported(tmp_path):
     file, frames = happened("meadow")
     stream = io.BytesIO()
     writer = RecordWriter(stream, description(file))
@@ -251,7 +251,7 @@ def test_options_are_read_back_as_they_were(value):
     assert (shown if isinstance(value, str) else toml_value(shown)) == value
 
 
-def test_events_of_people_that_wait_for_a_frame_come_in_it(tmp_path):
+def test_waiting_events_of_people_are_in_the_frame(tmp_path):
     world, overrides = RUNS["meadow"]
     file = world_file(world, record=str(tmp_path / "cut.mcap"), **overrides)
     algorithm = FrameAlgorithm(file.world)

@@ -125,7 +125,7 @@ def test_a_robots_scans_are_in_its_record(tmp_path):
     assert json.loads(shown["transforms"][-1].data)["child_frame_id"] == robot
 
 
-def test_what_comes_over_the_bus_is_what_comes_in_one_process(tmp_path):
+def test_the_bus_and_one_process_give_the_same_result(tmp_path):
     path = write_world(tmp_path, LOCKSTEP, frames=25)
     words = ("--record-topics", "all", "--json")
     summary(here(tmp_path, "run", path, "--in-process", "--record", "alone.mcap", *words))
@@ -156,12 +156,12 @@ def settings(folder, world, **given):
         ('record = "a.mcap"', {"record_topics": "scan, image"}, ("scan", "image")),
     ],
 )
-def test_which_topics_are_recorded_is_said(tmp_path, world, given, topics):
+def test_the_recorded_topics_are_listed(tmp_path, world, given, topics):
     found = settings(tmp_path, world, **given)
     assert (found.path, found.topics) == ("a.mcap", topics)
 
 
-def test_how_often_it_is_flushed_is_said(tmp_path):
+def test_the_flush_interval_is_reported(tmp_path):
     own = 'record = "a.mcap"\nflush = 5\ndurable = true'
     assert (settings(tmp_path, own).flush, settings(tmp_path, own).durable) == (5.0, True)
     found = settings(tmp_path, own, flush=0.5, durable=False)
@@ -184,7 +184,7 @@ def test_what_cannot_be_is_said_in_one_line(tmp_path, words, problem):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
+def test_readings_that_are_too_fast_are_dropped_and_counted(tmp_path, monkeypatch):
     monkeypatch.setattr(queues, "MESSAGES", 3)
     path = tmp_path / "run.mcap"
     file, frames = happened("meadow")
@@ -207,7 +207,7 @@ def test_what_comes_too_fast_is_dropped_and_counted(tmp_path, monkeypatch):
     assert "topics      battery 3 (4 messages dropped)" in info
 
 
-def test_no_frame_is_left_out_while_ever_more_comes(tmp_path, monkeypatch):
+def test_no_frame_is_skipped_under_a_flood(tmp_path, monkeypatch):
     monkeypatch.setattr(queues, "PATIENCE", 10.0)
     file, frames = happened("meadow")
     data = encode(Readings("m", "battery", 0, (ALL[""],)))

@@ -123,7 +123,7 @@ def test_another_generator_with_options_recorded_and_compared(recorded):
     assert info["events"]["eStep"] == 30
 
 
-def test_who_listens_hears_what_was_recorded(recorded):
+def test_subscribers_receive_recorded_readings(recorded):
     folder, _ = recorded
     code, found = swapped(folder, "eye=others:Deaf")
     assert code == 1
@@ -151,7 +151,7 @@ def test_who_listens_hears_what_was_recorded(recorded):
         (("run.mcap", "--record", "b.mcap"), "--record requires --swap"),
     ],
 )
-def test_what_cannot_be_swapped_is_said_in_one_line(recorded, words, problem):
+def test_an_invalid_swap_is_reported_in_one_line(recorded, words, problem):
     done = here(recorded[0], "replay", *words)
     assert done.returncode == 2
     assert problem in done.stderr
@@ -171,7 +171,7 @@ def test_what_would_be_passed_over_is_refused(recorded, words, problem):
     assert problem in done.stderr
 
 
-def test_whose_code_fails_is_said(recorded):
+def test_the_member_of_failing_code_is_named(recorded):
     done = here(recorded[0], "replay", "run.mcap", "--swap", "steps=others:Broken")
     assert done.returncode == 1
     assert done.stderr == "minerva: frame 0: Broken.generate: ZeroDivisionError: its own fault\n"

@@ -50,7 +50,7 @@ def listed(podman):
     return {line.split()[0]: line.split()[1] for line in lines}
 
 
-def test_members_in_containers_join_come_back_and_leave(compose, podman):
+def test_members_in_containers_join_rejoin_and_leave(compose, podman):
     compose("up", "--detach", "--no-build", *OURS)
     eventually(ready, "all members are there", 120)
     assert listed(podman) == dict.fromkeys(set(OURS) - {"coordinator"}, "present")

@@ -28,7 +28,7 @@ def test_a_world_runs_with_a_read_only_root(podman, image, tmp_path, tmpfs):
     assert json.loads(told.splitlines()[-1])["digest"] == alone["digest"]
 
 
-def test_nothing_else_can_be_written_and_nobody_is_root(podman, image):
+def test_nothing_else_is_writable_and_no_process_is_root(podman, image):
     script = (
         "id -u; for place in / /etc/minerva /opt/minerva /usr; do"
         " touch $place/no 2>/dev/null && echo can write $place; done; true"

@@ -99,11 +99,11 @@ def test_without_events_agents_stay():
     assert eta("ANumber#a · PDot") == "ANumber#a<n=0>() · PDot"
 
 
-def test_the_dead_meet_no_more_events():
+def test_dead_agents_receive_no_events():
     assert eta("ANumber#a", eDie(), eGrow()) == "PDot"
 
 
-def test_newborns_meet_their_first_events_in_the_next_frame():
+def test_newborns_receive_their_first_events_in_the_next_frame():
     assert eta("ANumber#a<n=3>", eGrow(), eAdd(1)) == (
         "ANumber#a<n=4, births=1>() · ANumber#a:1<n=3>()"
     )

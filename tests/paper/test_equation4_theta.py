@@ -88,7 +88,7 @@ def test_a_view_leaves_the_agent_as_it_is():
         ("else", KeyError, "else"),
     ],
 )
-def test_a_view_that_fails_says_where(how, cause, said):
+def test_a_failing_view_reports_its_line(how, cause, said):
     with pytest.raises(ActivityError, match=said) as caught:
         visualize(VOCABULARY.read("AFox#a"), [eBad(how)], [Fox], frame=7)
     assert isinstance(caught.value.__cause__, cause)

@@ -67,7 +67,7 @@ def test_the_order_is_priority_then_generator_then_sequence():
     )
 
 
-def test_types_without_a_priority_come_last_by_name():
+def test_types_without_a_priority_are_last_by_name():
     sources = {"x": [eZoom(1), eAlarm(2), eDecide()]}
     assert collect(ORDER, sources) == (eDecide(), eAlarm(2), eZoom(1))
 

@@ -228,7 +228,7 @@ def test_agents_bounce_and_know_each_other_by_events_only() -> None:
         assert all(0.5 < state[axis] < SIZE - 0.5 for axis in "xy")
 
 
-def test_an_event_tells_what_the_frame_before_has_shown() -> None:
+def test_an_event_reports_what_the_previous_frame_showed() -> None:
     story = play()
     for shown, told in pairwise(range(80)):
         view_of = story.scenes[shown - 1] if shown else billiards()
@@ -254,7 +254,7 @@ def test_the_string_is_the_same_on_any_number_of_processes_and_for_one_or_for_al
     assert play(2, PlainBall).digests == digests
 
 
-def test_physics_and_a_look_at_the_scene_tell_an_agent_the_same() -> None:
+def test_physics_and_scene_geometry_report_the_same_collisions() -> None:
     walls = np.zeros((10, 10), np.int16)
     walls[6:, :] = 1  # from x = 3 on
     scene = PMap(walls, 0.5) + VOCABULARY.read("ARobot#r")

@@ -234,7 +234,7 @@ def test_a_standing_body_stops_another_and_has_not_collided() -> None:
     assert arena.odometer("b") == Odometer(0.0, 0)
 
 
-def test_two_that_meet_head_on_both_stop_where_their_speeds_say() -> None:
+def test_bodies_in_a_head_on_collision_stop_according_to_their_speeds() -> None:
     arena = pair(2)
     outcomes = drive(arena, [("b", 0, 4), ("a", 0, 2)])
     assert [outcome.name for outcome in outcomes] == ["a", "b"]
@@ -243,7 +243,7 @@ def test_two_that_meet_head_on_both_stop_where_their_speeds_say() -> None:
     assert arena.pose("b").x == pytest.approx(1.0)
 
 
-def test_the_name_of_a_body_favours_nobody() -> None:
+def test_the_name_of_a_body_has_no_effect() -> None:
     courses = {"p": (0, 0, 30.0, 2.0), "q": (1, 0, 120.0, 1.5), "r": (0.5, 0.9, -90.0, 1.0)}
     results: set[tuple[BodyPose, ...]] = set()
     for names in ("abc", "cba", "bca"):
@@ -256,7 +256,7 @@ def test_the_name_of_a_body_favours_nobody() -> None:
     assert len(results) == 1
 
 
-def test_who_is_driven_into_goes_on() -> None:
+def test_a_robot_that_is_hit_continues() -> None:
     arena = Arena()
     arena.add_body("front", 1, 0, 0, 0.2)
     arena.add_body("rear", 0, 0, 0, 0.2)
@@ -484,7 +484,7 @@ def test_a_body_in_a_wall_is_refused_with_the_way_to_a_free_place() -> None:
     arena.add_body("a", 4.2, 4.2, 0, 0.2)
 
 
-def test_free_places_of_a_ragged_map_are_told_from_solid_ones() -> None:
+def test_free_cells_of_a_ragged_map_are_distinguished_from_solid_ones() -> None:
     rng = np.random.default_rng(3)
     cells = rng.choice(np.array([0, 100, -1], np.int16), (30, 30))
     arena = Arena()

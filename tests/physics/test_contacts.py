@@ -76,7 +76,7 @@ def test_a_body_is_touched_where_it_was_in_that_moment() -> None:
     assert math.dist((contact.x, contact.y), (2, 4 * time - 2)) == pytest.approx(0.5)
 
 
-def test_who_is_not_stopped_touches_nothing() -> None:
+def test_a_body_that_is_not_stopped_has_no_contacts() -> None:
     arena = Arena()
     arena.add_body("a", 0, 0, 0, 0.5)
     assert stopped(arena, ("a", 10, 2)) == {"a": None}
@@ -111,7 +111,7 @@ def told(service: Physics, frame: int, *bodies: Scene) -> list[Any]:
     return list(service.generate(Tick(Frame(frame + 1, 0.1, 7), "physics")))
 
 
-def test_an_event_says_by_what_and_where_and_whether_it_begins() -> None:
+def test_an_event_has_the_other_body_the_place_and_whether_it_begins() -> None:
     service = joined()
     first = told(service, 0, body("a", 1.0, 0.5), body("b", 3.0, 1.0))
     assert [(e.receivers, e.other, e.what, e.begins) for e in first] == [(("b",), "", "PMap", True)]
@@ -134,7 +134,7 @@ def test_a_world_may_want_the_shortfall_only() -> None:
     assert event.names == ("shortfall",)
 
 
-def test_data_that_nobody_makes_are_refused() -> None:
+def test_unknown_data_are_rejected() -> None:
     with pytest.raises(MinervaError, match="physics: eCollision wants nx as"):
         joined(EventType("eCollision", shortfall=Metres, nx=str))
     with pytest.raises(MinervaError, match="physics: eCollision needs force"):

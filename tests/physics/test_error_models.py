@@ -44,7 +44,7 @@ def test_the_motion_model_errs_by_its_variances(
     assert made.mean(0) == pytest.approx((turn, forward, 0), abs=0.6)
 
 
-def test_who_is_told_to_stand_stands() -> None:
+def test_a_robot_ordered_to_stand_stands() -> None:
     made = MotionModel(1, 1, 1, 1).sample(0.0, 0.0, generator())
     assert made == DriveStep(0.0, 0.0, 0.0)
 

@@ -139,7 +139,7 @@ def test_neighbours_are_those_of_brute_force(
 
 
 @given(points, radii, st.booleans(), st.integers(1, 4))
-def test_the_nearest_come_first_and_are_so_many(
+def test_the_nearest_are_first_and_limited_in_number(
     some: list[Point], radius: float, periodic: bool, nearest: int
 ) -> None:
     events = told(plane(radius, periodic, nearest=nearest), spots(some))
@@ -169,13 +169,13 @@ def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     Neighbours(radius=1, grid=True, width=8, height=8)
 
 
-def test_only_what_the_event_type_declares_is_told() -> None:
+def test_only_declared_fields_are_sent() -> None:
     (one, other) = told(joined(event="eClose", radius=5.0), spots([(0, 0, 1), (3, 4, 2)]))
     assert one == VOCABULARY.events["eClose"](5.0, receivers=["a0"])
     assert other == VOCABULARY.events["eClose"](5.0, receivers=["a1"])
 
 
-def test_nobody_is_told_of_a_view_twice_or_late() -> None:
+def test_no_view_is_shown_twice_or_late() -> None:
     service = joined(radius=5.0)
     service.show(View(3, "eWhere", spots([(0, 0, 1), (3, 4, 2)])))
     made = [
@@ -193,7 +193,7 @@ def test_an_empty_view_and_a_lonely_agent_are_quiet() -> None:
 
 
 @given(points, radii, st.booleans(), radii)
-def test_a_summary_adds_up_what_would_be_told_one_by_one(
+def test_a_summary_adds_up_single_lines(
     some: list[Point], radius: float, periodic: bool, apart: float
 ) -> None:
     service = plane(radius, periodic, event="eFlock", summary=True, apart=apart)
@@ -214,7 +214,7 @@ def test_a_summary_adds_up_what_would_be_told_one_by_one(
 
 
 @given(points, st.randoms(use_true_random=False))
-def test_what_an_agent_is_told_does_not_depend_on_the_order_of_agents(
+def test_collision_events_do_not_depend_on_the_order_of_agents(
     some: list[Point], random: Any
 ) -> None:
     order = list(range(len(some)))
@@ -296,7 +296,7 @@ def test_lattice_counts_are_those_of_brute_force(
 
 
 @pytest.mark.parametrize(("x", "y"), [(7, 0), (-1, 0), (0, 5)])
-def test_who_is_in_no_cell_is_named(x: int, y: int) -> None:
+def test_an_agent_outside_all_cells_is_named(x: int, y: int) -> None:
     service = joined(event="eLike", grid=True, width=7, height=5, same="colour")
     with pytest.raises(MinervaError, match=r"neighbours: #b is not on the lattice: [xy] is"):
         told(service, PCell("a", 1, 1, 1, 0.0) + PCell("b", x, y, 1, 0.0))
@@ -337,12 +337,12 @@ def test_options_that_cannot_be_are_refused(options: dict[str, Any], problem: st
         (TMove(1.0, 2.0)(PSpot("a", 1.0) + PSpot("b", 1.0)), "PSpot shares its subtree"),
     ],
 )
-def test_a_view_that_says_nothing_of_an_agent_is_refused(view: Scene, problem: str) -> None:
+def test_a_view_that_names_no_agent_is_rejected(view: Scene, problem: str) -> None:
     with pytest.raises(MinervaError, match=f"neighbours: .*{problem}"):
         told(joined(), view)
 
 
-def test_what_nobody_shows_is_named_unless_it_has_a_default() -> None:
+def test_undrawn_symbols_are_named_unless_they_have_a_default() -> None:
     view = spots([(0, 0, 1), (0, 1, 2)])
     with pytest.raises(MinervaError, match=r"eTaste needs a value for taste .* show vx, x, y"):
         told(joined(event="eTaste", radius=5.0), view)

@@ -26,7 +26,7 @@ def test_zero_noise_draws_nothing_and_returns_its_input() -> None:
     assert rng.random() == untouched.random()
 
 
-def test_a_laser_is_unbiased_and_as_noisy_as_told() -> None:
+def test_a_laser_is_unbiased_and_has_the_configured_noise() -> None:
     distances = np.full(MANY, 2.0)
     measured = Noise(laser_m=0.05).scan(distances, 5.0, generator())
     assert measured.mean() == pytest.approx(2, abs=0.002)
@@ -42,7 +42,7 @@ def test_a_laser_stays_in_its_range_and_invents_no_walls() -> None:
     assert (measured[2000:] == 5).all()
 
 
-def test_beams_drop_out_as_often_as_told() -> None:
+def test_beams_drop_out_at_the_configured_rate() -> None:
     measured = Noise(laser_dropout=0.2).scan(np.full(MANY, 2.0), 5.0, generator())
     assert set(measured.tolist()) == {2.0, 5.0}
     assert (measured == 5).mean() == pytest.approx(0.2, abs=0.01)
@@ -55,7 +55,7 @@ def test_driving_errs_relative_to_the_distance_and_turning_in_degrees() -> None:
     assert driven.std(0) == pytest.approx([3, 0.2], rel=0.03)
 
 
-def test_a_body_that_is_told_to_do_nothing_stands_still() -> None:
+def test_a_body_without_a_command_stands_still() -> None:
     assert Noise(drive=0.5, turn_deg=5.0).drive_errors(0.0, 0.0, generator()) == (0.0, 0.0)
 
 

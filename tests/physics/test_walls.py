@@ -49,7 +49,7 @@ def cut(segments: Segments) -> list[Edge]:
 
 
 @given(MATRICES)
-def test_each_side_of_a_free_cell_that_meets_solid_is_covered_once(cells: Cells) -> None:
+def test_each_side_of_a_free_cell_next_to_a_solid_one_is_covered_once(cells: Cells) -> None:
     edges = cut(wall_segments(cells, 1.0))
     assert len(edges) == len(set(edges))
     assert set(edges) == unit_edges(cells)

@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_robot():
     assert one == again != other
 
 
-def test_a_scan_is_drawn_once_the_decision_comes():
+def test_a_scan_is_drawn_after_the_decision():
     node = next(one for one in agents(scene({"localise": "matching"})) if one.id == "r1")
     robot = ALocalisingRobot.thaw(node)
     lasers = [eLaser(1.0 + 0.02 * number, 4.0 * number) for number in range(20)]

@@ -42,7 +42,7 @@ def test_a_marker_has_one_place():
     assert now.grid[30, 20] == FREE
 
 
-def test_a_marker_that_nobody_announced_gets_a_code_too():
+def test_an_unannounced_marker_gets_a_code_too():
     now = after(robot(), eCamera("attic", 1.0))
     assert now.markers == ("kitchen", "store", "attic")
     assert now.grid[30, 20] == MARKER + 2

@@ -113,7 +113,7 @@ def test_there_is_none_through_a_door_that_is_narrower_than_the_robot():
         ({"radius": "0.25", "cell": "0.15"}, "doors of at least 0.75 m"),
     ],
 )
-def test_a_run_says_if_the_cells_keep_robots_from_doors(options, line):
+def test_a_run_warns_if_cells_are_too_large_for_doors(options, line):
     notes = read_world_file(ROBOT, Overrides(options=options)).notes
     assert [line in note for note in notes] == ([True] if line else [])
 

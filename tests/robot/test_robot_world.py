@@ -169,7 +169,7 @@ def test_without_a_kitchen_the_objective_is_the_farthest(hall):
         ({"map": 3}, "map: expected a string"),
     ],
 )
-def test_what_is_wrong_is_said(options, says):
+def test_errors_are_reported(options, says):
     with pytest.raises(MinervaError, match=says):
         scene(defaults(options))
 
@@ -210,7 +210,7 @@ def test_a_speed_below_zero_is_refused_before_anything_runs(speed):
         defaults({"speed": speed})
 
 
-def test_a_map_that_changes_is_read_anew(hall):
+def test_a_changed_map_is_read_again(hall):
     before = scene(defaults({"map": hall}))
     image = Path(hall).with_suffix(".pgm")
     pixels = bytearray(image.read_bytes())

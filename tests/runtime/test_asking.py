@@ -194,7 +194,7 @@ def test_without_a_world_list_is_empty(tmp_path):
     assert done.stderr == "no world runs on this machine\n"
 
 
-def test_two_worlds_are_listed_and_told_apart(tmp_path):
+def test_two_worlds_are_listed_and_distinguished(tmp_path):
     one, two = (write_world(tmp_path, frames=0, rate=50) for _ in range(2))
     with World(one) as first, World(two) as second:
         first.runs("steps", "walkers")

@@ -103,7 +103,7 @@ def test_a_name_that_is_taken_is_refused(world):
     assert world.members()["twin"]["state"] in ("present", "left")
 
 
-def test_an_endpoint_where_nobody_listens_is_named_fast(tmp_path):
+def test_an_endpoint_without_listener_is_named_fast(tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -187,7 +187,7 @@ def test_one_that_raises_ends_with_its_failure_and_the_world_goes_on(world):
     assert "rascal │ failed in frame" in world.text
 
 
-def test_the_end_of_the_world_is_the_end_of_those_who_are_attached(tmp_path):
+def test_attached_members_end_with_their_world(tmp_path):
     with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
         world.runs("steps", "walkers")
         with (
@@ -202,7 +202,7 @@ def test_the_end_of_the_world_is_the_end_of_those_who_are_attached(tmp_path):
             assert "the world has ended" in one.text
 
 
-def test_the_death_of_a_world_is_noticed_by_those_who_are_attached(tmp_path):
+def test_attached_members_notice_the_death_of_a_world(tmp_path):
     with World(write_world(tmp_path, MEMBERS, frames=0, rate=50)) as world:
         world.runs("steps", "walkers")
         with attach(world, "yard:Screen", "look") as member:

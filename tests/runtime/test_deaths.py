@@ -19,7 +19,7 @@ def rascal(deed, more=""):
     return MEMBERS + RASCAL.format(deed=deed, more=more)
 
 
-def test_whoever_is_killed_is_named_and_started_again_and_the_string_is_the_same(tmp_path):
+def test_a_killed_member_is_named_and_restarted_with_the_same_string(tmp_path):
     path = write_world(tmp_path, ALL_KINDS, frames=250, rate=60)
     alone = summary(minerva(tmp_path, "run", path, "--in-process", "--rate", "0", "--json"))
     names = ("steps", "walkers", "water", "eye", "screen", "noise")
@@ -43,7 +43,7 @@ def test_whoever_is_killed_is_named_and_started_again_and_the_string_is_the_same
     assert (found["frames"], found["digest"]) == (250, alone["digest"])
 
 
-def test_one_that_raises_says_where_and_is_started_again(tmp_path):
+def test_a_member_that_raises_reports_its_line_and_restarts(tmp_path):
     memory = tmp_path / "memory"
     path = write_world(tmp_path, rascal("raises", f'memory = "{memory}"'))
     with World(path, "--json") as world:

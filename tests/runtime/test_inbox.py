@@ -12,7 +12,7 @@ from minerva_bus.runtime.session import open_client, open_hub
 from tests.runtime.running import eventually
 
 
-def test_messages_of_all_keys_come_in_the_order_in_which_they_were_sent():
+def test_messages_of_all_keys_arrive_in_sending_order():
     hub, endpoint = open_hub("hub")
     with hub, open_client("member", endpoint) as session:
         inbox = Inbox()
@@ -48,7 +48,7 @@ def test_very_many_from_the_side_neither_block_nor_get_lost(monkeypatch):
         inbox.close()
 
 
-def test_what_is_put_before_it_is_open_is_heard_too():
+def test_items_put_before_opening_are_received():
     hub, _ = open_hub("hub")
     with hub:
         inbox = Inbox()
@@ -58,7 +58,7 @@ def test_what_is_put_before_it_is_open_is_heard_too():
         inbox.close()
 
 
-def test_the_hub_hears_who_has_spoken_and_a_clock():
+def test_the_hub_receives_senders_and_a_clock():
     hub, endpoint = open_hub("hub")
     with hub, open_client("a", endpoint) as session:
         inbox = HubInbox(0.05)
@@ -102,7 +102,7 @@ inbox.close()
 """
 
 
-def test_a_process_ends_well_though_somebody_still_knocks():
+def test_a_process_ends_while_a_wake_up_is_pending():
     for _ in range(3):
         done = subprocess.run(
             [sys.executable, "-c", ENDING], capture_output=True, text=True, timeout=60

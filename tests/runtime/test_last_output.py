@@ -17,7 +17,7 @@ def test_a_slow_view_finishes_its_last_picture_and_its_file(tmp_path):
     assert "killed" not in done.stderr
 
 
-def test_whose_last_output_is_awaited_is_said(tmp_path):
+def test_the_member_with_awaited_output_is_named(tmp_path):
     path = write_world(tmp_path, MEMBERS + PAINTER + "drawing = 1.5\n", frames=3)
     with Run(tmp_path, "run", path) as run:
         run.says("painter │ the world has ended; waiting for its last output for")

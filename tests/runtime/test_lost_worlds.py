@@ -19,7 +19,7 @@ def lookout(patience, obstacle="the cable is out"):
     return one, told, put
 
 
-def test_nothing_is_said_of_a_world_that_is_back_at_once():
+def test_a_short_interruption_is_not_reported():
     one, told, _ = lookout(100.0)
     one.lost()
     assert one.away
@@ -29,7 +29,7 @@ def test_nothing_is_said_of_a_world_that_is_back_at_once():
     assert told == []
 
 
-def test_it_says_since_when_what_is_in_the_way_and_how_long_it_looks():
+def test_it_reports_since_when_why_and_for_how_long_it_tries():
     one, told, put = lookout(600.0)
     one.lost()
     assert one.check()
@@ -85,7 +85,7 @@ def attached(folder, path, port, *words):
     return Run(folder, "attach", path, "--process", "steps", *way, *words)
 
 
-def test_one_whose_place_was_taken_meanwhile_ends(tmp_path):
+def test_a_member_whose_name_was_taken_meanwhile_ends(tmp_path):
     path = write_world(tmp_path, ELSEWHERE, frames=0, rate=20)
     with World(path) as world:
         port = int(world.endpoint().rpartition(":")[2])
@@ -104,7 +104,7 @@ def test_one_whose_place_was_taken_meanwhile_ends(tmp_path):
                 assert world.members()["steps"]["pid"] == pid
 
 
-def test_a_world_that_is_run_anew_gets_a_member_that_begins_anew(tmp_path):
+def test_a_restarted_world_gets_a_restarted_member(tmp_path):
     path = write_world(tmp_path, ELSEWHERE, frames=30, rate=20)
     alone = path.with_name("alone.toml")
     alone.write_text(path.read_text().replace("elsewhere = true\n", ""))

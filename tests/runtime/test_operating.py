@@ -87,7 +87,7 @@ def test_a_status_has_phases_and_events(operator):
     assert all(one.number > status.happenings[-1].number for one in later)
 
 
-def test_a_member_is_started_anew(world, operator):
+def test_a_member_is_restarted(world, operator):
     before = {one.name: one.pid for one in operator.status().members}
     assert told(world, "restart", "walkers") == f"{world.name}: walkers is started anew\n"
 
@@ -103,7 +103,7 @@ def test_a_member_is_started_anew(world, operator):
 
 
 @pytest.mark.parametrize("answers", [0, 2])
-def test_who_follows_a_world_that_says_nothing_ends_with_it(answers, monkeypatch):
+def test_following_a_silent_world_ends_with_it(answers, monkeypatch):
     asked = Mock(world="quiet")
     asked.operator.logs.side_effect = [[]] * answers + [BusError("no world answers")]
     asked.operator.status.return_value.members = []
@@ -112,7 +112,7 @@ def test_who_follows_a_world_that_says_nothing_ends_with_it(answers, monkeypatch
         operating.show_logs("", True, "", "", False)
 
 
-def test_a_world_goes_on_while_a_view_is_started_anew(world, operator):
+def test_a_world_continues_while_a_view_restarts(world, operator):
     frame = operator.status().frame
     told(world, "restart", "screen")
     eventually(lambda: operator.status().frame > frame + 20, "it goes on")
@@ -134,7 +134,7 @@ def test_a_fragment(operator):
         (("top",), "top needs a terminal"),
     ],
 )
-def test_what_cannot_be_is_said(world, words, problem):
+def test_invalid_input_is_reported(world, words, problem):
     done = here(world.folder, *words)
     assert done.returncode == 2
     assert problem in done.stderr

@@ -69,7 +69,7 @@ def test_hosts_and_generators_that_are_killed_change_nothing(shoal):
     assert (found["frames"], found["digest"]) == (120, alone(path)["digest"])
 
 
-def test_a_host_and_a_view_that_come_later_have_their_share(shoal):
+def test_a_host_and_a_view_that_join_later_get_their_share(shoal):
     path = shoal(hosts=1, rate=15)
     with World(path, "--json") as world:
         world.runs("steps")

@@ -276,7 +276,7 @@ def test_the_digests_of_the_document() -> None:
 
 
 @pytest.mark.parametrize("number", [0.1, 2.0, -0.0, 1e-4, 1e-5, 1e15, 1e16, 2.5e-10, 1 / 3])
-def test_reals_are_written_as_the_document_says(number: float) -> None:
+def test_reals_are_written_as_documented(number: float) -> None:
     wanted = "-0.0" if struct.pack("d", number) == struct.pack("d", -0.0) else real(number)
     assert value_text(number) == wanted
 
@@ -542,7 +542,7 @@ def digest_after(folder: Path) -> str:
         sys.modules.pop("counting", None)
 
 
-def test_the_documents_generator_is_heard(tmp_path: Path) -> None:
+def test_events_of_the_documented_generator_arrive(tmp_path: Path) -> None:
     """In frame t it adds t + 0.5 to every counter: 12.5 in five frames."""
     world = WORLD + '[process.counters]\nagents = "counting:Counter"\n'
     summary = run(tmp_path, world, far=blocks("python", "member")[0])

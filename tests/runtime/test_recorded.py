@@ -43,7 +43,7 @@ def test_what_was_on_the_disk_is_there_when_all_is_killed(tmp_path):
         (("--record", "nowhere/run.mcap"), "nowhere/run.mcap"),
     ],
 )
-def test_a_record_that_cannot_be_made_is_said(tmp_path, words, problem):
+def test_a_record_that_cannot_be_created_is_reported(tmp_path, words, problem):
     done = minerva(tmp_path, "run", write_world(tmp_path, frames=3), *words)
     assert done.returncode != 0
     assert problem in done.stderr

@@ -23,14 +23,14 @@ def test_ten_thousand_lines_in_a_second_are_a_few_and_their_number():
     assert said == ["line"] * AT_ONCE + [f"{10_000 - AT_ONCE:,} more lines about it left out"]
 
 
-def test_members_from_elsewhere_share_what_may_be_said():
+def test_remote_members_share_an_allowance():
     assert lines(Restraint(), [0.0] * (AT_ONCE + 2), GUESTS)[-1] == (
         f"2 more lines about {GUESTS} left out"
     )
 
 
 @given(st.lists(st.floats(0, 50), max_size=300).map(sorted))
-def test_no_line_is_lost_silently_and_few_are_said(times):
+def test_no_line_is_lost_silently_and_few_are_logged(times):
     said = lines(Restraint(), times)
     held = sum(int(text.split()[0].replace(",", "")) for text in said if text != "line")
     assert said.count("line") + held == len(times)

@@ -67,7 +67,7 @@ def test_a_world_that_was_killed_goes_on_in_the_same_record(tmp_path):
     assert not list(tmp_path.glob("*.part.mcap"))
 
 
-def test_what_the_command_line_does_not_say_the_record_says(tmp_path):
+def test_the_record_supplies_settings_missing_on_the_command_line(tmp_path):
     path = write_world(tmp_path, LOCKSTEP)
     seed = ("--seed", 99, "--name", "other", "--in-process", "--json")
     whole = summary(here(tmp_path, "run", path, *seed))

@@ -87,7 +87,7 @@ GARBAGE = {
 
 
 @pytest.mark.parametrize("what", GARBAGE)
-def test_what_is_said_in_a_member_s_name_is_refused_and_the_member_comes_back(world, rogue, what):
+def test_a_message_in_a_members_name_is_rejected_and_the_member_rejoins(world, rogue, what):
     """The bus cannot tell who put it: the member is shut out, and its successor goes on."""
     data, problem = GARBAGE[what]
     victim = NAMES[list(GARBAGE).index(what) % len(NAMES)]
@@ -106,7 +106,7 @@ def test_what_is_said_in_a_member_s_name_is_refused_and_the_member_comes_back(wo
     encode(m.Hello("x", 1, generates=("eStep",), lockstep=True)).replace(b"\xa5kinds\x90",
         b"\xa5kinds\x91\x94\xa2AX\x91\x93\xa1a\xa4reel\xc0\x90\x90"),
 ])  # fmt: skip
-def test_a_stranger_with_a_token_that_says_hello_wrongly(world, rogue, hello):
+def test_a_stranger_with_a_token_and_an_invalid_hello(world, rogue, hello):
     name = f"stranger-{os.urandom(3).hex()}"
     keys = Keys(world.name)
     heard = []
@@ -125,7 +125,7 @@ def test_a_stranger_with_a_token_that_says_hello_wrongly(world, rogue, hello):
 
 
 @pytest.mark.parametrize("name", ["any$*", "a b", "ä"])
-def test_a_stranger_whose_name_is_none(world, rogue, name):
+def test_a_stranger_with_an_invalid_name(world, rogue, name):
     keys = Keys(world.name)
     token = rogue.liveliness().declare_token(keys.alive(name))
     put(rogue, keys.sent_by(name), epoch(rogue, world) + encode(m.Leaving(name)))
@@ -135,7 +135,7 @@ def test_a_stranger_whose_name_is_none(world, rogue, name):
     assert name not in world.members()
 
 
-def test_a_stranger_that_says_nothing_holds_nobody_up(world, rogue):
+def test_a_silent_stranger_delays_no_member(world, rogue):
     token = rogue.liveliness().declare_token(Keys(world.name).alive("dumb"))
     eventually(lambda: "dumb" in world.members(), "it is seen")
     goes_on(world)
@@ -160,7 +160,7 @@ def test_knocking_like_the_coordinator_itself(world, rogue, name, data):
     goes_on(world)
 
 
-def test_a_frame_that_nobody_asked_for_is_dropped(world, rogue):
+def test_an_unrequested_frame_is_dropped(world, rogue):
     keys = Keys(world.name)
     late = world.members()["steps"]["late"]
     for frame in (0, 1 << 40):
@@ -190,7 +190,7 @@ def test_a_flood_of_strangers_does_not_stop_the_world(world, rogue):
     assert ghosts == []
 
 
-def test_a_token_that_comes_and_goes_writes_few_lines(world, rogue):
+def test_a_flapping_token_writes_few_lines(world, rogue):
     def about():
         return [line for line in world.text.splitlines() if "flutter" in line]
 

@@ -57,7 +57,7 @@ def test_no_file_is_left_by_killed_members_or_interrupts(tmp_path):
     eventually(lambda: left() <= before, "nothing is left")
 
 
-def test_a_sweep_takes_what_nobody_has_locked(tmp_path):
+def test_a_sweep_takes_unlocked_files(tmp_path):
     for name in ("mine.zenoh", "dead.zenoh", "other"):
         (tmp_path / name).write_bytes(b"x")
     with (tmp_path / "mine.zenoh").open("r+") as mine:

@@ -40,7 +40,7 @@ def test_what_fits_may_begin():
     sizes.check_sizes(fragments("x" * 800, "y" * 800), hosts(2))
 
 
-def test_what_nobody_evolves_is_sent_to_nobody():
+def test_fragments_without_a_host_are_not_sent():
     sizes.check_sizes(fragments("x" * 5000), [Process("other", command=("true",))])
 
 

@@ -19,7 +19,7 @@ def waits(queued=(), **own):
     return Waits(Deadlines(Patience(1.0, 2.0), own), queued)
 
 
-def test_nobody_waits_for_a_member_that_has_yet_to_be_started():
+def test_no_frame_waits_for_a_member_still_to_be_started():
     waiting = waits({"a", "b"})
     assert waiting.look(GATHERING, False, ["a", "b"], 0.0) == 0.0
     waiting.started("a", 5.0)
@@ -55,7 +55,7 @@ def test_a_hello_counts_once_for_each_start():
     assert not waiting.came("a", 0.2)
 
 
-def test_a_member_that_starts_anew_in_a_frame_has_its_time_to_start():
+def test_a_member_restarted_in_a_frame_has_time_to_start():
     waiting = waits()
     waiting.look(FRAME, True, ["a"], 0.0)
     assert waiting.overdue(2.0) == [("a", "restart")]

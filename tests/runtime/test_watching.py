@@ -46,7 +46,7 @@ def attached(world, name):
                "--world", world.name, "--said", "true")  # fmt: skip
 
 
-def test_views_come_and_go_and_the_world_goes_on(tmp_path):
+def test_views_attach_and_detach_while_the_world_runs(tmp_path):
     with (
         World(write_world(tmp_path, MEMBERS, frames=0, rate=RATE)) as world,
         world.client() as asked,

@@ -73,7 +73,7 @@ def test_events_in_columns_are_taken_whole():
     assert [event.number for event in single(done.record.events)] == [1, 2]
 
 
-def test_a_hello_that_comes_twice_counts_once():
+def test_a_repeated_hello_counts_once():
     world = rain()
     for _ in range(5):
         world.receive(m.Hello("rain", PROTOCOL_VERSION, generates=("eDrop",)))
@@ -204,7 +204,7 @@ def joined(session, world, name, **faces):
 
 
 @pytest.mark.parametrize("what", TOO_MUCH)
-def test_who_sends_too_much_is_out_and_the_frames_go_on(world, what):
+def test_a_flooding_member_is_removed_and_frames_continue(world, what):
     data, problem = TOO_MUCH[what]
     name = what.replace(" ", "-")
     with open_client(name, world.endpoint()) as session:

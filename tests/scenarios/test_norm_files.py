@@ -134,7 +134,7 @@ def test_a_record_has_them(tmp_path):
         ('when = "x > 1"\nin_force = 1', "norm.n.in_force must be true or false"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(tmp_path, text, message):
+def test_errors_are_reported_with_their_position(tmp_path, text, message):
     with pytest.raises(WorldFileError, match=message) as caught:
         norms_of(tmp_path, f"[norm.n]\n{text}\n")
     assert "street.toml" in str(caught.value)

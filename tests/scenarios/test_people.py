@@ -41,7 +41,7 @@ def test_nor_is_it_while_that_generator_is_away():
     assert refusal(bus, "eAdd") == ""
 
 
-def test_what_a_generator_takes_orders_for_is_for_people_whoever_makes_it_too():
+def test_people_may_send_types_with_a_taker_even_if_another_generates_them():
     assert refusal(started(taking()), "eAdd") == ""
     also = started(taking(more=service("more", Taker), steps=service("steps", Steps)))
     assert refusal(also, "eAdd") == ""
@@ -56,7 +56,7 @@ def test_the_world_file_may_allow_it():
     assert "n=5" in str(bus.algorithm.scene)
 
 
-def test_before_all_are_there_nobody_knows():
+def test_before_all_members_are_present_no_result_is_known():
     bus = counters()
     assert "still gathers add" in refusal(bus, "eAdd")
     assert refusal(counters(people=("eAdd",)), "eAdd") == ""
@@ -87,6 +87,6 @@ def test_an_order_may_only_name_what_the_world_has():
     )
 
 
-def test_a_world_that_names_nothing_says_nothing():
+def test_a_world_without_references_logs_nothing():
     algorithm, eGo = signs("")
     assert unknown_value(algorithm, eGo("anywhere")) == ""

@@ -93,7 +93,7 @@ def test_the_world_waits_for_a_generator_that_died_between_frames():
     assert bus.digests == undisturbed(2)
 
 
-def test_what_a_generator_said_before_it_died_is_asked_for_again_while_the_tick_lasts():
+def test_a_dead_generators_reply_is_requested_again_during_the_tick():
     """Its successor must know what it had published; here there is nothing, the answer is one."""
     bus = counters(members={"slow": service("slow", Steps)})
     bus.start()
@@ -276,7 +276,7 @@ def test_the_first_of_two_hosts_that_is_back_is_given_what_the_other_had_answere
     assert bus.digests == undisturbed(4)
 
 
-def test_a_host_that_comes_back_in_the_frame_in_which_it_answered_has_nothing():
+def test_a_host_that_returns_in_the_frame_of_its_reply_has_no_fragments():
     """It alone has mothers, for which the frame waits; it shares counters with another."""
     members = {"host": host("host", Counter, Mother), "other": host("other", Counter)}
     text = "ACounter#a · ACounter#b · ACounter#c · ACounter#d · AMother#m"
@@ -311,7 +311,7 @@ def test_agents_that_move_to_another_host_while_the_old_one_answers_move_with_wh
     assert bus.digests == undisturbed(5, text=text)
 
 
-def test_agents_that_nobody_offers_stand_still_and_the_rest_goes_on():
+def test_agents_without_a_host_stand_still_and_the_others_evolve():
     bus = counters("ACounter#a · AMother#m")
     bus.start()
     bus.run(2)
@@ -520,7 +520,7 @@ def test_readings_go_straight_from_one_to_the_other_in_the_same_frame():
 @pytest.mark.parametrize(
     "hold", [("down", "eye"), ("down", "water"), ("up", "eye"), ("up", "water")]
 )
-def test_readings_are_there_again_whoever_dies(who, hold):
+def test_readings_are_restored_after_any_death(who, hold):
     plain, bus = sights(), sights()
     plain.start()
     plain.run()
@@ -539,7 +539,7 @@ def test_readings_are_there_again_whoever_dies(who, hold):
     assert [record.events for record in bus.records] == [record.events for record in plain.records]
 
 
-def test_a_generator_is_not_held_up_by_a_source_that_will_not_come_back():
+def test_a_generator_does_not_wait_for_a_source_that_has_left():
     bus = sights()
     bus.start()
     bus.run(1)
@@ -564,7 +564,7 @@ def test_a_generator_is_not_held_up_by_a_source_that_will_not_come_back():
 
 @pytest.mark.parametrize("who", ["add", "host", "more"])
 @pytest.mark.parametrize("frames", [0, 1])
-def test_who_leaves_has_left_also_where_the_departure_overtakes_the_last_words(who, frames):
+def test_a_member_has_left_even_if_its_token_vanishes_first(who, frames):
     """What a member says and whether it is there come to the coordinator on ways of their own."""
     members = {"more": host("more", Counter)}
     plain, overtaken = counters(members=members), counters(members=members)
@@ -588,7 +588,7 @@ def test_who_leaves_has_left_also_where_the_departure_overtakes_the_last_words(w
 
 
 @pytest.mark.parametrize("who", ["add", "host"])
-def test_a_world_that_has_not_begun_does_not_wait_for_who_has_left(who):
+def test_a_world_before_its_start_does_not_wait_for_members_that_left(who):
     bus = counters()
     bus.start()
     bus.hold(("up", who))

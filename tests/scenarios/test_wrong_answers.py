@@ -69,7 +69,7 @@ def test_a_second_answer_to_a_tick_is_dropped_and_counted():
     assert member(bus, "add").late == 1
 
 
-def test_an_answer_of_one_who_was_not_asked_is_dropped_and_counted():
+def test_an_unrequested_reply_is_dropped_and_counted():
     bus = started(members={"screen": service("screen", Screen)})
     bus.hold(("down", "add"))
     bus.step(BEGIN)
@@ -237,7 +237,7 @@ def test_an_agent_may_not_become_two_with_an_id_of_another():
     assert bus.said == [f"{thief}: broke the protocol: it made a second agent #b"]
 
 
-def test_events_that_a_generator_never_said_it_makes_are_refused():
+def test_undeclared_events_of_a_generator_are_rejected():
     bus = started()
     bus.step(BEGIN)
     bus.put(m.TickReply("add", 1, (eCroak(1.0),)))
@@ -300,7 +300,7 @@ def test_what_a_free_generator_may_not_emit_is_refused_and_it_is_shut_out():
     assert "broke the protocol: it sent eCroak" in bus.said[0]
 
 
-def test_nobody_emits_who_has_not_joined():
+def test_only_joined_members_emit():
     bus = started()
     bus.put(m.Emitted("stranger", (eAdd(50),)))
     bus.run(1)
@@ -337,7 +337,7 @@ def test_garbage_from_a_member_is_named_and_the_member_is_shut_out():
     assert len(bus.records) == 2
 
 
-def test_one_that_goes_on_with_garbage_is_named_once_until_it_comes_anew():
+def test_a_repeated_sender_of_garbage_is_named_once_until_it_rejoins():
     bus = started()
     for round_ in (1, 2):
         for number in range(20):

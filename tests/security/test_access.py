@@ -39,7 +39,7 @@ def may(access, name, flow, message, key):
 
 @given(MANY)
 @settings(max_examples=30)
-def test_nobody_speaks_as_another(many):
+def test_a_message_in_another_name_is_rejected(many):
     access = access_control(KEYS, many, [])
     for one in many:
         others = {other.name for other in many} - {one.name} | {COORDINATOR, "*"}
@@ -65,7 +65,7 @@ def test_nobody_speaks_as_another(many):
 
 @given(MANY)
 @settings(max_examples=30)
-def test_everybody_does_what_its_roles_allow(many):
+def test_every_member_does_what_its_roles_allow(many):
     access = access_control(KEYS, many, [])
     for one in many:
 

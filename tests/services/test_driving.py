@@ -57,7 +57,7 @@ def test_a_scan_is_taken_where_the_action_of_the_frame_before_has_led() -> None:
         assert ahead == pytest.approx(6.0 - believed.x, abs=1e-6)
 
 
-def test_a_wall_stops_a_robot_and_the_next_frame_says_so() -> None:
+def test_a_wall_stops_a_robot_and_the_next_frame_reports_it() -> None:
     yard = Yard(alone(x=5.0, y=1.0, speed=0.25)).run(8)
     collisions = {frame: yard.events(frame, "eCollision") for frame in range(8)}
     assert [frame for frame, found in collisions.items() if found] == [4, 5, 6, 7]
@@ -71,7 +71,7 @@ def test_a_wall_stops_a_robot_and_the_next_frame_says_so() -> None:
     assert yard.mortal.service.report()["collisions"] == 4
 
 
-def test_two_robots_hear_their_own_sensors_and_see_each_other() -> None:
+def test_two_robots_receive_their_own_sensors_and_see_each_other() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0) + driver("b", x=3.0, y=2.0, angle=180.0)
     yard = Yard(scene).run(3)
     for name, ahead in (("a", 3.0 - 1.0 - RADIUS), ("b", 3.0 - 1.0 - RADIUS)):
@@ -82,7 +82,7 @@ def test_two_robots_hear_their_own_sensors_and_see_each_other() -> None:
     assert yard.belief(2, "a").heard != yard.belief(2, "b").heard
 
 
-def test_who_drives_into_the_other_is_told() -> None:
+def test_the_robot_that_drives_into_another_is_notified() -> None:
     scene = room(6, 4) + driver("a", x=1.0, y=2.0, speed=0.25) + driver("b", x=2.0, y=2.0)
     yard = Yard(scene).run(5)
     told = [one for frame in range(5) for one in yard.events(frame, "eCollision")]

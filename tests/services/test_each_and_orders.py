@@ -42,7 +42,7 @@ def test_each_refuses_what_it_cannot_make(options: dict[str, Any], problem: str)
         joined(Each(**options))
 
 
-def test_the_first_order_comes_in_frame_0_only() -> None:
+def test_the_first_order_is_sent_in_frame_0_only() -> None:
     service = joined(Orders("eObjective", first={"marker": "kitchen"}))
     assert (service.generates(), service.takes_orders()) == (("eObjective",), ("eObjective",))
     assert made(service, 0) == [eObjective("kitchen")]
@@ -55,7 +55,7 @@ def test_a_successor_gives_the_first_order_in_frame_0_again_and_in_no_other() ->
         assert len(made(service, number)) == (number == 0)
 
 
-def test_people_come_after_the_first_order_and_so_have_the_last_word() -> None:
+def test_orders_of_people_follow_the_first_order_and_take_precedence() -> None:
     service = joined(Orders("eObjective", first={"marker": "kitchen"}))
     bath, hall = eObjective("bath"), eObjective("hall")
     assert made(service, 0, bath) == [eObjective("kitchen"), bath]

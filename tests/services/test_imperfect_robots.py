@@ -25,7 +25,7 @@ def seen(yard: Yard) -> list[Any]:
     return [yard.events(frame, "eCamera") for frame in range(12)]
 
 
-def test_who_else_is_there_does_not_change_a_robots_luck() -> None:
+def test_other_robots_do_not_change_a_robots_random_draws() -> None:
     errors = {name: ALL[name] for name in ("alpha1", "alpha2", "alpha3", "alpha4")}
     assert yard(**errors).pose("r1") == yard(TWO, **errors).pose("r1")
 

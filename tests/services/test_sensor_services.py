@@ -77,12 +77,12 @@ def clears(made: Scan, **options: Any) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("nothing", [5.0, 7.0, math.inf])
-def test_a_beam_without_return_says_how_far_it_is_free(nothing: float) -> None:
+def test_a_beam_without_return_reports_the_free_distance(nothing: float) -> None:
     assert clears(scan([nothing, 1.0])) == [(5.0, -90.0)]
 
 
 @pytest.mark.parametrize("invalid", [0.0, -1.0, math.nan, -math.inf])
-def test_an_invalid_range_says_nothing(invalid: float) -> None:
+def test_an_invalid_range_is_ignored(invalid: float) -> None:
     assert clears(scan([invalid, 1.0])) == []
 
 
@@ -99,7 +99,7 @@ def test_beams_without_return_have_the_angles_of_their_beams() -> None:
     assert [angle for _, angle in clears(made, every=3)] == [-80.0, 55.0]
 
 
-def test_without_a_type_for_it_no_event_says_what_is_free() -> None:
+def test_without_a_type_no_event_reports_free_cells() -> None:
     assert Laser(clear="eClear").generates() == ("eLaser", "eClear")
     assert hits(scan([5.0, math.inf])) == []
 
@@ -108,7 +108,7 @@ def test_without_a_type_for_it_no_event_says_what_is_free() -> None:
     ("options", "problem"),
     [({"clear_range": 0.0}, "clear_range is 0.0"), ({"clear": "eLaser"}, "both 'eLaser'")],
 )
-def test_wrong_options_for_beams_that_meet_nothing(options: Any, problem: str) -> None:
+def test_invalid_options_for_beams_without_hits(options: Any, problem: str) -> None:
     with pytest.raises(MinervaError, match=f"laser: .*{problem}"):
         Laser(**options)
 
@@ -174,7 +174,7 @@ def test_data_may_be_declared_in_another_order_and_with_more_that_has_defaults()
         ({"dist": Metres, "angle": Degrees, "beam": int}, r"needs beam \(int\)"),
     ],
 )
-def test_a_type_whose_data_do_not_fit_is_refused(data: dict[str, Any], problem: str) -> None:
+def test_a_type_with_unsuitable_data_is_rejected(data: dict[str, Any], problem: str) -> None:
     with pytest.raises(MinervaError, match=f"laser: eLaser {problem}"):
         joined(Laser(), world_with(EventType("eLaser", **data)))
 

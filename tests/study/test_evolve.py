@@ -98,7 +98,7 @@ def marked(mark):
 
 
 @pytest.mark.timeout(60)
-def test_an_interrupt_ends_all_and_tells_the_best_so_far(tmp_path):
+def test_an_interrupt_ends_all_and_reports_the_best_so_far(tmp_path):
     world = pond(tmp_path)
     mark = f"{MARK}={tmp_path}"
     words = ("--population", "3", "--generations", "10000", "--mutable", "ABud.vigour=0:1")

@@ -23,7 +23,7 @@ def scan(last=1.0):
     )
 
 
-def test_events_are_equal_when_all_that_they_say_is():
+def test_events_are_equal_when_all_fields_are():
     assert eNear(1.0) == eNear(1)
     assert eNear(1.0) != eNear(2.0)
     assert eNear(1.0) != eNear(1.0, sender="a")
@@ -84,7 +84,7 @@ def test_an_event_from_outside_is_brought_into_its_form():
         (Event("eNear", ("distance",), (float("nan"),)), "a finite number"),
     ],
 )
-def test_wrong_events_are_refused_and_say_who_sent_them(event, said):
+def test_invalid_events_are_rejected_with_their_sender(event, said):
     with pytest.raises(VocabularyError, match=said) as caught:
         VOCABULARY.check_event(event, "member laser")
     assert str(caught.value).startswith("member laser: ")

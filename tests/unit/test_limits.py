@@ -80,7 +80,7 @@ def test_they_travel_with_the_vocabulary():
         assert again.events[name].fields == declared.fields
 
 
-def test_a_vocabulary_says_where_they_cannot_be():
+def test_a_vocabulary_rejects_them_where_they_do_not_fit():
     with pytest.raises(MisuseError, match=r"PDot: x is a real 0\.\.; only data of event types"):
         Vocabulary.of(Primitive("PDot", x=Annotated[float, Range(least=0.0)]))
     eGo = EventType("eGo", to=Annotated[str, Of("PMark", "nam")])

@@ -104,7 +104,7 @@ def test_a_folder_is_no_output(tmp_path):
         check_output(tmp_path)
 
 
-def test_a_file_that_cannot_be_written_says_why_and_leaves_nothing(tmp_path):
+def test_a_file_that_cannot_be_written_reports_why_and_leaves_nothing(tmp_path):
     with pytest.raises(MisuseError, match=r"picture: cannot write .*No such file"):
         write_output(tmp_path / "nowhere" / "a.svg", SVG, "picture")
     assert not any(tmp_path.iterdir())

@@ -42,7 +42,7 @@ def test_a_world_file_holds_as_it_is_written(path):
     assert (file.world.name, file.world.seed, file.rate) == ("rest", 0, 0.0)
 
 
-def test_what_is_said_holds_instead(path):
+def test_given_values_override_defaults(path):
     given = Overrides(name="other", seed=3, rate=5.0, journal="another", listen="tcp/127.0.0.1:0")
     file = read_world_file(path, given)
     assert (file.bus.listen, file.bus.journal) == ("tcp/127.0.0.1:0", "another")

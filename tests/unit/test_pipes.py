@@ -5,7 +5,7 @@ import os
 from minerva_bus.launch.pipes import Pipes
 
 
-def test_one_that_another_has_read_to_its_end_is_not_heard_again():
+def test_a_pipe_read_to_its_end_is_not_read_again():
     pipes, heard = Pipes(), []
     ends = [os.pipe() for _ in range(2)]
 

@@ -59,7 +59,7 @@ def test_bounds(scene, expected):
     assert room(scene) == expected
 
 
-def test_a_pose_comes_back_from_every_scope():
+def test_a_pose_is_restored_after_every_scope():
     geometry = PlaneGeometry(VOCABULARY)
     interpret(TMove(1)(TTurn(90)(PDisc(1)) + TMove(1)()), geometry)
     assert geometry.pose == Pose()

@@ -130,7 +130,7 @@ def test_a_string_nested_deeper_than_texts_go_is_refused_without_recursion():
         VOCABULARY.check(inner)
 
 
-def test_a_matrix_in_w_is_nobodys_to_write():
+def test_a_matrix_in_w_is_read_only():
     mine = np.zeros((2, 2), np.int16)
     w = VOCABULARY.check(scene_of(FigureNode("PMap", ("cells",), (mine,))))
     before = w.digest

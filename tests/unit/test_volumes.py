@@ -100,14 +100,14 @@ def test_what_an_agent_shows_is_its_own_and_all_else_scenery() -> None:
     ]
 
 
-def test_a_figure_may_say_whose_it_is() -> None:
+def test_a_figure_may_name_its_agent() -> None:
     inner = PBody("in") + PDisc(1.0) + TOf("deep")(PDisc(2.0) + PBody("own"))
     some = Bodies(VOCABULARY).volumes(slot("out"), {"out": inner})
     assert some.owners.tolist() == ["in", "out", "deep", "own"]
     assert set(some.kinds) == {"AFox"}
 
 
-def test_a_population_must_say_whose_each_figure_is() -> None:
+def test_a_population_must_name_the_agent_of_each_figure() -> None:
     x = np.arange(3.0)
     ids = np.array(["a", "b", "c"], object)
     bodies = Bodies(VOCABULARY)

@@ -85,7 +85,7 @@ def area(mesh):
 
 
 @given(MASKS)
-def test_triangles_face_the_way_that_their_normals_say(mask):
+def test_triangles_face_their_normals(mask):
     for mesh in both(mask, 0.5, Pose(1.0, 2.0, 33.0), 1.0):
         a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
         facing = np.cross(b[:, :3] - a[:, :3], c[:, :3] - a[:, :3])

@@ -27,7 +27,7 @@ def test_what_a_pixel_shows_of_the_floor_is_drawn_at_that_pixel(camera, pixel):
 
 
 @given(CAMERAS, PLACES, PLACES, st.floats(0, 3))
-def test_the_matrix_puts_points_where_project_says(camera, x, y, z):
+def test_the_matrix_agrees_with_project(camera, x, y, z):
     clip = camera.matrix(900 / 600) @ [x, y, z, 1.0]
     assume(clip[3] > 1e-3)
     right, down = camera.project(np.array([[x, y, z]]), *SIZE)[0]

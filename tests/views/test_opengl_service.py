@@ -39,7 +39,7 @@ def test_without_a_display_it_says_what_to_do(monkeypatch):
             OpenGL()
 
 
-def test_without_the_library_it_says_what_to_install(monkeypatch):
+def test_a_missing_library_names_the_extra(monkeypatch):
     found = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util,
@@ -50,7 +50,7 @@ def test_without_the_library_it_says_what_to_install(monkeypatch):
         OpenGL(path="a.png")
 
 
-def test_without_a_driver_it_says_which_packages_have_one(monkeypatch, tmp_path):
+def test_a_missing_driver_is_reported_with_packages(monkeypatch, tmp_path):
     def fails(*a, **options):
         raise Exception("(detect) libEGL.so: not loaded")
 

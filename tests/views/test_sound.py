@@ -125,7 +125,7 @@ def test_a_voice_without_an_aim_is_deep(tmp_path: Path):
     assert peak(seconds(sound, 0.2, 0.9)) == pytest.approx(150.0, rel=0.01)
 
 
-def test_each_robot_has_a_voice_and_is_heard_where_it_is(tmp_path: Path):
+def test_each_robot_has_a_voice_at_its_position(tmp_path: Path):
     scene = home(0.0) + car(1.0, name="a") + car(11.0, name="b")
     sound = seconds(heard(tmp_path / "w.wav", held(scene)), 0.2, 0.9)
     left, right = sound * (1, 0), sound * (0, 1)
@@ -211,7 +211,7 @@ def test_a_click_may_last_longer_than_a_frame(tmp_path: Path):
     assert np.abs(np.diff(click - begun, n=3, axis=0)).max() < 0.02
 
 
-def test_transformations_move_what_is_heard(tmp_path: Path):
+def test_transformations_move_sounds(tmp_path: Path):
     turned = TTurn(90.0)(TAt(3.0, 0.0)(home(0.0))) + TAt(0.0, 1.0)(car(0.0))
     sound = heard(tmp_path / "w.wav", held(turned))
     assert peak(seconds(sound, 0.2, 0.9)) == pytest.approx(880 * 2 ** (-2 / 5), rel=0.01)
@@ -237,7 +237,7 @@ def test_where_there_is_a_goal_nothing_else_is_aimed_at(tmp_path: Path):
     assert peak(seconds(samples(tmp_path / "w.wav"), 0.2, 0.9)) == pytest.approx(440, rel=0.01)
 
 
-def test_views_of_several_types_are_heard_together(tmp_path: Path):
+def test_views_of_several_types_sound_together(tmp_path: Path):
     device = Sound(str(tmp_path / "w.wav"), draws="ePicture, eOverlay")
     device.joined(world())
     for frame in range(10):

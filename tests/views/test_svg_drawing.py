@@ -44,7 +44,7 @@ def test_a_disc_is_where_nested_transformations_lead():
     assert circles(scene) == [pytest.approx((there.x, there.y, 0.5), abs=1e-3)]
 
 
-def test_poses_compose_and_come_back_for_any_nesting():
+def test_poses_compose_and_are_restored_for_any_nesting():
     chance = random.Random(3)
     for _ in range(50):
         motions = [[chance.uniform(-3, 3) for _ in range(4)] for _ in range(chance.randrange(6))]

@@ -34,7 +34,7 @@ def test_a_label_reads_as_it_was_written():
     assert "<A & B> 'žluť' 東京" in shown
 
 
-def test_texts_are_cut_and_come_in_one_line():
+def test_texts_are_cut_to_one_line():
     assert line_of_text("a\n b\t\tc ") == "a b c"
     assert line_of_text("\ud800\x00a") == "\ufffd\ufffda"
     assert line_of_text("x" * 100) == "x" * 59 + "…"

@@ -90,7 +90,7 @@ def test_text_shows_on_a_machine_without_fonts(monkeypatch: pytest.MonkeyPatch):
         font_options.cache_clear()
 
 
-def test_without_any_font_one_line_says_what_to_do(
+def test_a_missing_font_is_reported_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     bare = functools.partial(resvg_py.svg_to_bytes, skip_system_fonts=True)

@@ -95,7 +95,7 @@ def test_frames_keeps_every_picture(tmp_path: Path):
     assert device.report() == {"picture": str(tmp_path / "w-1234567.svg")}
 
 
-def test_without_resvg_the_svg_alone_is_written_and_one_line_says_so(
+def test_without_resvg_the_svg_is_written_and_one_line_reports_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.delitem(sys.modules, "minerva_services.views.svg.rendering", raising=False)

@@ -81,7 +81,7 @@ def test_a_read_only_matrix_is_traced_once_while_it_lives():
     assert tracer._known == {}  # pyright: ignore[reportPrivateUsage]
 
 
-def test_a_writable_matrix_is_traced_anew():
+def test_a_writable_matrix_is_traced_again():
     tracer = Tracer()
     cells = np.ones((3, 3), np.int16)
     first = tracer.paths(cells, COLORS)

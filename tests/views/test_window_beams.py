@@ -23,7 +23,7 @@ def test_beams_end_at_their_ranges():
     assert beams.hits.tolist() == [True, True, False]
 
 
-def test_a_beam_that_does_not_come_back_ends_at_the_range():
+def test_a_beam_without_return_ends_at_the_range():
     beams = beams_of(scan(ranges=(np.inf, np.nan, 9.0)), Pose())
     assert beams.hits.tolist() == [False] * 3
     assert np.hypot(*beams.ends.T) == pytest.approx(np.full(3, 8.0))

@@ -33,7 +33,7 @@ def test_a_video_lasts_as_long_as_what_it_shows(dt, speed, every, fps, first, vi
     assert timing.times(first) == 0  # a frame that was shown before
 
 
-def test_as_many_pictures_as_views_where_nothing_else_is_said():
+def test_one_picture_per_view_by_default():
     timing = Timing.of(0.1, 1.0, 1, 0.0, ".mp4")
     assert [timing.times(frame) for frame in range(3, 40)] == [1] * 37
 
