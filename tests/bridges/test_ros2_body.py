@@ -183,7 +183,7 @@ def test_a_view_that_was_carried_out_is_not_carried_out_again():
     device.show(View(7, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
     assert device._ordered is None
     device.show(View(8, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
-    assert device._ordered.command.forward == 1.0
+    assert device._ordered.command.forward_m == 1.0
 
 
 def test_a_robot_that_is_halted_stops_and_is_not_believed_to_have_driven():

@@ -16,9 +16,9 @@ from minerva_bus.launch.specs import find_world
 from minerva_bus.log.reader import Record
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
-from minerva_services.bridges.ros2.geometry import MotorCommand
 from minerva_services.bridges.ros2.steering import MotorLimits
 from minerva_services.bridges.ros2.stepping import NANO, is_rounding, phases
+from minerva_services.physics.body import DriveCommand
 from minerva_services.sensors.camera import Camera
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
 from tests.runtime.running import here
@@ -84,7 +84,7 @@ def test_it_decides_as_the_simulated_robot_frame_by_frame(tmp_path, build, objec
 )
 def test_a_command_in_phases_is_whole_and_as_fast_as_allowed(command, lasts):
     turned = driven = seconds = 0.0
-    for velocity, nanoseconds in phases(MotorCommand(*command), 0.1, LIMITS):
+    for velocity, nanoseconds in phases(DriveCommand(*command), 0.1, LIMITS):
         turned += velocity.turn * nanoseconds / NANO
         driven += velocity.speed * nanoseconds / NANO
         seconds += nanoseconds / NANO

@@ -13,13 +13,15 @@ from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
 from minerva_services.bridges.ros2.buffers import scanned_from, seen_from
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
-from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry
 from minerva_services.bridges.ros2.mobile_base import FramePacer
 from minerva_services.bridges.ros2.network import Attachment, Ros2Network
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.ros_messages import Frames, SensorMount
 from minerva_services.bridges.ros_messages.frames import mount_of
+from minerva_services.physics.body import DriveCommand
+from minerva_services.physics.errors import PhysicsError
+from minerva_services.physics.geometry import PhysicalGeometry
 
 SCAN = "sensor_msgs/msg/LaserScan"
 HASH = "RIHS01_64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"
@@ -202,7 +204,7 @@ def test_a_sighting_of_a_robot_that_lags_behind():
 
 
 def commands(scene: Scene):
-    seen = MotorGeometry()
+    seen = PhysicalGeometry()
     interpret(scene, seen)
     return {name: one.command for name, one in seen.robots.items()}
 
@@ -211,18 +213,18 @@ def test_turns_and_moves_within_a_place_are_commands():
     robot = TRotate(10.0)(TMove(0.5)(PRobot("r1", 0.2)))
     other = TPlace(3.0, 0.0, 0.0)(PRobot("r2", 0.2))
     assert commands(TPlace(1.0, 2.0, 30.0)(robot) + other) == {
-        "r1": MotorCommand(10.0, 0.5),
-        "r2": MotorCommand(),
+        "r1": DriveCommand(10.0, 0.5),
+        "r2": DriveCommand(),
     }
 
 
 def test_commands_begin_anew_within_a_place():
     scene = TMove(9.0)(TPlace(0.0, 0.0, 0.0)(TMove(0.5)(PRobot("r1", 0.2))))
-    assert commands(scene) == {"r1": MotorCommand(0.0, 0.5)}
+    assert commands(scene) == {"r1": DriveCommand(0.0, 0.5)}
 
 
 def test_a_turn_within_a_move_is_refused():
-    with pytest.raises(MisuseError, match="put TMove within TRotate"):
+    with pytest.raises(PhysicsError, match="put TMove within TRotate"):
         commands(TMove(0.5)(TRotate(10.0)(PRobot("r1", 0.2))))
 
 
@@ -292,24 +294,24 @@ class Wheels:
 def test_commands_bring_the_robot_where_they_lead():
     wheels = Wheels()
     done = (
-        [MotorCommand(0.0, 0.05)] * 20
-        + [MotorCommand(18.0, 0.0)] * 5
-        + [MotorCommand(0.0, 0.05)] * 20
+        [DriveCommand(0.0, 0.05)] * 20
+        + [DriveCommand(18.0, 0.0)] * 5
+        + [DriveCommand(0.0, 0.05)] * 20
     )
     for command in done:
         assert wheels.carry_out(command) is State.DONE
         assert abs(wheels.missing().y) < 0.03
     for _ in range(15):
-        wheels.carry_out(MotorCommand())
+        wheels.carry_out(DriveCommand())
     assert (wheels.pose.x, wheels.pose.y) == pytest.approx((1.0, 1.0), abs=0.02)
     assert wheels.pose.angle == pytest.approx(90.0, abs=2.0)
 
 
 def test_it_turns_where_the_command_turns():
     wheels = Wheels(DriveTolerances(near=0.3))
-    wheels.carry_out(MotorCommand(0.0, 0.5))
+    wheels.carry_out(DriveCommand(0.0, 0.5))
     assert wheels.missing().x < -0.25
-    wheels.driver.begin(MotorCommand(90.0, 0.5), 0.1, wheels.now)
+    wheels.driver.begin(DriveCommand(90.0, 0.5), 0.1, wheels.now)
     off = 0.0
     for _ in range(600):
         wheels.step()
@@ -322,31 +324,31 @@ def test_it_turns_where_the_command_turns():
 def test_it_never_drives_past_its_goal_and_never_too_fast():
     wheels = Wheels()
     for _ in range(10):
-        wheels.carry_out(MotorCommand(0.0, 0.2))
+        wheels.carry_out(DriveCommand(0.0, 0.2))
         assert wheels.missing().x < 0.01
     assert 0.3 < wheels.fastest <= LIMITS.speed
 
 
 def test_a_frame_takes_as_long_as_the_motors_need():
     wheels = Wheels()
-    wheels.carry_out(MotorCommand(0.0, 2.0))
+    wheels.carry_out(DriveCommand(0.0, 2.0))
     assert wheels.now > (2.0 - wheels.driver.tolerances.near) / LIMITS.speed
     before = wheels.now
-    wheels.carry_out(MotorCommand(), seconds=0.5)
+    wheels.carry_out(DriveCommand(), seconds=0.5)
     assert wheels.now - before == pytest.approx(0.5, abs=0.02)
 
 
 def test_what_a_wall_stops_is_told():
     wheels = Wheels()
     wheels.wall = 0.4
-    assert wheels.carry_out(MotorCommand(0.0, 1.0)) is State.BLOCKED
+    assert wheels.carry_out(DriveCommand(0.0, 1.0)) is State.BLOCKED
     assert wheels.driver.give_up() == pytest.approx(0.6, abs=0.01)
     assert wheels.driver.goal.x == pytest.approx(wheels.pose.x)
 
 
 def test_a_robot_that_nobody_commands_stops_and_is_left_alone():
     wheels = Wheels()
-    wheels.driver.begin(MotorCommand(0.0, 5.0), 0.1, wheels.now)
+    wheels.driver.begin(DriveCommand(0.0, 5.0), 0.1, wheels.now)
     told = [wheels.step() for _ in range(300)]
     assert any(one is not None and one.speed > 0 for one in told)
     stopped = told.index(STILL, 30)
@@ -357,7 +359,7 @@ def test_a_robot_that_nobody_commands_stops_and_is_left_alone():
 
 def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
     wheels = Wheels()
-    wheels.driver.begin(MotorCommand(0.0, 5.0), 8.0, wheels.now)
+    wheels.driver.begin(DriveCommand(0.0, 5.0), 8.0, wheels.now)
     for _ in range(30):
         wheels.step()
         wheels.driver.state(wheels.now)
@@ -377,9 +379,9 @@ def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
 
 def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
     wheels = Wheels()
-    wheels.carry_out(MotorCommand(0.0, 0.5))
+    wheels.carry_out(DriveCommand(0.0, 0.5))
     for _ in range(10):
-        wheels.carry_out(MotorCommand())
+        wheels.carry_out(DriveCommand())
     missing = wheels.missing()
     wheels.pose = Pose(20.0, -3.0, 45.0)
     wheels.step()
@@ -392,7 +394,7 @@ def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
 def test_a_robot_that_was_switched_on_anew_while_it_was_out_of_sight_stands():
     wheels = Wheels()
     for _ in range(10):
-        wheels.carry_out(MotorCommand(0.0, 0.5))
+        wheels.carry_out(DriveCommand(0.0, 0.5))
     wheels.now += 600.0
     wheels.pose = Pose()
     wheels.step()

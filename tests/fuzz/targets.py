@@ -58,7 +58,7 @@ from minerva_services.sensors.rplidar.packets import (
     StandardPackets,
     ranges,
 )
-from minerva_services.sensors.serial_line.line import LineSplitter
+from minerva_services.sensors.serial_line import LineSplitter
 
 MOST = 500
 """Readings, or frames, that are looked at of one file."""

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from minerva_bus.semantics.plane import Pose
-from minerva_services.views.opengl.boxes import enclosed, rectangles, sides
+from minerva_services.views.blocks import enclosed, rectangles, sides
 from minerva_services.views.opengl.solids import drum, pin, tops, upright
 
 MASKS = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=12))

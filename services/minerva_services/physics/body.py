@@ -39,8 +39,8 @@ class DriveCommand:
 
     """
 
-    turn_deg: float
-    forward_m: float
+    turn_deg: float = 0.0
+    forward_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,6 @@ from minerva_services.physics.body import BodyPose, DriveCommand
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.sweep import Point
 
-_NONE = DriveCommand(0.0, 0.0)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorPlan:
@@ -80,7 +78,7 @@ class PhysicalGeometry(Geometry):
         self.markers: dict[str, Point] = {}
         self.robots: dict[str, Robot] = {}
         self._place = BodyPose(0.0, 0.0, 0.0)
-        self._command = _NONE
+        self._command = DriveCommand()
 
     def PMap(
         self, cells: NDArray[np.int16], resolution: float, x: float, y: float, angle: float
@@ -105,7 +103,7 @@ class PhysicalGeometry(Geometry):
     def TPlace(self, x: float, y: float, angle: float) -> Generator[None]:
         """β: set the position and reset commands; δ: restore both."""
         outside = self._place, self._command
-        self._place, self._command = _within(self._here(), x, y, angle), _NONE
+        self._place, self._command = _within(self._here(), x, y, angle), DriveCommand()
         yield
         self._place, self._command = outside
 

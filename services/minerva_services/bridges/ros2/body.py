@@ -13,7 +13,6 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.world.poses import Pose
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.bridges.ros2.driver import DriveTolerances
-from minerva_services.bridges.ros2.geometry import MotorCommand, MotorGeometry, OrderedRobot
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.mobile_base import BaseOptions, MobileBase, Topics
 from minerva_services.bridges.ros2.network import Ros2Network
@@ -21,6 +20,8 @@ from minerva_services.bridges.ros2.steering import MotorLimits, check_positive
 from minerva_services.bridges.ros_messages.frames import mount_of
 from minerva_services.event_factory import EventFactory
 from minerva_services.options import grouped, takes_options
+from minerva_services.physics.body import DriveCommand
+from minerva_services.physics.geometry import PhysicalGeometry, Robot
 from minerva_services.sensors.playback import checked_offset
 
 
@@ -94,7 +95,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
 
     def _begin(self) -> None:
         self._base = MobileBase(self._options)
-        self._ordered: OrderedRobot | None = None
+        self._ordered: Robot | None = None
         self._shown: int | None = None
         self._carried_out = -1
         self._collisions = 0
@@ -109,14 +110,14 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
 
     def show(self, view: View) -> None:
         """φ of the view: the robot's command, for the next tick. Raises MisuseError."""
-        seen = MotorGeometry()
+        seen = PhysicalGeometry()
         interpret(view.scene, seen)
         self._shown = view.frame
         # A successor receives the last view again, which its predecessor may have executed.
         new = view.frame > self._carried_out
         ordered = self._own(seen.robots) if new else None
         halted = ordered is not None and self._name in view.halted
-        self._ordered = replace(ordered, command=MotorCommand()) if ordered and halted else ordered
+        self._ordered = replace(ordered, command=DriveCommand()) if ordered and halted else ordered
 
     def generate(self, tick: Tick) -> Iterable[Event]:
         """Drive, then publish readings; nothing before the first view."""
@@ -160,7 +161,7 @@ class Ros2Robot(Device, Generator, draws=("eRepresent",), coupled=True, events=(
         """Stop the motors and leave the network."""
         self._base.close()
 
-    def _own(self, robots: Mapping[str, OrderedRobot]) -> OrderedRobot | None:
+    def _own(self, robots: Mapping[str, Robot]) -> Robot | None:
         names = sorted(robots)
         if not self._robot and len(names) > 1:
             raise MisuseError(

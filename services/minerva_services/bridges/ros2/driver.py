@@ -13,7 +13,6 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.world.poses import Pose
-from minerva_services.bridges.ros2.geometry import MotorCommand
 from minerva_services.bridges.ros2.steering import (
     CommandPath,
     MotorLimits,
@@ -23,6 +22,7 @@ from minerva_services.bridges.ros2.steering import (
     steer,
 )
 from minerva_services.bridges.ros2.track import SUDDEN, OdometryTrack
+from minerva_services.physics.body import DriveCommand
 
 _STOPPING: Final = 0.5
 """Seconds for which a stop is repeated before other nodes may drive the robot."""
@@ -144,7 +144,7 @@ class Driver:
         """True while odometry arrives."""
         return now - self._updated <= self.tolerances.silence
 
-    def begin(self, command: MotorCommand, seconds: float, now: float) -> None:
+    def begin(self, command: DriveCommand, seconds: float, now: float) -> None:
         """Start a command where the previous one should have ended."""
         with self._lock:
             assert self._goal is not None
@@ -165,7 +165,7 @@ class Driver:
             if now < self._ends:
                 self._progress.at = now
                 return State.DRIVING
-            if self._path is None or self._path.command == MotorCommand():
+            if self._path is None or self._path.command == DriveCommand():
                 return State.DONE
             return self._arrival(now)
 
@@ -178,7 +178,7 @@ class Driver:
             course, self._path = self._path, None
             goal = self._goal or Pose()
             short = -goal.seen(self.track.newest or goal).x
-            forward = course.command.forward if course is not None else 0.0
+            forward = course.command.forward_m if course is not None else 0.0
             if math.copysign(1.0, forward) * short <= self.tolerances.near:
                 return 0.0
             self._goal = goal.then(Pose(x=-short))
@@ -205,7 +205,7 @@ class Driver:
     def _chosen(self, now: float) -> Velocity:
         if now > self._wanted_until or not self.has_odometry(now) or self._path is None:
             return STILL
-        if self._path.command == MotorCommand() and self._is_there(now, *_REST):
+        if self._path.command == DriveCommand() and self._is_there(now, *_REST):
             return STILL
         pose = self._pose(now)
         self._turns = self._turns or self._path.reached(pose)

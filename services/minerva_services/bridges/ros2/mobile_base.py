@@ -12,7 +12,6 @@ from minerva_bus.world.readings import Mount
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
-from minerva_services.bridges.ros2.geometry import MotorCommand, OrderedRobot
 from minerva_services.bridges.ros2.link import NetworkLink
 from minerva_services.bridges.ros2.motors import Motors
 from minerva_services.bridges.ros2.network import Ros2Network
@@ -20,6 +19,8 @@ from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.steering import MotorLimits, driven
 from minerva_services.bridges.ros2.stepping import Stepper
 from minerva_services.bridging.bridge import log
+from minerva_services.physics.body import DriveCommand
+from minerva_services.physics.geometry import Robot
 
 _FORGIVEN: Final = 5.0
 """Delay in frames up to which the schedule is kept; beyond it, it restarts."""
@@ -133,7 +134,7 @@ class MobileBase:
                 log(f"no {' and no '.join(missing)} from {self._router} yet")
             time.sleep(_POLL_SECONDS)
 
-    def carry_out(self, command: MotorCommand, seconds: float) -> float:
+    def carry_out(self, command: DriveCommand, seconds: float) -> float:
         """Execute a command; the distance not driven in metres, once there is no more progress."""
         if self._stepper is not None:
             return self._stepper.carry_out(command, seconds)
@@ -153,10 +154,11 @@ class MobileBase:
             time.sleep(_POLL_SECONDS)
         return 0.0
 
-    def place(self, ordered: OrderedRobot) -> None:
+    def place(self, ordered: Robot) -> None:
         """Publish the pose of the odometry frame on the map, given the string's robot."""
         goal, command = self.driver.goal, ordered.command
-        world = ordered.believed.then(Pose(angle=command.turn)).then(Pose(x=command.forward))
+        turned = Pose().then(ordered.believed).then(Pose(angle=command.turn_deg))
+        world = turned.then(Pose(x=command.forward_m))
         if goal is not None:
             self._motors.place(self._sensors.odometry_frame, world.then(goal.seen(Pose())))
 

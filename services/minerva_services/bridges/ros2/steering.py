@@ -14,7 +14,7 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
 from minerva_bus.world.poses import Pose
-from minerva_services.bridges.ros2.geometry import MotorCommand
+from minerva_services.physics.body import DriveCommand
 
 _AHEAD: Final = 8.0
 """Speed per metre of remaining distance, 1/s, where braking allows more."""
@@ -86,17 +86,17 @@ class CommandPath:
     """A command from a pose: a turn at `start`, then a straight line to `end`."""
 
     start: Pose
-    command: MotorCommand
+    command: DriveCommand
 
     @property
     def end(self) -> Pose:
         """Where the command leads."""
-        turned = self.start.then(Pose(angle=self.command.turn))
-        return turned.then(Pose(x=self.command.forward))
+        turned = self.start.then(Pose(angle=self.command.turn_deg))
+        return turned.then(Pose(x=self.command.forward_m))
 
     def reached(self, pose: Pose) -> bool:
         """True if a robot that arrives from behind may turn here."""
-        if not self.command.turn:
+        if not self.command.turn_deg:
             return True
         missing = pose.seen(self.start)
         return abs(missing.x) <= _REACHED

@@ -16,9 +16,9 @@ from typing import Final
 from minerva_bus import portable
 from minerva_bus.world.poses import Pose
 from minerva_services.bridges.ros2.driver import STILL, Driver, State
-from minerva_services.bridges.ros2.geometry import MotorCommand
 from minerva_services.bridges.ros2.steering import MotorLimits, Velocity
 from minerva_services.bridging.bridge import log
+from minerva_services.physics.body import DriveCommand
 
 NANO: Final = 1_000_000_000
 BEGIN: Final = NANO
@@ -65,7 +65,7 @@ class Stepper:
         with self._answered:
             self._answered.notify()
 
-    def carry_out(self, command: MotorCommand, seconds: float) -> float:
+    def carry_out(self, command: DriveCommand, seconds: float) -> float:
         """Execute a command in at least `seconds`; the distance not driven in metres."""
         driver = self._driver
         self._catch_up()
@@ -101,22 +101,22 @@ class Stepper:
 
 
 def phases(
-    command: MotorCommand, seconds: float, limits: MotorLimits
+    command: DriveCommand, seconds: float, limits: MotorLimits
 ) -> Iterator[tuple[Velocity, int]]:
     """The constant velocities of a command with durations in nanoseconds: turn, then drive.
 
     Together they last `seconds`, or longer if the limits of speed and turn require it.
     """
-    turn = abs(command.turn) / limits.turn
-    drive = abs(command.forward) / limits.speed
+    turn = abs(command.turn_deg) / limits.turn
+    drive = abs(command.forward_m) / limits.speed
     spare = max(0.0, seconds - turn - drive)
-    busy = bool(command.turn) + bool(command.forward)
-    if command.turn:
+    busy = bool(command.turn_deg) + bool(command.forward_m)
+    if command.turn_deg:
         lasts = _nanoseconds(turn + spare / busy)
-        yield Velocity(turn=command.turn / (lasts / NANO)), lasts
-    if command.forward:
+        yield Velocity(turn=command.turn_deg / (lasts / NANO)), lasts
+    if command.forward_m:
         lasts = _nanoseconds(drive + spare / busy)
-        yield Velocity(speed=command.forward / (lasts / NANO)), lasts
+        yield Velocity(speed=command.forward_m / (lasts / NANO)), lasts
     if not busy:
         yield STILL, _nanoseconds(seconds)
 

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 import moderngl
 import numpy as np
 
+from minerva_services.views.opengl.shaders import complete
 from minerva_services.views.opengl.solids import Mesh
 
 Key = TypeVar("Key", bound=Hashable)
@@ -23,7 +24,7 @@ _UNITS = {"shade": SHADE, "colors": COLORS, "openness": OPENNESS, "letters": LET
 
 def program(gl: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
     """A program bound to the shared uniform block and texture units."""
-    made = gl.program(vertex_shader=vertex, fragment_shader=fragment)
+    made = gl.program(vertex_shader=complete(vertex), fragment_shader=complete(fragment))
     for name in made:
         uniform = made[name]
         if isinstance(uniform, moderngl.UniformBlock):

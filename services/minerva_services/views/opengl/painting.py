@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Tiles, rgb
-from minerva_services.views.opengl.boxes import enclosed
+from minerva_services.views.blocks import enclosed
 from minerva_services.views.rectangles import color_ranges
 
 _REACH = 0.45

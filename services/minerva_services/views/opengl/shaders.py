@@ -1,8 +1,11 @@
 """GLSL 3.30 shaders.
 
 Lit surfaces write their brightness into the picture's alpha channel. Transparent surfaces take that
-brightness as their own, so shadows continue below them and are sampled only once.
+brightness as their own, so shadows continue below them and are sampled only once. `#include NAME`
+stands for the text of a constant of this module, see `complete`.
 """
+
+import re
 
 _FRAME = """
 #version 330
@@ -15,9 +18,8 @@ layout(std140) uniform Frame {
 };
 """
 
-_PLACED = (
-    _FRAME
-    + """
+_PLACED = """
+#include _FRAME
 out vec3 place;
 out vec3 normal;
 out vec3 shadow;      // where the sun sees it
@@ -28,11 +30,9 @@ void put(vec3 where, vec3 facing) {
     gl_Position = camera * vec4(where, 1.0);
 }
 """
-)
 
-_LIT = (
-    _FRAME
-    + """
+_LIT = """
+#include _FRAME
 in vec3 place;
 in vec3 normal;
 in vec3 shadow;
@@ -48,7 +48,6 @@ vec4 shone(vec3 color, vec3 facing, float open) {
     return vec4(sqrt(min(color * color * all, 1.0)), sqrt(min(all.g, 1.0)));
 }
 """
-)
 
 _BACKDROP = """
 vec3 backdrop(float height) {
@@ -64,28 +63,23 @@ void main() {
 }
 """
 
-BACKDROP_FRAGMENT = (
-    _FRAME
-    + _BACKDROP
-    + """
+BACKDROP_FRAGMENT = """
+#include _FRAME
+#include _BACKDROP
 out vec4 pixel;
 void main() { pixel = vec4(backdrop(gl_FragCoord.y / page.y), 1.0); }
 """
-)
 
-GROUND_VERTEX = (
-    _PLACED
-    + """
+GROUND_VERTEX = """
+#include _PLACED
 in vec2 corner;
 uniform vec4 span;    // middle, half a side, level
 void main() { put(vec3(span.xy + corner * span.z, span.w), vec3(0.0, 0.0, 1.0)); }
 """
-)
 
-GROUND_FRAGMENT = (
-    _LIT
-    + _BACKDROP
-    + """
+GROUND_FRAGMENT = """
+#include _LIT
+#include _BACKDROP
 uniform vec4 span;
 uniform float step;   // metres between lines
 const vec3 COLOR = vec3(0.878, 0.886, 0.894);
@@ -98,11 +92,9 @@ void main() {
     pixel = vec4(mix(color, backdrop(gl_FragCoord.y / page.y), far), 1.0);
 }
 """
-)
 
-TILES_VERTEX = (
-    _PLACED
-    + """
+TILES_VERTEX = """
+#include _PLACED
 in vec2 corner;       // 0 to 1
 out vec2 spot;
 uniform mat3 lying;   // from corners to metres
@@ -112,11 +104,9 @@ void main() {
     put(vec3((lying * vec3(corner, 1.0)).xy, level), vec3(0.0, 0.0, 1.0));
 }
 """
-)
 
-TILES_FRAGMENT = (
-    _LIT
-    + """
+TILES_FRAGMENT = """
+#include _LIT
 in vec2 spot;
 uniform sampler2D colors;
 uniform sampler2D openness;
@@ -125,11 +115,9 @@ void main() {
     pixel = shone(texture(colors, spot).rgb, vec3(0.0, 0.0, 1.0), open);
 }
 """
-)
 
-OVERLAY_VERTEX = (
-    _FRAME
-    + """
+OVERLAY_VERTEX = """
+#include _FRAME
 in vec2 corner;
 out vec2 spot;
 uniform mat3 lying;
@@ -139,11 +127,9 @@ void main() {
     gl_Position = camera * vec4((lying * vec3(corner, 1.0)).xy, level, 1.0);
 }
 """
-)
 
-DRAPED_VERTEX = (
-    _FRAME
-    + """
+DRAPED_VERTEX = """
+#include _FRAME
 in vec3 where;
 out vec2 spot;
 uniform mat3 over;    // from metres to corners
@@ -153,7 +139,6 @@ void main() {
     gl_Position = camera * vec4(where + vec3(0.0, 0.0, level), 1.0);
 }
 """
-)
 
 OVERLAY_FRAGMENT = """
 #version 330
@@ -167,18 +152,15 @@ void main() {
 }
 """
 
-WALL_VERTEX = (
-    _PLACED
-    + """
+WALL_VERTEX = """
+#include _PLACED
 in vec3 where;
 in vec3 facing;
 void main() { put(where, facing); }
 """
-)
 
-WALL_FRAGMENT = (
-    _LIT
-    + """
+WALL_FRAGMENT = """
+#include _LIT
 uniform vec3 top_color;
 uniform vec3 side_color;
 uniform vec2 rise;    // lowest and highest z
@@ -188,15 +170,12 @@ void main() {
     pixel = shone(top ? top_color : side_color, normal, top ? 1.0 : mix(0.6, 1.0, sqrt(up)));
 }
 """
-)
 
-WALL_SHADOW = (
-    _FRAME
-    + """
+WALL_SHADOW = """
+#include _FRAME
 in vec3 where;
 void main() { gl_Position = vec4((sun * vec4(where, 1.0)).xyz * 2.0 - 1.0, 1.0); }
 """
-)
 
 _DRUM = """
 in vec2 way;          // from the axis
@@ -219,10 +198,9 @@ vec3 spot() {
 }
 """
 
-DRUM_VERTEX = (
-    _PLACED
-    + _DRUM
-    + """
+DRUM_VERTEX = """
+#include _PLACED
+#include _DRUM
 out vec2 inner;
 flat out vec4 tint;
 void main() {
@@ -232,11 +210,9 @@ void main() {
     put(spot(), vec3(way * facing.x, facing.y));
 }
 """
-)
 
-DRUM_FRAGMENT = (
-    _LIT
-    + """
+DRUM_FRAGMENT = """
+#include _LIT
 in vec2 inner;
 flat in vec4 tint;
 // The heading mark: an arrow head that points along the disc's own x axis.
@@ -254,15 +230,12 @@ void main() {
     pixel = shone(mix(tint.rgb, vec3(1.0), shown), facing, 1.0);
 }
 """
-)
 
-DRUM_SHADOW = (
-    _FRAME
-    + _DRUM
-    + """
+DRUM_SHADOW = """
+#include _FRAME
+#include _DRUM
 void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0); }
 """
-)
 
 _PIN = """
 in vec4 shape;        // x, y in radii, how high, how far off in radii
@@ -273,10 +246,9 @@ vec3 spot() {
 }
 """
 
-PIN_VERTEX = (
-    _PLACED
-    + _PIN
-    + """
+PIN_VERTEX = """
+#include _PLACED
+#include _PIN
 in vec3 facing;
 in vec3 paint;
 flat out vec3 tint;
@@ -285,27 +257,21 @@ void main() {
     put(spot(), facing);
 }
 """
-)
 
-PIN_FRAGMENT = (
-    _LIT
-    + """
+PIN_FRAGMENT = """
+#include _LIT
 flat in vec3 tint;
 void main() { pixel = shone(tint, normalize(normal), 1.0); }
 """
-)
 
-PIN_SHADOW = (
-    _FRAME
-    + _PIN
-    + """
+PIN_SHADOW = """
+#include _FRAME
+#include _PIN
 void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0); }
 """
-)
 
-RIBBON_VERTEX = (
-    _PLACED
-    + """
+RIBBON_VERTEX = """
+#include _PLACED
 in vec3 where;
 in vec3 off;          // sideways, in half widths; metres along
 in vec4 paint;        // colour; width in metres, below 0 where dashed
@@ -319,11 +285,9 @@ void main() {
     put(vec3(where.xy + off.xy * wide * 0.5, where.z), vec3(0.0, 0.0, 1.0));
 }
 """
-)
 
-RIBBON_FRAGMENT = (
-    _LIT
-    + """
+RIBBON_FRAGMENT = """
+#include _LIT
 in float along;
 flat in vec4 tint;
 void main() {
@@ -331,11 +295,9 @@ void main() {
     pixel = shone(tint.rgb, vec3(0.0, 0.0, 1.0), 1.0);
 }
 """
-)
 
-BEAM_VERTEX = (
-    _FRAME
-    + """
+BEAM_VERTEX = """
+#include _FRAME
 in vec3 where;
 in float far;         // 0 at the laser, 1 at the end
 out float away;
@@ -344,7 +306,6 @@ void main() {
     gl_Position = camera * vec4(where, 1.0);
 }
 """
-)
 
 BEAM_FRAGMENT = """
 #version 330
@@ -357,9 +318,8 @@ void main() {
 }
 """
 
-SIGN_VERTEX = (
-    _FRAME
-    + """
+SIGN_VERTEX = """
+#include _FRAME
 uniform vec4 sheet;   // left, top, width, height in pixels
 out vec2 spot;
 void main() {
@@ -368,7 +328,6 @@ void main() {
     gl_Position = vec4(at.x, -at.y, 0.0, 1.0);
 }
 """
-)
 
 SIGN_FRAGMENT = """
 #version 330
@@ -382,3 +341,14 @@ NOTHING = """
 #version 330
 void main() {}
 """
+
+
+def complete(shader: str) -> str:
+    """A shader with its includes inserted, also nested ones: OpenGL knows no `#include`."""
+    return re.sub(r"#include (\w+)\n", lambda name: complete(_INCLUDES[name[1]]), shader)
+
+
+_INCLUDES = {
+    "_FRAME": _FRAME, "_PLACED": _PLACED, "_LIT": _LIT,
+    "_BACKDROP": _BACKDROP, "_DRUM": _DRUM, "_PIN": _PIN,
+}  # fmt: skip

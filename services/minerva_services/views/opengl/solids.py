@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.plane import Pose
-from minerva_services.views.opengl.boxes import Cells, rectangles, sides
+from minerva_services.views.blocks import Cells, rectangles, sides
 
 Single = NDArray[np.float32]
 Indices = NDArray[np.int32]

@@ -10,6 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_services.views.blocks import rectangles, sides
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -89,53 +91,20 @@ def _solid(vertices: list[tuple[float, float, float]], faces: list[tuple[int, in
 
 def flat(mask: Mask, cell: float, height: float) -> Solid:
     """The cells of a mask as a surface at a height; rows along x, columns along y."""
-    rows, first, last = _runs(mask)
-    x, far_x, y, far_y = rows, rows + 1, first, last
-    corners = [(x, y), (far_x, y), (far_x, far_y), (x, far_y)]
-    return _quads([(a * cell, b * cell, np.full(len(rows), height)) for a, b in corners])
+    x, y, rows, columns = rectangles(mask).T * cell
+    level = np.full(len(x), height)
+    corners = [(x, y), (x + rows, y), (x + rows, y + columns), (x, y + columns)]
+    return _quads([(across, along, level) for across, along in corners])
 
 
 def walls(mask: Mask, cell: float, height: float) -> Solid:
     """The cells of a mask as blocks of a height, without bottoms."""
-    return _together([flat(mask, cell, height), *_sides(mask, cell, height)])
-
-
-def _sides(mask: Mask, cell: float, height: float) -> list[Solid]:
-    """Vertical faces between cells of the mask and their outside neighbours."""
-    padded = np.pad(mask, 1)
-    inner = padded[1:-1, 1:-1]
-    sides: list[Solid] = []
-    for step in (-1, 1):
-        beside = np.roll(padded, step, axis=0)[1:-1, 1:-1]
-        rows, first, last = _runs(inner & ~beside)
-        at = rows + (step < 0)
-        sides.append(_upright((at, first), (at, last), cell, height, step < 0))
-        across = np.roll(padded, step, axis=1)[1:-1, 1:-1]
-        columns, first, last = _runs((inner & ~across).T)
-        at = columns + (step < 0)
-        sides.append(_upright((first, at), (last, at), cell, height, step > 0))
-    return sides
-
-
-def _upright(
-    begin: tuple[Floats, Floats],
-    end: tuple[Floats, Floats],
-    cell: float,
-    height: float,
-    forward: bool,
-) -> Solid:
-    """Vertical rectangles over lines from `begin` to `end`, facing the right of the line."""
-    (x, y), (far_x, far_y) = (begin, end) if forward else (end, begin)
+    x, y, far_x, far_y, _ = sides(mask).T * cell
     low, high = np.zeros(len(x)), np.full(len(x), height)
     corners = [(x, y, low), (far_x, far_y, low), (far_x, far_y, high), (x, y, high)]
-    return _quads([(a * cell, b * cell, c) for a, b, c in corners])
-
-
-def _runs(mask: Mask) -> tuple[Floats, Floats, Floats]:
-    """Runs of a mask's rows: row, first column, end column."""
-    steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    begins, ends = np.argwhere(steps == 1), np.argwhere(steps == -1)
-    return tuple(np.asarray(column, np.float64) for column in (*begins.T, ends[:, 1]))  # pyright: ignore
+    top, side = flat(mask, cell, height), _quads(corners)
+    faces = np.concatenate([top.faces, side.faces + np.uint32(len(top.vertices))])
+    return Solid(np.concatenate([top.vertices, side.vertices]), faces)
 
 
 def _quads(corners: list[tuple[Floats, Floats, Floats]]) -> Solid:
@@ -144,9 +113,3 @@ def _quads(corners: list[tuple[Floats, Floats, Floats]]) -> Solid:
     first = np.arange(len(points))[:, None, None] * 4
     faces = first + np.array([[0, 1, 2], [0, 2, 3]])
     return Solid(points.reshape(-1, 3).astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
-
-
-def _together(solids: list[Solid]) -> Solid:
-    starts = np.cumsum([0, *(len(solid.vertices) for solid in solids[:-1])])
-    faces = [solid.faces + np.uint32(start) for solid, start in zip(solids, starts, strict=True)]
-    return Solid(np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))
