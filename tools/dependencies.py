@@ -1,7 +1,7 @@
 """The locked dependencies: write the locks, report licences and vulnerabilities, test the limits.
 
     python -m tools.dependencies                # licences, and what is known to be vulnerable
-    python -m tools.dependencies lock           # write requirements/ anew from pyproject.toml
+    python -m tools.dependencies lock           # write requirements/ from pyproject.toml
     python -m tools.dependencies try oldest     # tests with the oldest versions that are allowed
     python -m tools.dependencies try newest     # and with the newest
 
@@ -208,7 +208,7 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     )
     commands = parser.add_subparsers(dest="command")
     commands.add_parser("report", help="licences and known vulnerabilities (the default)")
-    commands.add_parser("lock", help="write requirements/ anew from pyproject.toml")
+    commands.add_parser("lock", help="write requirements/ from pyproject.toml")
     trying = commands.add_parser("try", help="run tests with the oldest or newest versions")
     trying.add_argument("which", choices=RESOLUTIONS)
     trying.add_argument("paths", nargs="*", help="tests (default: the fast ones)")

@@ -95,7 +95,7 @@ def read_survivors(path: Path = SURVIVORS) -> tuple[dict[str, dict[str, int]], l
 def write_survivors(
     runs: dict[str, dict[str, int]], survivors: list[Survivor], path: Path = SURVIVORS
 ) -> None:
-    """Write the list anew: runs by module, survivors by module, function and mutation."""
+    """Write the list: runs by module, survivors by module, function and mutation."""
     lines = [HEAD, "[run]"]
     for module in sorted(runs):
         counts = ", ".join(f"{name} = {count}" for name, count in runs[module].items())

@@ -50,7 +50,7 @@ def _default(setting: Setting) -> str:
 
 
 def filled(text: str) -> str:
-    """A page with its tables written anew."""
+    """A page with its tables up to date."""
 
     def replaced(match: re.Match[str]) -> str:
         names = match[2].split()

@@ -2,7 +2,7 @@
 
 One step takes two frames: in the first the service looks at where everybody is, in the second all
 boids steer and fly. So they act at once, each by what was before the step; Mesa's act one after
-another, in an order drawn anew for each step.
+another, in a new random order in each step.
 """
 
 from __future__ import annotations

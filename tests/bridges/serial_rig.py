@@ -44,7 +44,7 @@ class Cable:
             return b""
 
     def write(self, data):
-        """Let the device say something as fast as it is heard; whether all of it was.
+        """Let the device send as fast as its data are read; return whether all of them were.
 
         The rest is lost where the other end says something instead of listening.
         """

@@ -1,4 +1,4 @@
-"""Frames that take longer than real time are counted, and said ever more seldom."""
+"""Frames that take longer than real time are counted, and logged with back-off."""
 
 import pytest
 

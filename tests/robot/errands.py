@@ -47,7 +47,7 @@ def parcel(name="p1", marker="office", side=0.0):
 
 
 class Story:
-    """What happens to a string; what agents emit is heard in the next frame, as on the bus."""
+    """Evolves a string; emitted events arrive in the next frame, as on the bus."""
 
     def __init__(self, *strings):
         self.scene = sum(strings, EMPTY)

@@ -112,11 +112,11 @@ def test_pub_reaches_the_agents_through_the_generator_that_takes_it(world):
         with world.client() as asked:
             return asked.ask("scene")["scene"]
 
-    eventually(lambda: 'wish="north"' in scene(), "the wish is heard")
+    eventually(lambda: 'wish="north"' in scene(), "the wish arrives")
     assert scene().count('wish="north"') == 1
     done = ask(world, "pub", "eWish", "x=2", 'name="so uth"', "--if", "x < 100000")
     assert 'eWish<x=2, name="so uth"> if x < 100000 sent through wishes' in done.stdout
-    eventually(lambda: 'wish="so uth"' in scene(), "the wish is heard by all")
+    eventually(lambda: 'wish="so uth"' in scene(), "all receive the wish")
 
 
 @pytest.mark.parametrize(("words", "problem"), [

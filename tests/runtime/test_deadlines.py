@@ -63,7 +63,7 @@ def test_a_frame_goes_on_without_a_generator(tmp_path):
                 one = next(m for m in asked.operator.status().members if m.name == "steps")
                 return one.state == "present"
 
-            eventually(back, "it is heard again")
+            eventually(back, "it answers again")
         world.kill(signal.SIGINT)
         world.ends()
 

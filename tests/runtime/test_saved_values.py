@@ -110,7 +110,7 @@ def test_the_journal_gives_back_what_was_saved(tmp_path):
             world.kill_coordinator()
             for form in forms:
                 os.kill(before[form], signal.SIGKILL)
-            eventually(partial(others, world, forms, before), "they are started anew")
+            eventually(partial(others, world, forms, before), "they restart")
         found = world.summary()
     assert found["digest"] == undisturbed["digest"]
     assert "another one goes on from its journal" in world.text

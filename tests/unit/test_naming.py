@@ -1,10 +1,12 @@
-"""Names say what they stand for: no vague variables, and a class name has one meaning.
+"""Names and words: no vague variables, one meaning per class name, no archaic expressions.
 
 naming.toml has the exceptions of today; an entry that is no longer needed fails, so the lists only
 get shorter.
 """
 
 import ast
+import re
+import subprocess
 import tomllib
 from collections import defaultdict
 from functools import cache
@@ -16,6 +18,16 @@ ROOT = Path(__file__).parents[2]
 VAGUE = {"one", "found", "mine", "some", "many", "told"}
 BASELINE = tomllib.loads(Path(__file__).with_name("naming.toml").read_text(encoding="utf-8"))
 PACKAGES = ("minerva_bus", "services/minerva_services", "agents/minerva_agents")
+ARCHAIC = re.compile(
+    r"\b(anew|of late|by and by|truths|in vain|ever more|the how many(th)?"
+    r"|(is|are|was|were|be|been) heard)\b",
+    re.IGNORECASE,
+)
+"""Use instead: again, recently, gradually, bools, without success, increasingly, received."""
+AUDIBLE = re.compile(r"sound")
+"""Paths of texts about sounds, which are heard."""
+TEXTS = {".py", ".md", ".toml", ".txt", ".js", ".html", ".yaml", ".sh"}
+SELF = ("tests/unit/naming.toml", "tests/unit/test_naming.py")
 
 
 @cache
@@ -53,6 +65,29 @@ def homonyms():
     return {name: paths for name, paths in sorted(homes.items()) if len(paths) > 1}
 
 
+def archaic(path, text):
+    """The archaic expressions of a text, in lower case."""
+    expressions = (match[0].lower() for match in ARCHAIC.finditer(text))
+    sounds = AUDIBLE.search(path)
+    return [item for item in expressions if not (sounds and item.endswith("heard"))]
+
+
+@cache
+def archaic_files():
+    """Files of the project that contain an archaic expression: code, documents, help texts."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    return [
+        path
+        for path in sorted(filter(None, listed.split("\0")))
+        if path not in SELF
+        and (ROOT / path).suffix in TEXTS
+        and (ROOT / path).is_file()
+        and archaic(path, (ROOT / path).read_text(encoding="utf-8"))
+    ]
+
+
 def test_no_more_vague_names_than_in_the_baseline():
     counts = {path: count for path, tree in modules() if (count := vague(tree))}
     allowed = BASELINE["vague"]
@@ -68,6 +103,23 @@ def test_a_class_name_has_one_meaning_but_for_the_baseline():
     )
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="lists the files with git")
+def test_no_archaic_words_but_for_the_baseline():
+    remaining, allowed = archaic_files(), BASELINE["archaic"]
+    more = sorted(set(remaining) - set(allowed))
+    assert not more, "use plain technical English: see ARCHAIC in this module"
+    assert remaining == allowed, "shorten naming.toml: python tests/unit/test_naming.py"
+
+
+@pytest.mark.parametrize(("path", "text", "expressions"), [
+    ("a.py", "Started Anew, of late", ["anew", "of late"]), ("a.md", "It is heard.", ["is heard"]),
+    ("docs/sound.md", "It is heard anew.", ["anew"]), ("a.py", "ever_more, renewal, truth", []),
+    ("a.py", "the how manyth of them", ["the how manyth"]),
+])  # fmt: skip
+def test_archaic_words_are_recognized(path, text, expressions):
+    assert archaic(path, text) == expressions
+
+
 @pytest.mark.parametrize(("code", "count"), [
     ("for one in x: pass", 1), ("[one for one in x]", 1), ("for a, (many, b) in x: pass", 1),
     ("def f(told, *some, mine=1): pass", 3), ("lambda found: 0", 1), ("one = 1", 0),
@@ -81,7 +133,8 @@ def write_baseline():
     """Write naming.toml for the names of today: `python tests/unit/test_naming.py`."""
     counts = {path: count for path, tree in modules() if (count := vague(tree))}
     lines = ["# Exceptions of test_naming.py: `python tests/unit/test_naming.py` writes them.", ""]
-    lines += ["homonyms = [", *(f'    "{name}",' for name in homonyms()), "]", "", "[vague]"]
+    lines += ["homonyms = [", *(f'    "{name}",' for name in homonyms()), "]", ""]
+    lines += ["archaic = [", *(f'    "{path}",' for path in archaic_files()), "]", "", "[vague]"]
     lines += [f'"{path}" = {count}' for path, count in counts.items()]
     Path(__file__).with_name("naming.toml").write_text("\n".join([*lines, ""]), encoding="utf-8")
 

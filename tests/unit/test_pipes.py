@@ -1,4 +1,4 @@
-"""Pipes of which one is closed while another is heard."""
+"""Pipes of which one is closed while another is read."""
 
 import os
 
