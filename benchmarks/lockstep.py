@@ -1,12 +1,16 @@
 """Microseconds per frame of an empty lockstep, beside other platforms in one run.
 
     python -m benchmarks.lockstep [--workers 1 2 4 8 16] [--systems minerva zenoh ...] [--json]
-                                  [--plot FILE.png]
+                                  [--plot FILE.png] [--against TREE]
 
 A frame: K member processes are asked and answer that they have nothing; the coordinator has all
 answers, collects, and digests the string. The peers' scripts are looked for in --peers (each has
 `bench_<peer>.py` and a virtual environment `venvs/<peer>`); what is not there is left out, saying
 so. Machines are noisy: read the ratios, which come from turns taken within this one run.
+
+`--against` compares with another source tree, which has its own `.venv`: microseconds per frame by
+the clock, CPU time of the main threads of the coordinator and of one member, and their function
+calls per frame (`benchmarks.frame_cost`), each with its ratio to the other tree's.
 """
 
 from __future__ import annotations
@@ -154,7 +158,13 @@ def main() -> None:
     parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--plot", type=Path, help="A picture, .svg or .png.")
+    parser.add_argument("--against", type=Path, help="Another source tree with a .venv.")
     arguments = parser.parse_args()
+    if arguments.against is not None:
+        print(f"{'workers':>7} {'per frame':15} {'this':>9} {'other':>9} {'ratio':>6}")
+        for workers in arguments.workers:
+            compare(arguments.against, workers, arguments.steps, arguments.turns + 1)
+        return
     if not arguments.json:
         titles = f"{'µs/frame':>9} {'p99':>9} {'start s':>8} {'ratio':>6}"
         print(f"{'system':10} {'workers':>7} {titles}")
@@ -199,6 +209,24 @@ def show(row: Row, *, as_json: bool) -> None:
             f" {row.figures['us_per_step_p99']:9.0f} {row.figures['startup_s']:8.2f}"
             f" {row.ratio:6.2f}"
         )
+
+
+def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
+    """Print what a frame costs this tree and another one, measured in turns."""
+    own, other = Path(__file__).parents[1], tree.resolve()
+    script = str(own / "benchmarks" / "frame_cost.py")
+    costs: dict[Path, dict[str, list[float]]] = {own: {}, other: {}}
+    for turn in range(turns):
+        for root, figures in costs.items():
+            python = str(root / ".venv" / "bin" / "python")
+            options = ["--calls"] if turn == 0 else []
+            words = [python, script, str(root), str(workers), str(steps), *options]
+            done = subprocess.run(words, cwd=root, stdout=subprocess.PIPE, check=True)
+            for name, amount in json.loads(done.stdout.splitlines()[-1]).items():
+                figures.setdefault(name, []).append(amount)
+    for name, amounts in costs[own].items():
+        ours, theirs = statistics.median(amounts), statistics.median(costs[other][name])
+        print(f"{workers:7} {name:15} {ours:9.1f} {theirs:9.1f} {ours / theirs:6.2f}")
 
 
 def lines_of(rows: list[Row]) -> list[Line]:

@@ -1,0 +1,96 @@
+"""What a frame of an empty lockstep costs a source tree: CPU time and function calls per frame.
+
+    PYTHON benchmarks/frame_cost.py TREE WORKERS STEPS [--calls]
+
+Runs the tree's own `benchmarks.lockstep` in this process and imports nothing else of it, so that
+trees whose modules have other names can be measured, too. Prints one line of JSON.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import statistics
+import sys
+import time
+from cProfile import Profile
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
+
+class Samples:
+    """Times at the end of each frame, in one thread; with `calls`, function calls instead.
+
+    `call` is called once per frame. The profiler would make the times useless, so that one run
+    gives either the one or the other.
+    """
+
+    def __init__(self, skip: int, calls: bool) -> None:
+        self._skip = skip
+        self._profile = Profile() if calls else None
+        self._times: list[tuple[float, float]] = []
+        self.count = 0
+
+    def call(self) -> None:
+        """Take a sample; the first `skip` frames are the warm-up."""
+        self.count += 1
+        if self._profile is not None and self.count == self._skip:
+            self._profile.enable()
+        elif self.count >= self._skip:
+            self._times.append((time.perf_counter(), time.thread_time()))
+
+    def figures(self) -> dict[str, float]:
+        """Medians per frame in microseconds, or the mean number of calls."""
+        if self._profile is not None:
+            self._profile.disable()
+            entries: list[Any] = self._profile.getstats()
+            calls = sum(entry.callcount for entry in entries)
+            # Two to four of these calls are those of `call` itself.
+            return {"calls": calls / max(1, self.count - self._skip)}
+        wall, cpu = zip(*self._times, strict=True)
+        return {"us_wall": _median_step(wall), "us_cpu": _median_step(cpu)}
+
+
+def _median_step(times: tuple[float, ...]) -> float:
+    return 1e6 * statistics.median(b - a for a, b in pairwise(times))
+
+
+def measure(workers: int, steps: int, calls: bool) -> dict[str, float]:
+    """Figures of the coordinator and, prefixed with `member_`, of one member."""
+    lockstep: Any = importlib.import_module("benchmarks.lockstep")
+    warm_up: int = lockstep.WARM_UP
+    coordinator = Samples(warm_up, calls)
+    member = Samples(warm_up, calls)
+    read, write = os.pipe()
+
+    def end_of_frame() -> float:
+        coordinator.call()
+        return time.perf_counter()
+
+    def generate(service: Any, tick: Any) -> tuple[()]:
+        member.call()
+        if member.count == warm_up + steps - 1 and service.reports:
+            os.write(write, json.dumps(member.figures()).encode() + b"\n")
+        return ()
+
+    def idle(name: str) -> Any:
+        made = plain_idle(name)
+        made.service.reports = name.endswith("-0")
+        return made
+
+    # The benchmark reads its clock at its start, and then once at the end of each frame.
+    lockstep.time = SimpleNamespace(perf_counter=end_of_frame)
+    plain_idle, lockstep.idle = lockstep.idle, idle
+    lockstep.Idle.generate = generate
+    lockstep.minerva(workers, steps)
+    figures = coordinator.figures()
+    with os.fdopen(read) as pipe:
+        reported = json.loads(pipe.readline())
+    return {**figures, **{f"member_{name}": amount for name, amount in reported.items()}}
+
+
+if __name__ == "__main__":
+    sys.path[0] = sys.argv[1]
+    print(json.dumps(measure(int(sys.argv[2]), int(sys.argv[3]), "--calls" in sys.argv)))
