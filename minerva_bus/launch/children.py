@@ -19,6 +19,7 @@ from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journal import resume_from
+from minerva_bus.runtime.admission import ListenConfig
 from minerva_bus.runtime.arrival import STARTED_HERE
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
@@ -101,12 +102,14 @@ class Shift:
             file.world,
             told.watchers(),
             rate=file.rate,
-            listen=file.bus.listen,
+            where=ListenConfig(
+                file.bus.listen,
+                work.shared,
+                file.access.routers,
+                security(file.access, file.world.name, started),
+            ),
             deadlines=file.deadlines,
-            shared=work.shared,
-            routers=file.access.routers,
             limits=file.access.limits,
-            security=security(file.access, file.world.name, started),
             keep=work.profile,
             epoch=next_epoch(past, system.time()),
             algorithm=algorithm,

@@ -14,7 +14,6 @@ from minerva_bus.blame import report, whole
 from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
-from minerva_bus.frame.event_log import EventLog
 from minerva_bus.frame.member import Member, Unready
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
@@ -25,18 +24,20 @@ from minerva_bus.launch.summary import Summary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.control import Operated, answer
 from minerva_bus.runtime.direct import InProcessRunner
+from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter
-from minerva_bus.runtime.totals import Totals
+from minerva_bus.runtime.system import REAL
+from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.wire.keys import COORDINATOR
 
 POLL_SECONDS: Final = 0.01
 """Longest sleep between two turns, while no frame is due."""
 
 STATUS_EVERY: Final = 0.1
 ANSWER_SECONDS: Final = 1.0
-MICRO: Final = 1e6
 
 
 class InProcessRun:
@@ -59,7 +60,9 @@ class InProcessRun:
         self._schedule = FrameSchedule(self.algorithm, file.rate, time.monotonic, self._warn)
         self._progress = _Progress(file, console, began, self.algorithm, self._schedule)
         self._questions = _Questions(file.world.name)
-        self._log: _Log | None = None
+        self._record = RunRecord()
+        self._metrics = Metrics(self.algorithm, time.monotonic)
+        self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
 
     def run(self) -> Summary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
@@ -88,22 +91,27 @@ class InProcessRun:
         record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
-        log, counter = _Log(self.algorithm, self._console, record), _FrameCounter()
-        self._log = log
+        self._record = record
         status = self._progress.status
         runner = InProcessRunner(
             self.algorithm,
             members,
             _recorded(record),
-            counter,
+            self._metrics,
             self._schedule,
-            log,
+            self._log,
             self._progress,
             *self._sinks,
             on_readings=record.sensed if record.topics else None,
         )
         self._questions.world = Operated(
-            runner, self._schedule, log.event_log, counter, status, _no_rejections, _no_restart
+            runner,
+            self._schedule,
+            self._log.event_log,
+            self._metrics,
+            status,
+            _no_rejections,
+            _no_restart,
         )
         for member in members:
             member.operator = AskingOperator(self._questions.ask)
@@ -149,8 +157,12 @@ class InProcessRun:
         self._console.note(f"{self._file.world.name}: {text}")
 
     def _warn(self, text: str) -> None:
-        if self._log is not None:
-            self._log.observe(s.Notify("coordinator", text))
+        self._log.warn(COORDINATOR, text)
+
+    def _show(self, member: str, text: str, details: str) -> None:
+        self._console.frame = self.algorithm.frame
+        self._console.log(member, text, "warning")
+        self._record.said(member, f"{text}\n{details}".rstrip())
 
 
 def _members(file: WorldFile) -> list[Member]:
@@ -179,51 +191,6 @@ def _no_restart(_: str) -> str:
     return "all members are in one process: none can be started anew alone"
 
 
-class _Log(Sink):
-    """Writes warnings to the console, the record and the log that operators read."""
-
-    def __init__(self, algorithm: FrameAlgorithm, console: Console, record: RunRecord) -> None:
-        self.event_log = EventLog()
-        self._algorithm = algorithm
-        self._console = console
-        self._record = record
-
-    def observe(self, notice: Notice) -> None:
-        """Log a warning, or the events of a frame."""
-        frame = self._algorithm.frame
-        if isinstance(notice, s.Notify):
-            self._console.frame = frame
-            self._console.log(notice.member, notice.text, "warning")
-            self._record.said(notice.member, f"{notice.text}\n{notice.details}".rstrip())
-            self.event_log.line(time.time(), notice.member, notice.text, frame, "warning")
-        elif isinstance(notice, s.FrameDone):
-            self.event_log.frame(notice.frame, notice.events)
-
-
-class _FrameCounter(Sink):
-    """Counts frames and events; in one process there are no bytes, and nothing is waited for."""
-
-    def __init__(self) -> None:
-        self._totals = Totals()
-        self._last_frame_at = 0.0
-
-    def measured(self) -> Mapping[str, float]:
-        """No parts of a frame."""
-        return {}
-
-    def counted(self) -> Totals:
-        """Frames with their durations, and events by type."""
-        return self._totals
-
-    def observe(self, notice: Notice) -> None:
-        """Count a frame."""
-        if isinstance(notice, s.FrameDone):
-            now = time.monotonic()
-            self._totals.add({"frame": MICRO * (now - (self._last_frame_at or now))})
-            self._totals.count(notice.events)
-            self._last_frame_at = now
-
-
 class _Progress(Sink):
     """Shows the state of the run, and makes its summary."""
 
@@ -243,10 +210,8 @@ class _Progress(Sink):
         self._schedule = schedule
         self._first_frame_at: float | None = None
 
-    def observe(self, notice: Notice) -> None:
-        """Show the frame rate now and then."""
-        if not isinstance(notice, s.FrameDone):
-            return
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Show the frame rate every STATUS_EVERY seconds."""
         now = self._schedule.last_frame_at
         if self._first_frame_at is None:
             self._first_frame_at = now

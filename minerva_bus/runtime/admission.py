@@ -17,7 +17,7 @@ from minerva_bus.runtime import audit
 from minerva_bus.runtime.admission_rules import STRANGERS, AdmissionRules
 from minerva_bus.runtime.links import Linked, Links, cut, watched
 from minerva_bus.runtime.rejected_connections import LEVELS, RejectedConnection, rejections_in
-from minerva_bus.runtime.session import Secured, listening_at
+from minerva_bus.runtime.session import LOOPBACK, Secured, listening_at
 from minerva_bus.runtime.system import REAL, System
 from minerva_bus.runtime.zenoh_log import begin_logging, log_read
 from minerva_bus.security.access import access_control
@@ -47,11 +47,15 @@ class Security:
 
 @dataclass(frozen=True, slots=True)
 class ListenConfig:
-    """Where a coordinator listens, which routers it joins, whether it uses shared memory."""
+    """Where a coordinator listens, which routers it joins, and how its session is secured.
 
-    listen: str
+    `shared`: large messages use shared memory. Without `security` every member may join.
+    """
+
+    listen: str = LOOPBACK
     shared: bool = False
     routers: Sequence[str] = ()
+    security: Security | None = None
 
 
 class Admission:
@@ -65,14 +69,15 @@ class Admission:
         self,
         keys: Keys,
         limits: Limits,
-        security: Security | None,
+        where: ListenConfig,
         say: Callable[[str, str], None],
         system: System = REAL,
     ) -> None:
+        security = where.security
         self._open_hub = system.open_hub
+        self._where = where
         self._keys = keys
         self._limits = limits
-        self._security = security
         self._say = say
         self._told: set[tuple[str, str]] = set()
         self._links: Links | None = None
@@ -87,14 +92,13 @@ class Admission:
         )
 
     @contextmanager
-    def session(
-        self, where: ListenConfig, tell: Callable[[Any], None]
-    ) -> Generator[tuple[zenoh.Session, str]]:
+    def session(self, tell: Callable[[Any], None]) -> Generator[tuple[zenoh.Session, str]]:
         """The coordinator's session, and the endpoint for this machine. Raises BusError.
 
         `tell` hands over, from any thread, what `notice` has to be given in the main one.
         """
-        security, shared, routers = self._security, where.shared, where.routers
+        where, security = self._where, self._where.security
+        shared, routers = where.shared, where.routers
         if security is None:
             session, endpoint = self._open_hub(
                 COORDINATOR, where.listen, shared=shared, routers=routers
@@ -192,9 +196,10 @@ class Admission:
             return True
         return False
 
-    def too_many(self, text: str) -> None:
-        """Somebody is one too many, which is counted, and said once."""
+    def too_many(self, limit: int) -> None:
+        """Count a member beyond the limit; log the first one."""
         self.rules.count(STRANGERS)
+        text = f"{limit} members are there already; more are not greeted"
         self._say_once(STRANGERS, text)
 
     def objection_to_question(self, who: str, orders: bool, question: object) -> str:
@@ -224,14 +229,15 @@ class Admission:
         One whose certificate is not in the folder any more counts as revoked.
         `now` is the monotonic time in seconds; it looks no more often than every LOOK_EVERY.
         """
-        if self._security is None or now < self._looked_at + LOOK_EVERY:
+        security = self._where.security
+        if security is None or now < self._looked_at + LOOK_EVERY:
             return []
         self._looked_at = now
         for name in self._leaving:
             for linked in self._linked(name):
                 self._cut(linked)
         before = {name for name, one in self._rights.items() if one.revoked}
-        self._read_again(self._security)
+        self._read_again(security)
         self._leaving = sorted({name for name, one in self._rights.items() if one.revoked} - before)
         return list(self._leaving)
 

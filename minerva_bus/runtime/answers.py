@@ -4,7 +4,9 @@
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
+from typing import Final
 
 import zenoh
 
@@ -12,63 +14,89 @@ from minerva_bus.errors import MinervaError
 from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.control import Command, Operated, answer
 from minerva_bus.runtime.inbox import Question, question
-from minerva_bus.runtime.questions import Questions
 from minerva_bus.runtime.system import System
-from minerva_bus.runtime.watchers import Asked
-from minerva_bus.wire.keys import Keys, who_asks
+from minerva_bus.runtime.watchers import LocalQuestion
+from minerva_bus.wire.keys import who_asks
 from minerva_bus.wire.limits import Limits, check
 from minerva_bus.wire.plain import as_map, pack, unpack
 
+PAUSE_FACTOR: Final = 2.0
+"""Pause after an answer, as a multiple of the time that the answer took."""
+
 
 class Answers:
-    """Checks and answers questions about one world, by its `commands`.
+    """Checks, queues and answers questions about one world, by its `commands`.
 
-    `operated` is called before an answer is sent. `waiting` are the questions yet to be answered.
+    At most `limits.questions` wait at the same time, and answering takes at most a third of the
+    coordinator's time, so that questions cannot stop the frames. `operated` is called before an
+    answer is sent. `queue` has the questions that are admitted and not answered yet.
     """
 
     def __init__(
         self,
         world: Operated,
-        keys: Keys,
         admission: Admission,
         limits: Limits,
         operated: Callable[[], None],
         system: System,
         commands: Mapping[str, Command],
     ) -> None:
-        self.waiting = Questions(limits.questions, self._answer, keys.world, system)
+        self.queue: deque[Question] = deque()
         self._world = world
-        self._keys = keys
         self._admission = admission
-        self._most_bytes = limits.small_bytes
+        self._limits = limits
         self._operated = operated
+        self._clock = system.monotonic
         self._commands = commands
+        # Counts the questions between `admit` and their answers. A deque, because several threads
+        # of Zenoh may append at the same time.
+        self._admitted: deque[None] = deque()
+        self._next_at = 0.0
 
     def admit(self, query: zenoh.Query) -> Question | None:
-        """The question of a query, or None where too many wait; called in a thread of Zenoh."""
-        return self.waiting.hear(question(query))
+        """The question of a query, or None if too many wait; called in a thread of Zenoh."""
+        asked, most = question(query), self._limits.questions
+        if len(self._admitted) < most:
+            self._admitted.append(None)
+            return asked
+        problem = f"{most} questions wait for an answer already; ask again in a moment"
+        asked.reply(self._asker(asked)[2], pack({"error": problem}))
+        return None
 
-    def take(self, item: Question | Asked) -> None:
-        """Queue a question from the bus; answer one from another thread at once."""
-        if isinstance(item, Question):
-            self.waiting.add(item)
-        else:
-            item.later.set_result(answer(item.question, self._world, self._commands))
+    @property
+    def wait(self) -> float:
+        """Seconds until the next question may be answered."""
+        return self._next_at - self._clock()
 
     def answer_due(self) -> None:
-        """Answer the next question, if it is due."""
-        self.waiting.answer_due()
+        """Answer the next question, unless the pause after the previous answer is not over."""
+        if not self.queue or self.wait > 0:
+            return
+        began = self._clock()
+        try:
+            self._answer(self.queue.popleft())
+        finally:
+            self._admitted.pop()
+            now = self._clock()
+            self._next_at = now + PAUSE_FACTOR * (now - began)
+
+    def answer_local(self, asked: LocalQuestion) -> None:
+        """Answer a question from another thread of this process at once."""
+        asked.answer.set_result(answer(asked.question, self._world, self._commands))
 
     def _answer(self, question: Question) -> None:
-        who, orders, key = who_asks(question.key, self._keys.world)
+        asker, orders, key = self._asker(question)
         try:
-            check("a question", len(question.data), self._most_bytes, "bytes")
+            check("a question", len(question.data), self._limits.small_bytes, "bytes")
             asked = as_map(unpack(question.data), "a question")
-            objection = self._admission.objection_to_question(who, orders, asked.get("ask"))
+            objection = self._admission.objection_to_question(asker, orders, asked.get("ask"))
             reply = (
                 {"error": objection} if objection else answer(asked, self._world, self._commands)
             )
         except MinervaError as error:
             reply = {"error": str(error)}
-        self._operated()  # The journal contains the change before the operator is told of it.
+        self._operated()  # The journal must contain the change before the operator learns of it.
         question.reply(key, pack(reply))
+
+    def _asker(self, question: Question) -> tuple[str, bool, str]:
+        return who_asks(question.key, self._world.algorithm.world.name)

@@ -7,7 +7,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from concurrent.futures import TimeoutError as NoAnswer
 from dataclasses import replace
-from typing import Any, Final, cast
+from functools import partial
+from typing import Any, Final
 
 import zenoh
 
@@ -16,13 +17,12 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
-from minerva_bus.runtime.admission import Admission, ListenConfig, Security
+from minerva_bus.runtime.admission import Admission, ListenConfig
 from minerva_bus.runtime.answers import Answers
 from minerva_bus.runtime.audit import Denials
 from minerva_bus.runtime.control import COMMANDS, Command, Operated
-from minerva_bus.runtime.greetings import Greetings
 from minerva_bus.runtime.inbox import HubInbox, Question, Tick
-from minerva_bus.runtime.large import Opened
+from minerva_bus.runtime.large import Decoded
 from minerva_bus.runtime.links import Linked
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.monitor import STATUS_EVERY, Monitor
@@ -31,12 +31,11 @@ from minerva_bus.runtime.receiver import Receiver
 from minerva_bus.runtime.rejected_connections import RejectedConnection
 from minerva_bus.runtime.runner import Notice, Runner, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
-from minerva_bus.runtime.session import LOOPBACK
 from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.transport import ZenohTransport
 from minerva_bus.runtime.waiting import Deadlines, Waits
-from minerva_bus.runtime.watchers import Asked, Printed, Started, Watchers
+from minerva_bus.runtime.watchers import LocalQuestion, Printed, Started, Watchers
 from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.wire.keys import COORDINATOR, Keys
 from minerva_bus.wire.limits import DEFAULT, Limits
@@ -54,19 +53,18 @@ ANSWER_SECONDS: Final = 2.0
 """How long another thread of this process waits for an answer."""
 
 
-class Coordinator:
+class Coordinator(Sink):
     """Runs a world's frame algorithm over Zenoh.
 
-    `runner` executes it, `receiver` lets messages in, `monitor` applies time-outs, `schedule` times
-    the frames. `sinks` observe the run after those of the coordinator itself.
+    `runner` executes the algorithm; the receiver admits messages, the monitor applies time-outs,
+    `schedule` times the frames. `sinks` observe the run after those of the coordinator itself.
 
     Args:
         watchers: Called in the main thread with what concerns the launcher.
         rate: Frames per second; 0: as many as possible.
-        listen: Endpoint for members of this machine and, with `security`, of others.
+        where: Endpoints, routers, shared memory and security.
         deadlines: Time-outs of members.
-        shared: Whether large messages use shared memory.
-        routers: Zenoh routers to join.
+        limits: What members may send.
         epoch: Rises with each coordinator of a world; messages of a lower one are ignored.
         algorithm: Continues a run, or replays one; by default the world begins.
         queued: Members whose processes have yet to be started.
@@ -83,12 +81,9 @@ class Coordinator:
         watchers: Watchers,
         *,
         rate: float = 0.0,
-        listen: str = LOOPBACK,
+        where: ListenConfig | None = None,
         deadlines: Deadlines | None = None,
-        shared: bool = False,
-        routers: tuple[str, ...] = (),
         limits: Limits = DEFAULT,
-        security: Security | None = None,
         epoch: int = 0,
         algorithm: FrameAlgorithm | None = None,
         queued: Collection[str] = (),
@@ -99,62 +94,48 @@ class Coordinator:
     ) -> None:
         algorithm = FrameAlgorithm(world) if algorithm is None else algorithm
         algorithm.inbox.max_single_events = limits.single_events
-        keys, clock, greetings = Keys(world.name), system.monotonic, Greetings()
-
-        def sent(to: str, message: m.ToMember) -> None:
-            if isinstance(message, m.Refused):
-                self.admission.rules.count(to)
-            elif isinstance(message, m.Greet):
-                greetings.sent(to, clock())
-
+        keys, clock = Keys(world.name), system.monotonic
+        self.system, self.watchers = system, watchers
         self.inbox = HubInbox(STATUS_EVERY, system)
         self.metrics = Metrics(algorithm, clock, keep)
-        self.log = WorldLog(algorithm, self.metrics, watchers.said, system)
-        self.admission = Admission(keys, limits, security, self.log.warn, system)
-        self.schedule = FrameSchedule(algorithm, rate, clock, self._warn)
-        self.transport = ZenohTransport(keys, epoch, self.metrics, clock, sent)
+        self.log = log = WorldLog(algorithm, watchers.said, system, self.metrics)
+        self.admission = Admission(keys, limits, where or ListenConfig(), log.warn, system)
+        self.schedule = FrameSchedule(algorithm, rate, clock, partial(log.warn, COORDINATOR))
+        self.transport = ZenohTransport(keys, epoch, self.metrics, clock, self._note_sent)
         self.status = StatusMeter(algorithm, self.schedule.pace, clock())
-        own = (self.schedule, self.metrics, self.log, self.status, self._observe)
+        own = (self.schedule, self.metrics, log, self.status, self)
         self.runner = Runner(algorithm, self.transport, [*own, *sinks])
-        self._monitor = Monitor(
-            self.runner,
-            self.status,
-            Waits(deadlines or Deadlines(), queued),
-            self.admission,
-            greetings,
-            self.log,
-            watchers,
-            algorithm.members.expected() - world.expected,
-            clock,
-        )
-        self._receiver = Receiver(
-            self.runner,
-            self.transport,
-            self.admission,
-            greetings,
-            self.metrics,
-            self.log,
-            limits,
-            system,
-            put=self.inbox.put,
-            arrived=self._monitor.arrived,
-        )
+        guests = algorithm.members.expected() - world.expected
+        self._monitor = Monitor(self, Waits(deadlines or Deadlines(), queued), guests)
+        receiver = Receiver(self, limits, self._monitor.arrived)
         operated = Operated(
             self.runner,
             self.schedule,
-            self.log.event_log,
+            log.event_log,
             self.metrics,
             self.status,
             self.admission.rules.counts,
             watchers.restart,
         )
         self._answers = Answers(
-            operated, keys, self.admission, limits, watchers.operated, system, commands
+            operated, self.admission, limits, watchers.operated, system, commands
         )
-        self._where = ListenConfig(listen, shared, routers)
-        self._watch = watchers
-        self._system = system
-        self._frame_ended = False
+        self._handlers: dict[type, Callable[[Any], None]] = {
+            tuple: receiver.receive,
+            Decoded: receiver.take_decoded,
+            s.Appeared: receiver.appear,
+            s.End: self._monitor.end,
+            Tick: lambda _: self._monitor.tick(clock()),
+            Printed: lambda line: log.line(line.member, line.line, line.level),
+            Started: lambda started: self._monitor.started(started.member),
+            Question: self._answers.queue.append,
+            LocalQuestion: self._answers.answer_local,
+            Successor: self._compare_epochs,
+            Linked: self.admission.notice,
+            RejectedConnection: self.admission.notice,
+            Denials: self.admission.notice,
+            type(None): lambda _: None,
+        }
 
     @property
     def algorithm(self) -> FrameAlgorithm:
@@ -167,15 +148,15 @@ class Coordinator:
         return Keys(self.algorithm.world.name)
 
     def run(self) -> s.Ended:
-        """Run the world to its end. Raises BusError where the bus cannot be set up."""
+        """Run the world to its end. Raises BusError if the bus cannot be set up."""
         return run_through(self.life())
 
     def life(self) -> Generator[None, None, s.Ended]:
         """The same, one turn of the loop at a time: a simulation decides when the next one runs."""
-        with self.admission.session(self._where, self.inbox.put) as (session, endpoint):
+        with self.admission.session(self.inbox.put) as (session, endpoint):
             declared = self._declare(session)
-            self._watch.listening(endpoint)
-            self.status.at = self._system.monotonic()
+            self.watchers.listening(endpoint)
+            self.status.at = self.system.monotonic()
             while self.runner.ended is None:
                 self._turn()
                 yield
@@ -185,21 +166,18 @@ class Coordinator:
         ended = self.runner.ended
         return replace(ended, figures={**ended.figures, **self.schedule.overruns.figures()})
 
-    def handle(self, stimulus: s.Stimulus) -> None:
-        """Pass a stimulus to the algorithm; from the main thread only."""
-        if isinstance(stimulus, s.End):
-            self._monitor.end(stimulus)
-        else:
-            self.runner.handle(stimulus)
+    def handle(self, item: Any) -> None:
+        """Handle a stimulus, or another item of the inbox; from the main thread only."""
+        self._handlers.get(item.__class__, self.runner.handle)(item)
 
     def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
         """The answer to a question of another thread. Raises BusError as a client does."""
-        asked = Asked({"ask": question, **details})
+        asked = LocalQuestion({"ask": question, **details})
         self.inbox.put(asked)
         try:
-            reply = asked.later.result(ANSWER_SECONDS)
+            reply = asked.answer.result(ANSWER_SECONDS)
         except NoAnswer:
-            raise BusError(f"it has not answered for {ANSWER_SECONDS:g} s") from None
+            raise BusError(f"no answer within {ANSWER_SECONDS:g} s") from None
         if "error" in reply:
             raise BusError(str(reply["error"]))
         return reply
@@ -207,13 +185,13 @@ class Coordinator:
     def _declare(self, session: zenoh.Session) -> list[Any]:
         handler, keys, epoch = self.inbox.handler, self.keys, self.transport.epoch
         liveliness = session.liveliness()
-        asked = self._answers.admit
+        admit = self._answers.admit
         return [
             *self.transport.open(session),
-            *self._watch.opened(session),
+            *self.watchers.opened(session),
             *self.inbox.open(session, keys.sent_by("*"), keys.sent_by(COORDINATOR)),
-            session.declare_queryable(f"{keys.control}/**", handler(asked)),
-            session.declare_queryable(f"{keys.base}/ask/*", handler(asked)),
+            session.declare_queryable(f"{keys.control}/**", handler(admit)),
+            session.declare_queryable(f"{keys.base}/ask/*", handler(admit)),
             liveliness.declare_token(keys.alive(COORDINATOR)),
             liveliness.declare_token(keys.epoch(epoch)),
             liveliness.declare_subscriber(keys.epoch("*"), handler(successor), history=True),
@@ -223,103 +201,84 @@ class Coordinator:
     # --- one turn of the loop ---
 
     def _turn(self) -> None:
-        self._answers.answer_due()
+        if self._answers.queue:
+            self._answers.answer_due()
         due = self.schedule.due
         if due is None:
             self._wait()
             return
         until = self.schedule.rest_until() if self.schedule.rests else 0.0
-        if self._system.monotonic() < until:
+        if self.system.monotonic() < until:
             # A world at rest skips frames; it still looks at the clock where a view may be due.
             self._drain(until) if self.schedule.shows_by_clock else self._wait()
             return
         self._drain(due)
         due = self.schedule.due  # A message may have paused the world.
-        if due is not None and self._system.monotonic() >= due:
+        if due is not None and self.system.monotonic() >= due:
             self.runner.handle(self.schedule.begin())
 
     def _wait(self) -> None:
-        """Block for the next item of the inbox."""
-        self._use_idle_time()
-        self._take(self._next())
+        """Block for the next item of the inbox and handle it."""
+        if self.transport.has_output:
+            self._use_idle_time()
+        item = self._next_before_answer() if self._answers.queue else self.inbox.wait()
+        # As in `handle`, without the call: this line runs for each message of a member.
+        self._handlers.get(item.__class__, self.runner.handle)(item)
 
-    def _next(self) -> Any:
+    def _next_before_answer(self) -> Any:
         """The next item, or None when it is time to answer a question."""
-        while self._answers.waiting:
-            item = self.inbox.ready()
-            if item is not None or (wait := self._answers.waiting.wait) <= 0:
+        while True:
+            item, wait = self.inbox.ready(), self._answers.wait
+            if item is not None or wait <= 0:
                 return item
-            self._system.sleep(min(wait, POLL_SECONDS_ASKED))
-        return self.inbox.wait()
+            self.system.sleep(min(wait, POLL_SECONDS_ASKED))
 
     def _drain(self, until: float) -> None:
-        """Take what is in the inbox, MAX_MESSAGES_AT_ONCE at most, and sleep once before `until`.
+        """Handle what is in the inbox, MAX_MESSAGES_AT_ONCE at most, and sleep once before `until`.
 
-        What arrives during the sleep is taken in the next turn.
+        What arrives during the sleep is handled in the next turn.
         """
         for _ in range(MAX_MESSAGES_AT_ONCE):
             item = self.inbox.ready()
             if item is None:
                 break
-            self._take(item)
-        wait = until - self._system.monotonic()
+            self.handle(item)
+        wait = until - self.system.monotonic()
         if wait > 0:
-            self._use_idle_time()
-            poll = POLL_SECONDS_ASKED if self._answers.waiting else POLL_SECONDS
-            self._system.sleep(min(wait, poll))
+            if self.transport.has_output:
+                self._use_idle_time()
+            poll = POLL_SECONDS_ASKED if self._answers.queue else POLL_SECONDS
+            self.system.sleep(min(wait, poll))
 
     def _use_idle_time(self) -> None:
         """Let the record work off its backlog while members compute, once after each output."""
-        if self._frame_ended or self.transport.has_sent:
-            self._frame_ended = self.transport.has_sent = False
-            self._watch.idle()
+        self.transport.has_output = False
+        self.watchers.idle()
 
-    def _take(self, item: Any) -> None:
-        if isinstance(item, tuple):
-            self._receiver.receive(*cast("tuple[str, bytes]", item))
-        elif isinstance(item, Tick):
-            self.metrics.check()
-            self._monitor.tick(self._system.monotonic())
-        elif isinstance(item, Printed | Started):
-            self._take_launcher(item)
-        elif isinstance(item, Question | Asked):
-            self._answers.take(item)
-        elif isinstance(item, Successor):
-            self._meet(item.epoch)
-        elif isinstance(item, Linked | RejectedConnection | Denials):
-            self.admission.notice(item)
-        elif isinstance(item, s.Appeared):
-            self._receiver.appear(item)
-        elif isinstance(item, Opened):
-            self._receiver.take_opened(item)
-        elif item is not None:
-            self.handle(item)
-
-    def _take_launcher(self, item: Printed | Started) -> None:
-        if isinstance(item, Printed):
-            self.log.line(item.member, item.line, item.level)
-        else:
-            self._monitor.started(item.member)
-
-    def _meet(self, epoch: int) -> None:
-        """Compare epochs with another coordinator. Raises Followed where it is a later one."""
+    def _compare_epochs(self, other: Successor) -> None:
+        """Raises Followed if another coordinator of this world is a later one."""
         own = self.transport.epoch
-        if epoch > own:
+        if other.epoch > own:
             raise Followed(
-                f"another coordinator runs the world {self.keys.world!r} now, of epoch {epoch};"
-                f" this one, of epoch {own}, stops in frame {self.algorithm.frame}"
+                f"another coordinator runs the world {self.keys.world!r} now, of epoch"
+                f" {other.epoch}; this one, of epoch {own}, stops in frame {self.algorithm.frame}"
             )
 
-    # --- sinks ---
+    # --- what it observes ---
 
-    def _warn(self, text: str) -> None:
-        self.log.warn(COORDINATOR, text)
+    def _note_sent(self, to: str, message: m.ToMember) -> None:
+        if isinstance(message, m.Refused):
+            self.admission.rules.count(to)
+        elif isinstance(message, m.Greet):
+            self._monitor.greeted(to)
 
-    def _observe(self, notice: Notice) -> None:
-        if isinstance(notice, s.FrameDone):
-            self._frame_ended = True
-            self._watch.frame_done(notice)
-            if self.transport.observed:
-                self.transport.publish(notice.record)
-        elif isinstance(notice, s.Stopping):
-            self._watch.stopping(notice.reason)
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Pass a frame to the launcher, and to observers of the world."""
+        self.transport.has_output = True
+        self.watchers.frame_done(notice)
+        if self.transport.observed:
+            self.transport.publish(notice.record)
+
+    def stopping(self, notice: s.Stopping) -> None:
+        """Inform the launcher that no frame follows."""
+        self.watchers.stopping(notice.reason)

@@ -33,7 +33,7 @@ class Tick:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class KeyedSample:
     """A message on a key, or whether the liveliness token of this key is `there`."""
 
     key: str
@@ -41,10 +41,10 @@ class Heard:
     there: bool = True
 
 
-def heard(sample: zenoh.Sample) -> Heard:
-    """A sample as a `Heard`."""
+def keyed_sample(sample: zenoh.Sample) -> KeyedSample:
+    """A sample of Zenoh as plain data."""
     there = sample.kind == zenoh.SampleKind.PUT
-    return Heard(str(sample.key_expr), sample.payload.to_bytes(), there)
+    return KeyedSample(str(sample.key_expr), sample.payload.to_bytes(), there)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Large messages of members: decoded beside the frames, one at a time, so that these go on."""
+"""Large messages of members: decoded in a thread, one at a time, while the frames continue."""
 
 from __future__ import annotations
 
@@ -13,75 +13,75 @@ from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder
 
 LARGE: Final = 32 * 1024
-"""Bytes from which on a message is decoded in a thread of its own."""
+"""Bytes above which a message is decoded in a thread."""
 
 MAX_BEHIND: Final = 4
-"""Large messages of one member that may wait: a frame asks for one at a time."""
+"""Messages of one member that may wait for the thread: a frame asks for one at a time."""
 
 
 @dataclass(frozen=True, slots=True)
-class Letter:
-    """What a member has said, and in which of its lives: how often it had joined."""
+class LargeMessage:
+    """The bytes of a member's message; `joins` is how often the member had joined by then."""
 
     member: str
-    life: int
+    joins: int
     body: bytes
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
-    """A letter that is decoded: its message, or what is wrong with it. It took so many seconds."""
+class Decoded:
+    """A large message after decoding, or None and its problem; `seconds` is how long it took."""
 
-    letter: Letter
+    large: LargeMessage
     message: m.FromMember | None
     problem: str
     seconds: float
 
 
 class LargeMessages:
-    """Opens letters; `put` hands an `Opened` over, from another thread, to who calls `taken`.
+    """Decodes large messages, members in turn.
 
-    What a member says behind a large message has to wait for it, too: `behind` says how much of it
-    waits. Members take turns.
+    `put` passes a `Decoded` from the thread to the main thread, which calls `taken`. A member's
+    later messages, large or not, wait for its large ones, so that the order is kept.
     """
 
-    def __init__(self, decoder: Decoder, system: System, put: Callable[[Opened], None]) -> None:
+    def __init__(self, decoder: Decoder, system: System, put: Callable[[Decoded], None]) -> None:
         self._decoder = decoder
         self._system = system
         self._put = put
-        self._waiting: dict[str, deque[Letter]] = {}
-        self._busy = ""
+        self._waiting: dict[str, deque[LargeMessage]] = {}
+        self._busy = False
 
     def behind(self, member: str) -> int:
-        """How many messages of a member wait, or are being decoded."""
+        """The number of a member's messages that wait or are being decoded."""
         return len(self._waiting.get(member, ()))
 
-    def add(self, letter: Letter) -> None:
-        """Have a letter opened when it is its turn."""
-        self._waiting.setdefault(letter.member, deque()).append(letter)
+    def add(self, large: LargeMessage) -> None:
+        """Queue a message."""
+        self._waiting.setdefault(large.member, deque()).append(large)
         if not self._busy:
-            self._begin(letter.member)
+            self._begin(large.member)
 
-    def taken(self, opened: Opened) -> None:
-        """One has been handed over: the next one may be opened, another member's if there is."""
-        member = opened.letter.member
+    def taken(self, decoded: Decoded) -> None:
+        """The main thread has a message: begin the next one, of another member if one waits."""
+        member = decoded.large.member
         waiting = self._waiting.pop(member)
         waiting.popleft()
         if waiting:
-            self._waiting[member] = waiting
-        self._busy = ""
+            self._waiting[member] = waiting  # At the end of the dict: it is the last in turn.
+        self._busy = False
         if self._waiting:
             self._begin(next(iter(self._waiting)))
 
     def _begin(self, member: str) -> None:
-        letter, self._busy = self._waiting[member][0], member
-        self._system.aside(lambda: self._put(self._opened(letter)))
+        large, self._busy = self._waiting[member][0], True
+        self._system.aside(lambda: self._put(self._decoded(large)))
 
-    def _opened(self, letter: Letter) -> Opened:
+    def _decoded(self, large: LargeMessage) -> Decoded:
         began = self._system.monotonic()
         message, problem = None, ""
         try:
-            message = self._decoder.from_member(letter.member, letter.body)
+            message = self._decoder.from_member(large.member, large.body)
         except (ProtocolError, SceneError) as error:
             problem = str(error)
-        return Opened(letter, message, problem, self._system.monotonic() - began)
+        return Decoded(large, message, problem, self._system.monotonic() - began)

@@ -18,7 +18,7 @@ from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer
 from minerva_bus.runtime.asking import ask, question_key
-from minerva_bus.runtime.inbox import Heard, Inbox, heard
+from minerva_bus.runtime.inbox import Inbox, KeyedSample, keyed_sample
 from minerva_bus.runtime.name import Name
 from minerva_bus.runtime.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
 from minerva_bus.runtime.operating import AskingOperator
@@ -117,7 +117,7 @@ class MemberProcess:
         self._rejoin = Rejoin(name, own_name, monitor, self.link, notify, self.inbox.put, system)
         self._handlers: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._on_message,
-            Heard: self._on_key,
+            KeyedSample: self._on_sample,
             Event: self._on_event,
             Events: self._on_event,
             Published: self._on_reading,
@@ -204,10 +204,10 @@ class MemberProcess:
         service, handler = self.member.service, self.inbox.handler
         first, *others = self._subscriptions()
         declared = self.inbox.open(session, first)
-        declared += [session.declare_subscriber(key, handler(heard)) for key in others]
+        declared += [session.declare_subscriber(key, handler(keyed_sample)) for key in others]
         declared += self.link.open(session, service.publishes if service is not None else ())
         liveliness, alive = session.liveliness(), self.link.keys.alive(COORDINATOR)
-        declared.append(liveliness.declare_subscriber(alive, handler(heard), history=True))
+        declared.append(liveliness.declare_subscriber(alive, handler(keyed_sample), history=True))
         self._rejoin.name.take(session)
         return list(reversed(declared))
 
@@ -263,24 +263,16 @@ class MemberProcess:
 
     def _handle(self, item: Any) -> bool:
         """Handle an item of the inbox; False when the member leaves."""
+        handler = self._handlers.get(item.__class__)
+        if handler is not None:
+            return handler(item) is not False
         if isinstance(item, Exception):
             raise item
-        handler = self._handlers.get(type(item))  # pyright: ignore[reportUnknownArgumentType]
-        return handler is None or handler(item) is not False
+        return True
 
     def _on_message(self, data: bytes) -> None:
-        self._receive("", data)  # The key of the channel is none of a topic.
-
-    def _on_key(self, item: Heard) -> None:
-        if item.key != self.link.keys.alive(COORDINATOR):
-            self._receive(item.key, item.data)
-        elif item.there:
-            self._rejoin.found(self._session)
-        else:
-            self._rejoin.lost()
-
-    def _receive(self, key: str, data: bytes) -> None:
-        message = self.link.read(key, data)
+        """Process a message of the coordinator."""
+        message = self.link.message(data)
         if message is None:
             return
         joining = self.member.world is None
@@ -290,6 +282,19 @@ class MemberProcess:
             self._greeting.cancel()
             self.link.joined(self.member.world.vocabulary)
             self._threads.start(self.member.service)
+
+    def _on_sample(self, sample: KeyedSample) -> None:
+        """Process a sample from the side queue: readings, a message or the coordinator's token."""
+        if self.link.is_topic(sample.key):
+            readings = self.link.readings(sample.key, sample.data)
+            for reply in () if readings is None else self.member.receive(readings):
+                self.link.send(reply)
+        elif sample.key != self.link.keys.alive(COORDINATOR):
+            self._on_message(sample.data)
+        elif sample.there:
+            self._rejoin.found(self._session)
+        else:
+            self._rejoin.lost()
 
     def _on_event(self, event: AnyEvent) -> None:
         self.link.send(self.member.emitted(event))

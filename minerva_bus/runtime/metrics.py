@@ -16,7 +16,7 @@ from typing import Final, ParamSpec, Protocol, TypeVar
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
-from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.totals import Totals
 
 MICRO: Final = 1e6
@@ -108,19 +108,19 @@ class Metrics(Sink):
     frame          from one end of a frame to the next, including waiting
 
     With `keep` every frame is measured, otherwise those within MEASURED_SECONDS of a question.
-    `clock` gives monotonic seconds. `on` is whether frames are measured now.
+    `clock` gives monotonic seconds. `on` is whether frames are measured now, `wanted` whether
+    an operator asked for metrics within MEASURED_SECONDS before the last frame.
     """
 
     def __init__(
         self, algorithm: FrameAlgorithm, clock: Callable[[], float], keep: bool = False
     ) -> None:
-        self.on = keep
-        self._keep = keep
+        self.on = self.follows = self._keep = keep
+        self.wanted = False
         self._figures = FrameFigures(keep)
         self._algorithm = algorithm
         self._clock = clock
         self._wanted_until = 0.0
-        self._last_frame_at = 0.0
         self._asked_at = self._ended_at = perf_counter()
         self._phase, self._began = algorithm.phase, 0.0
         self._done = False
@@ -141,22 +141,16 @@ class Metrics(Sink):
         self._want()
         return self._figures.totals
 
-    @property
-    def wanted(self) -> bool:
-        """Whether somebody asked for metrics shortly before the last frame."""
-        return self._last_frame_at < self._wanted_until
-
     def _want(self) -> None:
-        self._wanted_until = self._clock() + MEASURED_SECONDS
+        self.wanted, self._wanted_until = True, self._clock() + MEASURED_SECONDS
         if not self.on:
             self._asked_at = self._ended_at = perf_counter()
-        self.on = True
+            self._switch(on=True)
 
-    def check(self) -> None:
-        """Stop measuring where nobody has asked for a while."""
-        if self.on and not self._keep and not self.wanted:
-            self.on = False
-            self._figures.clear()
+    def _switch(self, *, on: bool) -> None:
+        # While nothing is measured, the runner does not even call this sink for each stimulus.
+        self.on = self.follows = on
+        self.runner.refresh()
 
     # --- measuring ---
 
@@ -179,8 +173,6 @@ class Metrics(Sink):
 
     def received(self, stimulus: s.Stimulus) -> None:
         """Measure how long a reply was awaited."""
-        if not self.on:
-            return
         self._phase, self._began = self._algorithm.phase, perf_counter()
         replies = isinstance(stimulus, m.TickReply | m.EvolveReply)
         if replies and stimulus.frame == self._algorithm.frame:
@@ -189,8 +181,6 @@ class Metrics(Sink):
 
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
         """Measure a step of the frame that this stimulus completed."""
-        if not self.on:
-            return
         ended = perf_counter()
         self._done = any(isinstance(instruction, s.FrameDone) for instruction in instructions)
         if not self._done and self._algorithm.phase is self._phase:
@@ -204,8 +194,6 @@ class Metrics(Sink):
 
     def executed(self, stimulus: s.Stimulus) -> None:
         """Begin to wait for replies, or end the frame."""
-        if not self.on:
-            return
         if self._done:
             self._done, now = False, perf_counter()
             self._figures.add("frame", MICRO * (now - self._ended_at))
@@ -214,9 +202,13 @@ class Metrics(Sink):
         elif self._algorithm.phase is not self._phase:
             self._asked_at = perf_counter()
 
-    def observe(self, notice: Notice) -> None:
-        """Count the events of a frame."""
-        if isinstance(notice, s.FrameDone):
-            self._last_frame_at = self._clock()
-            if self.on:
-                self._figures.totals.count(notice.events)
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Count the events of a frame; stop measuring if nobody has asked for a while."""
+        if not self.on:
+            return
+        self._figures.totals.count(notice.events)
+        if self.wanted and self._clock() >= self._wanted_until:
+            self.wanted = False
+            if not self._keep:
+                self._switch(on=False)
+                self._figures.clear()

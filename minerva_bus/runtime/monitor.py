@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
-from minerva_bus.frame.algorithm import FrameAlgorithm, Phase
+from minerva_bus.frame.algorithm import Phase
 from minerva_bus.frame.members import MemberState
-from minerva_bus.runtime.admission import Admission
-from minerva_bus.runtime.greetings import Greetings
-from minerva_bus.runtime.runner import Runner
-from minerva_bus.runtime.status import StatusMeter
 from minerva_bus.runtime.waiting import MAX_NAMED, Waits
-from minerva_bus.runtime.watchers import Watchers
-from minerva_bus.runtime.world_log import WorldLog
 from minerva_bus.security.credentials import covers
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wording import named_some
 
+if TYPE_CHECKING:
+    from minerva_bus.runtime.coordinator import Coordinator
+
 STATUS_EVERY: Final = 0.1
 """Seconds between two reports of a world's status."""
+
+GREETED_AGAIN: Final = 1.0
+"""Seconds after which a member that has not answered its greeting is greeted once more."""
 
 BACK_WITHIN: Final = 6.0
 """Seconds that members of the previous coordinator have to return to its successor."""
@@ -39,40 +39,35 @@ class Monitor:
     `guests` are members of the previous coordinator that the world file does not name.
     """
 
-    def __init__(
-        self,
-        runner: Runner,
-        meter: StatusMeter,
-        waits: Waits,
-        admission: Admission,
-        greetings: Greetings,
-        log: WorldLog,
-        watch: Watchers,
-        guests: frozenset[str],
-        clock: Callable[[], float],
-    ) -> None:
-        self._runner = runner
-        self._meter = meter
+    def __init__(self, coordinator: Coordinator, waits: Waits, guests: frozenset[str]) -> None:
+        self._algorithm = coordinator.algorithm
+        self._runner = coordinator.runner
+        self._meter = coordinator.status
+        self._admission = coordinator.admission
+        self._log = coordinator.log
+        self._watchers = coordinator.watchers
+        self._clock = coordinator.system.monotonic
         self._waits = waits
-        self._admission = admission
-        self._greetings = greetings
-        self._log = log
-        self._watch = watch
         self._guests = guests
-        self._clock = clock
+        self._greeted: dict[str, float] = {}
         self._reports_within = REPORTS_WITHIN
 
     def started(self, member: str) -> None:
         """The launcher starts a member's process now: wait for it from now on."""
         self._waits.started(member, self._clock())
 
+    def greeted(self, member: str) -> None:
+        """A greeting was sent to a member."""
+        self._greeted[member] = self._clock()
+
     def arrived(self, member: str) -> None:
         """A member said hello."""
-        if self._waits.came(member, self._clock()):
-            self._watch.came(member)
+        self._greeted.pop(member, None)
+        if self._waits.arrived(member, self._clock()):
+            self._watchers.came(member)
 
     def end(self, end: s.End) -> None:
-        """End the world; members have less time for their reports where somebody waits for it."""
+        """End the world; members have less time for their reports if somebody waits for it."""
         if end.failed or end.hurried:
             self._reports_within = HURRIED_REPORTS_WITHIN
         self._runner.handle(end)
@@ -88,15 +83,11 @@ class Monitor:
         algorithm = self._algorithm
         waiting = algorithm.waiting_for()
         step = algorithm.frame, algorithm.phase
-        waited = self._waits.look(step, algorithm.in_frame, waiting, now)
+        waited = self._waits.update(step, algorithm.in_frame, waiting, now)
         self._meter.waited = waited
-        self._watch.status(self._meter.status(now, waiting))
+        self._watchers.status(self._meter.status(now, waiting))
         if waited:
             self._report_waiting(waiting, now)
-
-    @property
-    def _algorithm(self) -> FrameAlgorithm:
-        return self._runner.algorithm
 
     def _part_from(self, common_name: str) -> None:
         """Remove all members that joined with a certificate that was revoked."""
@@ -106,7 +97,11 @@ class Monitor:
                 self._runner.handle(s.Violation(member.name, reason))
 
     def _greet_again(self, now: float) -> None:
-        for name in self._greetings.unanswered(now):
+        # After a link is restored, a member's token may arrive before its subscriptions do; the
+        # first greeting is lost then.
+        late = sorted(name for name, at in self._greeted.items() if now >= at + GREETED_AGAIN)
+        for name in late:
+            del self._greeted[name]
             if self._algorithm.members.get(name).state is MemberState.JOINING:
                 self._runner.transport.send(name, m.Greet())
 
@@ -117,12 +112,12 @@ class Monitor:
             self._runner.handle(s.Silent())
             self._await_reports(now)
             return
-        unsaid = self._waits.unsaid(now)
-        if unsaid:
+        late = self._waits.reportable(now)
+        if late:
             self._runner.handle(s.Silent())
             frame = f"frame {algorithm.frame} ({algorithm.phase.value}) has been waiting"
-            guests = [name for name in unsaid if not algorithm.members.get(name).expected]
-            for name, text in self._waits.told(unsaid, guests, now):
+            guests = [name for name in late if not algorithm.members.get(name).expected]
+            for name, text in self._waits.describe(late, guests, now):
                 self._log.warn(name or COORDINATOR, f"{frame} for {text}")
         if self._meter.waited >= BACK_WITHIN and self._guests:
             self._give_up_guests(waiting)
@@ -133,12 +128,12 @@ class Monitor:
         """Log which reports are missing after the last frame; after the time-out end without."""
         left = self._reports_within - self._meter.waited
         waiting = f"the world has ended; waiting for {{}} for {left:.0f} s"
-        self._warn_of(self._waits.unsaid(now), waiting, "its last output", "the last output")
+        self._warn_of(self._waits.reportable(now), waiting, "its last output", "the last output")
         if left > 0:
             return
         late = sorted(self._algorithm.waiting_for())
         for name in late:
-            self._watch.stalled(name, self._meter.waited)
+            self._watchers.stalled(name, self._meter.waited)
         missing = "after the last frame, {} did not come in time and may be missing"
         self._warn_of(late, missing, "its output", "the output")
         self._runner.handle(s.End("no report in time"))
@@ -162,7 +157,7 @@ class Monitor:
             self.end(s.End(f"{name} {silence}", failed=True))
         else:
             self._waits.again(name, now)
-            self._watch.stalled(name, waited)
+            self._watchers.stalled(name, waited)
             if not self._algorithm.members.get(name).expected:
                 reason = f"it did not answer for {waited:.0f} s"
                 self._runner.handle(s.Violation(name, reason))

@@ -4,78 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from minerva_bus.errors import ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.schema import Wire
-from minerva_bus.runtime.admission import Admission
 from minerva_bus.runtime.admission_rules import STRANGERS
-from minerva_bus.runtime.greetings import Greetings
-from minerva_bus.runtime.large import LARGE, MAX_BEHIND, LargeMessages, Letter, Opened
-from minerva_bus.runtime.metrics import MICRO, Metrics
-from minerva_bus.runtime.runner import Runner
-from minerva_bus.runtime.system import System
-from minerva_bus.runtime.transport import ZenohTransport
-from minerva_bus.runtime.world_log import WorldLog
+from minerva_bus.runtime.large import LARGE, MAX_BEHIND, Decoded, LargeMessage, LargeMessages
+from minerva_bus.runtime.metrics import MICRO
 from minerva_bus.wire.codec import Decoder, declaration
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.limits import Limits
 
+if TYPE_CHECKING:
+    from minerva_bus.runtime.coordinator import Coordinator
+
 
 class Receiver:
-    """Turns the bytes of members into stimuli.
+    """Turns the bytes of members into stimuli of a coordinator's runner.
 
-    `arrived` is called with the name of a member that said hello and whose message is let in;
-    large messages come back through `put`, as an `Opened`, once a thread has decoded them.
+    `arrived` is called with the name of a member whose hello is admitted. Large messages return
+    through the inbox, as a `Decoded`, once a thread has decoded them.
     """
 
     def __init__(
-        self,
-        runner: Runner,
-        transport: ZenohTransport,
-        admission: Admission,
-        greetings: Greetings,
-        metrics: Metrics,
-        log: WorldLog,
-        limits: Limits,
-        system: System,
-        *,
-        put: Callable[[Opened], None],
-        arrived: Callable[[str], None],
+        self, coordinator: Coordinator, limits: Limits, arrived: Callable[[str], None]
     ) -> None:
-        vocabulary = runner.algorithm.world.vocabulary
-        self._runner = runner
-        self._members = runner.algorithm.members
-        self._transport = transport
-        self._admission = admission
-        self._greetings = greetings
-        self._metrics = metrics
-        self._log = log
-        self._most_members = limits.members
+        vocabulary, system = coordinator.algorithm.world.vocabulary, coordinator.system
+        self._algorithm = coordinator.algorithm
+        self._members = coordinator.algorithm.members
+        self._handle = coordinator.runner.handle
+        self._transport = coordinator.transport
+        self._admission = coordinator.admission
+        self._metrics = coordinator.metrics
+        self._log = coordinator.log
+        self._max_members = limits.members
         self._clock = system.monotonic
         self._arrived = arrived
         self._decoder = Decoder(vocabulary, limits)
         # A decoder caches what it has read, so the thread for large messages has its own.
-        self._large = LargeMessages(Decoder(vocabulary, limits), system, put)
+        self._large = LargeMessages(Decoder(vocabulary, limits), system, coordinator.inbox.put)
 
-    def receive(self, member: str, data: bytes) -> None:
+    def receive(self, message: tuple[str, bytes]) -> None:
         """Process the bytes that arrived on a member's key."""
-        self._metrics.add("bytes in", len(data))
-        algorithm = self._runner.algorithm
+        member, data = message
+        if self._metrics.on:
+            self._metrics.add("bytes in", len(data))
         # Most replies to a tick are empty: equal bytes need neither limits nor decoding, which
         # would cost a world of a thousand members several milliseconds a frame.
-        if data == self._transport.empty_reply and algorithm.awaits_tick(member):
-            self._runner.handle(m.TickReply(member, self._transport.ticked))
+        if data == self._transport.empty_reply and self._algorithm.awaits_tick(member):
+            self._handle(m.TickReply(member, self._transport.ticked))
             return
         if self._admission.keeps_out(member):
             return
         room = self._admission.rules.has_room(self._known(member), len(data))
         wire = declaration(data, len(self._transport.stamp))
         if room and data and not self._members.knows(member):
-            self._runner.handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
+            self._handle(m.Leaving(member))  # Counts a stranger, whatever the message is.
             return
-        if not data or (wire.awaited and algorithm.awaits(member)):
+        if not data or (wire.awaited and self._algorithm.awaits(member)):
             self._decode(member, data)
         elif not (room and self._within_limits(member, data, wire)):
             self._drop(member)
@@ -86,37 +74,36 @@ class Receiver:
             self._decode(member, data)
             self._admission.rules.spent(self._known(member), self._clock() - began)
 
-    def take_opened(self, opened: Opened) -> None:
+    def take_decoded(self, decoded: Decoded) -> None:
         """Process a large message, unless its member has joined again since it was sent."""
-        letter = opened.letter
-        self._large.taken(opened)
-        self._metrics.add("decode", MICRO * opened.seconds)
+        large = decoded.large
+        self._large.taken(decoded)
+        self._metrics.add("decode", MICRO * decoded.seconds)
         members = self._members
-        if not members.knows(letter.member) or members.get(letter.member).joins != letter.life:
+        if not members.knows(large.member) or members.get(large.member).joins != large.joins:
             return
-        if opened.message is None:
-            self._runner.handle(s.Violation(letter.member, opened.problem))
+        if decoded.message is None:
+            self._handle(s.Violation(large.member, decoded.problem))
         else:
-            self._pass_on(letter.member, letter.body, opened.message)
-        if not isinstance(opened.message, m.TickReply | m.EvolveReply):
-            self._admission.rules.spent(letter.member, opened.seconds)
+            self._pass_on(large.member, large.body, decoded.message)
+        if not isinstance(decoded.message, m.TickReply | m.EvolveReply):
+            self._admission.rules.spent(large.member, decoded.seconds)
 
     def appear(self, appeared: s.Appeared) -> None:
-        """Let a member appear, unless it is shut out or there are too many."""
-        member, most = appeared.member, self._most_members
-        if self._admission.keeps_out(member):
+        """Admit a member whose token appeared, unless it is shut out or there are too many."""
+        if self._admission.keeps_out(appeared.member):
             return
-        if self._members.knows(member) or self._members.count < most:
-            self._runner.handle(appeared)
+        if self._members.knows(appeared.member) or self._members.count < self._max_members:
+            self._handle(appeared)
         else:
-            self._admission.too_many(f"{most} members are there already; more are not greeted")
+            self._admission.too_many(self._max_members)
 
     def _within_limits(self, member: str, data: bytes, wire: Wire) -> bool:
         """Whether a message that no frame waits for is within its member's limits per second."""
-        gate, name = self._admission.rules, self._known(member)
-        if wire is m.Hello.WIRE and not gate.has_hello(name):
+        rules, name = self._admission.rules, self._known(member)
+        if wire is m.Hello.WIRE and not rules.has_hello(name):
             return False
-        return gate.has_values(name, data[len(self._transport.stamp) :])
+        return rules.has_values(name, data[len(self._transport.stamp) :])
 
     def _decode(self, member: str, data: bytes) -> None:
         """Decode a small message now, a large one in a thread, and all of a member in order."""
@@ -133,13 +120,13 @@ class Receiver:
                 return
             message = self._metrics.timed("decode", self._decoder.from_member, member, body)
         except (ProtocolError, SceneError) as error:
-            self._runner.handle(s.Violation(member, str(error)))
+            self._handle(s.Violation(member, str(error)))
             return
         self._pass_on(member, body, message)
 
     def _decode_aside(self, member: str, body: bytes) -> None:
         if self._large.behind(member) < MAX_BEHIND:
-            self._large.add(Letter(member, self._members.get(member).joins, body))
+            self._large.add(LargeMessage(member, self._members.get(member).joins, body))
         else:
             self._drop(member)
 
@@ -151,10 +138,9 @@ class Receiver:
             message = replace(message, received=body)
         reason = ""
         if isinstance(message, m.Hello):
-            self._greetings.answered(member)
             self._arrived(member)
             reason = self._admission.rules.objection(message)
-        self._runner.handle(s.Violation(member, reason) if reason else message)
+        self._handle(s.Violation(member, reason) if reason else message)
 
     def _known(self, member: str) -> str:
         """The name under which messages are counted: there may be any number of strangers."""

@@ -8,8 +8,8 @@ the sinks, which observe the run: record, journal, metrics, console and event lo
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final, Protocol, TypeAlias
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -40,8 +40,17 @@ class Transport(Protocol):
 class Sink:
     """Base class of observers of a run; a subclass overrides the methods that it needs.
 
-    The runner calls them in its own thread, in the order in which it was given the sinks.
+    The runner calls them in its own thread, in the order in which it was given the sinks. Only
+    overridden methods are called, because a frame of a thousand members has thousands of stimuli.
+
+    `runner` is the runner that the sink observes, which sets it. `follows` is whether `received`,
+    `decided` and `executed` are called now; a sink that changes it calls `runner.refresh`.
     """
+
+    runner: Runner
+    follows: bool = True
+
+    # --- each stimulus ---
 
     def received(self, stimulus: s.Stimulus) -> None:
         """Called before the algorithm processes a stimulus."""
@@ -52,14 +61,34 @@ class Sink:
     def executed(self, stimulus: s.Stimulus) -> None:
         """Called after the instructions have been executed."""
 
-    def observe(self, notice: Notice) -> None:
-        """Called for each instruction that is not a delivery."""
+    # --- each instruction that delivers nothing ---
+
+    def notify(self, notice: s.Notify) -> None:
+        """Called with a warning about a member."""
+
+    def ready(self, notice: s.Ready) -> None:
+        """Called when the next frame may begin."""
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Called when a frame is complete."""
+
+    def stopping(self, notice: s.Stopping) -> None:
+        """Called when no frame follows."""
+
+
+_METHODS: Final[Mapping[type[Notice], str]] = {
+    s.Notify: "notify",
+    s.Ready: "ready",
+    s.FrameDone: "frame_done",
+    s.Stopping: "stopping",
+    s.Ended: "",
+}
 
 
 class Runner:
     """Runs one frame algorithm. `ended` is set when the world is over.
 
-    A sink may also be a plain function, which is called with the notices.
+    A sink may also be a plain function, which is called with every notice.
     """
 
     def __init__(
@@ -72,15 +101,22 @@ class Runner:
         self.transport = transport
         self.ended: s.Ended | None = None
         self._queue: deque[s.Stimulus] = deque()
-        sinks = tuple(sinks)
-        objects = [sink for sink in sinks if isinstance(sink, Sink)]
-        # Only overridden methods: a frame of a thousand members has thousands of stimuli.
-        self._received: list[Hook] = _overridden(objects, "received")
-        self._decided: list[Callable[[s.Stimulus, Sequence[s.Instruction]], None]] = _overridden(
-            objects, "decided"
+        self._sinks = tuple(sinks)
+        self._observers: dict[type[Notice], list[Callable[[Any], None]]] = {
+            notice: self._overridden(name, functions=True) for notice, name in _METHODS.items()
+        }
+        for sink in self._sinks:
+            if isinstance(sink, Sink):
+                sink.runner = self
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Apply changes of the sinks' `follows`."""
+        self._received: list[Hook] = self._overridden("received")
+        self._decided: list[Callable[[s.Stimulus, Sequence[s.Instruction]], None]] = (
+            self._overridden("decided")
         )
-        self._executed: list[Hook] = _overridden(objects, "executed")
-        self._observe = [sink.observe if isinstance(sink, Sink) else sink for sink in sinks]
+        self._executed: list[Hook] = self._overridden("executed")
 
     def handle(self, stimulus: s.Stimulus) -> None:
         """Process a stimulus and everything that follows from it.
@@ -89,20 +125,24 @@ class Runner:
         processes what is queued so far.
         """
         queue = self._queue
-        queue.append(stimulus)
-        while queue:
-            self._process(queue.popleft())
-
-    def _process(self, stimulus: s.Stimulus) -> None:
-        for received in self._received:
-            received(stimulus)
-        instructions = self.algorithm.receive(stimulus)
-        for decided in self._decided:
-            decided(stimulus, instructions)
-        for instruction in instructions:
-            self._execute(instruction)
-        for executed in self._executed:
-            executed(stimulus)
+        if queue:
+            queue.append(stimulus)
+            stimulus = queue.popleft()
+        # One loop without helper functions: a frame has a stimulus for each member, and function
+        # calls would be a third of the time between an empty reply and the next one.
+        while True:
+            for received in self._received:
+                received(stimulus)
+            instructions = self.algorithm.receive(stimulus)
+            for decided in self._decided:
+                decided(stimulus, instructions)
+            for instruction in instructions:
+                self._execute(instruction)
+            for executed in self._executed:
+                executed(stimulus)
+            if not queue:
+                return
+            stimulus = queue.popleft()
 
     def _execute(self, instruction: s.Instruction) -> None:
         if isinstance(instruction, s.Send):
@@ -114,14 +154,15 @@ class Runner:
             return
         if isinstance(instruction, s.Ended):
             self.ended = instruction
-        for observe in self._observe:
+        for observe in self._observers[type(instruction)]:
             observe(instruction)
 
-
-def _overridden(sinks: Iterable[Sink], name: str) -> list[Any]:
-    """The bound methods of that name, without those that do nothing."""
-    return [
-        getattr(sink, name)
-        for sink in sinks
-        if getattr(type(sink), name) is not getattr(Sink, name)
-    ]
+    def _overridden(self, name: str, *, functions: bool = False) -> list[Any]:
+        """The sinks' own methods of a name; with `functions` also the sinks that are functions."""
+        methods: list[Any] = []
+        for sink in self._sinks:
+            if not isinstance(sink, Sink):
+                methods += [sink] if functions else []
+            elif name and getattr(type(sink), name) is not getattr(Sink, name):
+                methods += [getattr(sink, name)] if functions or sink.follows else []
+        return methods

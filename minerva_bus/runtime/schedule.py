@@ -13,7 +13,7 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.overruns import Overruns, real_period
 from minerva_bus.frame.pace import Pace, ViewClock
-from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.runner import Sink
 
 _BEGIN: Final = s.Begin()
 
@@ -36,6 +36,7 @@ class FrameSchedule(Sink):
         self.overruns = Overruns()
         self.due: float | None = None
         self.last_frame_at = 0.0
+        self.follows = False
         self._algorithm = algorithm
         self._clock = clock
         self._notify = notify
@@ -69,7 +70,12 @@ class FrameSchedule(Sink):
         now = self._clock()
         self.due, self._ready = None, False
         self.pace.began()
-        self.overruns.began(real_period(self.pace.rate, self._algorithm.world), now)
+        period = real_period(self.pace.rate, self._algorithm.world)
+        if self.follows != (period > 0):
+            # A world that runs as fast as possible has no overruns, and needs no times of replies.
+            self.follows = period > 0
+            self.runner.refresh()
+        self.overruns.began(period, now)
         rates = self._algorithm.members.index.rates
         return s.Begin(self._views.due(now, rates)) if rates else _BEGIN
 
@@ -85,13 +91,14 @@ class FrameSchedule(Sink):
         elif isinstance(stimulus, m.EvolveReply):
             self.overruns.answered("evolution", stimulus.member, self._clock())
 
-    def observe(self, notice: Notice) -> None:
-        """Time the end of a frame, and the beginning of the next."""
-        if isinstance(notice, s.FrameDone):
-            self.last_frame_at = self._clock()
-            late = self.overruns.done(notice.frame, self.last_frame_at)
-            if late:
-                self._notify(late)
-        elif isinstance(notice, s.Ready):
-            self._ready = True
-            self.due = self.pace.due(self._clock())
+    def ready(self, notice: s.Ready) -> None:
+        """Time the beginning of the next frame."""
+        self._ready = True
+        self.due = self.pace.due(self._clock())
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Time the end of a frame."""
+        self.last_frame_at = self._clock()
+        late = self.overruns.done(notice.frame, self.last_frame_at)
+        if late:
+            self._notify(late)

@@ -9,7 +9,7 @@ from typing import Final
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.pace import Pace
-from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.runner import Sink
 
 SMOOTHING: Final = 0.3
 """Weight of the last interval in the frame rate."""
@@ -51,7 +51,7 @@ class StatusMeter(Sink):
         phase = algorithm.phase.value
         return Status(algorithm.frame, rate, active, phase, paused, tuple(waiting), self.waited)
 
-    def observe(self, notice: Notice) -> None:
+    def ready(self, notice: s.Ready) -> None:
         """Count the members that the world begins with."""
-        if isinstance(notice, s.Ready) and notice.frame == 0:
+        if notice.frame == 0:
             self.most_members = len(self._algorithm.members.active())

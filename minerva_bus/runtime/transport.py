@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 from zenoh.handlers import Callback
@@ -16,9 +16,16 @@ from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.wire.codec import encode
 from minerva_bus.wire.epochs import stamp
 from minerva_bus.wire.keys import Keys
+from minerva_bus.wire.plain import pack
 
+_GROUPS: Final = frozenset({s.EVERYONE, s.TICKED, s.HOSTS})
 _DROP = zenoh.CongestionControl.DROP
 _BLOCK = zenoh.CongestionControl.BLOCK
+
+# Empty replies to ticks differ in the frame number only. To encode a reply for each frame would
+# cost more than to send the tick.
+_FRAME: Final = 1 << 20
+_BEFORE_FRAME, _, _AFTER_FRAME = encode(m.TickReply("", _FRAME)).partition(pack(_FRAME))
 
 
 class ZenohTransport:
@@ -27,10 +34,10 @@ class ZenohTransport:
     Messages to members wait for room on the link. Views, and frames for observers, are dropped
     where there is none: a slow observer must not slow down the world.
 
-    `observed` is whether anybody subscribes to the frames, `has_sent` whether anything was sent
-    since the flag was last cleared. `ticked` is the last frame whose tick was sent, `empty_reply`
-    the bytes of a reply to it without events, and `evolving_since` when its evolution was
-    requested. `notify` is called with each message to a single member.
+    `observed` is whether anybody subscribes to the frames. `has_output`: something was sent, or a
+    frame ended, since the flag was last cleared. `ticked` is the last frame whose tick was sent,
+    `empty_reply` the bytes of a reply to it without events, and `evolving_since` when its evolution
+    was requested. `notify` is called with each message to a single member but views.
     """
 
     def __init__(
@@ -43,7 +50,7 @@ class ZenohTransport:
     ) -> None:
         self.epoch = epoch
         self.stamp = stamp(epoch)
-        self.observed = self.has_sent = False
+        self.observed = self.has_output = False
         self.ticked: int = -1
         self.empty_reply = b""
         self.evolving_since = 0.0
@@ -65,13 +72,19 @@ class ZenohTransport:
         key = self._keys_to.get(to)
         if key is None:
             key = self._keys_to[to] = self._keys.to(to)
-        if isinstance(message, m.ViewShown):
+        if isinstance(message, m.TickRequest):
+            if to == s.TICKED:
+                frame = self.ticked = message.frame
+                self.empty_reply = self.stamp + _BEFORE_FRAME + pack(frame) + _AFTER_FRAME
+        elif isinstance(message, m.EvolveRequest):
+            if not message.part:
+                self.evolving_since = self._clock()
+        elif isinstance(message, m.ViewShown):
             self._metrics.timed("view", self._put, key, message, _BLOCK)
             return ()
-        data = self._encode(message)
-        self._note(to, message)
-        self._publisher(key, _BLOCK).put(self.stamp + data)
-        self.has_sent = True
+        elif to not in _GROUPS:
+            self._notify(to, message)
+        self._put(key, message, _BLOCK)
         return ()
 
     def show(self, event_type: str, message: m.ToMember, to: str) -> tuple[()]:
@@ -86,22 +99,14 @@ class ZenohTransport:
 
     def _put(self, key: str, message: m.ToMember, control: zenoh.CongestionControl) -> None:
         self._publisher(key, control).put(self.stamp + self._encode(message))
-        self.has_sent = True
+        self.has_output = True
 
     def _encode(self, message: m.ToMember | m.FrameRecord) -> bytes:
+        if not self._metrics.on:
+            return encode(message)
         data = self._metrics.timed("encode", encode, message)
         self._metrics.add("bytes out", len(data))
         return data
-
-    def _note(self, to: str, message: m.ToMember) -> None:
-        if to == s.TICKED and isinstance(message, m.TickRequest):
-            self.ticked = message.frame
-            self.empty_reply = self.stamp + encode(m.TickReply("", message.frame))
-        elif isinstance(message, m.EvolveRequest):
-            if not message.part:
-                self.evolving_since = self._clock()
-        elif to not in (s.EVERYONE, s.TICKED, s.HOSTS):
-            self._notify(to, message)
 
     def _publisher(self, key: str, control: zenoh.CongestionControl) -> zenoh.Publisher:
         drops = control == _DROP

@@ -104,7 +104,7 @@ class Waits:
         self._starting[member] = now
         self._waits.pop(member, None)
 
-    def came(self, member: str, now: float) -> bool:
+    def arrived(self, member: str, now: float) -> bool:
         """A member has said hello; whether its process was known to start."""
         since = self._starting.pop(member, None)
         if since is None:
@@ -113,7 +113,7 @@ class Waits:
         self._waits.pop(member, None)  # Its start took what it took: a frame waits from now on.
         return True
 
-    def look(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
+    def update(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
         """Note for whom a step waits now; for how many seconds it has waited for the first."""
         self._in_frame = in_frame
         if step != self._step:
@@ -147,7 +147,7 @@ class Waits:
         """For how many seconds this one is waited for."""
         return now - self._waits[member].since
 
-    def unsaid(self, now: float) -> list[str]:
+    def reportable(self, now: float) -> list[str]:
         """Those of whom it is time to say it, which then is: ever more seldom."""
         if not self._in_frame and now < self._said_at + STARTS_SAID_EVERY:
             return []
@@ -160,7 +160,7 @@ class Waits:
         self._said_at = now if found else self._said_at
         return found
 
-    def told(
+    def describe(
         self, unsaid: Sequence[str], guests: Collection[str], now: float
     ) -> Iterator[tuple[str, str]]:
         """Whom to say it of, and how long they have been waited for; nobody, of them together.

@@ -30,11 +30,11 @@ class Started:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """A question from another thread of this process, and where its answer is awaited."""
+class LocalQuestion:
+    """A question from another thread of this process, and the future of its answer."""
 
     question: Mapping[str, Any]
-    later: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
+    answer: Future[Mapping[str, Any]] = field(default_factory=Future[Mapping[str, Any]])
 
 
 @dataclass(slots=True, kw_only=True)

@@ -68,23 +68,29 @@ class WorldLink:
         if self.stamp:
             self._epoch, self.stamp = self._epoch - 1, b""
 
-    def read(self, key: str, data: bytes) -> m.ToMember | m.Readings | None:
-        """The message that arrived on a key; None for one that does not count.
+    def message(self, data: bytes) -> m.ToMember | None:
+        """The coordinator's message; None for one that does not count.
 
-        Raises ProtocolError and SceneError for a message of the coordinator that cannot be read:
-        a member that has missed one cannot take part any longer.
+        Raises ProtocolError and SceneError for a message that cannot be decoded: a member that has
+        missed one cannot take part any longer.
         """
-        if key.startswith(self._topics):
-            return self._readings(key, data)
-        body = self._body(data)
+        if self.stamp and data.startswith(self.stamp):
+            body = data[len(self.stamp) :]
+        elif (body := self._first_of_epoch(data)) is None:
+            return None
         try:
-            return None if body is None else self._decoder.to_member(body)
+            return self._decoder.to_member(body)
         except (ProtocolError, SceneError):
             if self._joined:
                 raise
-            return None  # Without the vocabulary, messages with symbols cannot be read.
+            return None  # Without the vocabulary, messages with symbols cannot be decoded.
 
-    def _readings(self, key: str, data: bytes) -> m.Readings | None:
+    def is_topic(self, key: str) -> bool:
+        """Whether readings arrive on a key."""
+        return key.startswith(self._topics)
+
+    def readings(self, key: str, data: bytes) -> m.Readings | None:
+        """The readings that arrived on the key of a topic; None if they cannot be decoded."""
         topic, publisher = key.split("/")[3:5]
         try:
             return self._decoder.readings(topic, publisher, data)
@@ -93,10 +99,8 @@ class WorldLink:
                 self._drop(publisher, str(error))
             return None
 
-    def _body(self, data: bytes) -> bytes | None:
-        """A message without its epoch; None for one of another coordinator."""
-        if self.stamp and data.startswith(self.stamp):
-            return data[len(self.stamp) :]
+    def _first_of_epoch(self, data: bytes) -> bytes | None:
+        """The message of a later coordinator without its epoch, if it concerns this member."""
         try:
             epoch, body = stamped(data)
             if epoch <= self._epoch:

@@ -9,7 +9,7 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.event_log import EventLog
 from minerva_bus.runtime.metrics import Metrics
 from minerva_bus.runtime.restraint import GUESTS, Restraint
-from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.wire.plain import on_screen
@@ -25,9 +25,9 @@ class WorldLog(Sink):
     def __init__(
         self,
         algorithm: FrameAlgorithm,
-        metrics: Metrics,
         show: Callable[[str, str, str], None],
         system: System,
+        metrics: Metrics,
     ) -> None:
         self.event_log = EventLog()
         self._algorithm = algorithm
@@ -52,11 +52,13 @@ class WorldLog(Sink):
         for subject, text in self._restraint.left_out(now):
             self._write(COORDINATOR if subject == GUESTS else subject, text)
 
-    def observe(self, notice: Notice) -> None:
-        """Log what the algorithm reports, and a frame's events while somebody watches."""
-        if isinstance(notice, s.Notify):
-            self.warn(notice.member, notice.text, notice.details)
-        elif isinstance(notice, s.FrameDone) and self._metrics.wanted:
+    def notify(self, notice: s.Notify) -> None:
+        """Log what the algorithm reports."""
+        self.warn(notice.member, notice.text, notice.details)
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Log a frame's events while an operator watches."""
+        if self._metrics.wanted:
             self.event_log.frame(notice.frame, notice.events)
 
     def _write(self, member: str, text: str, details: str = "") -> None:

@@ -75,23 +75,26 @@ class _Log(Sink):
         self.records: list[m.FrameRecord] = []
         self.inputs: list[FrameInputs] = []
         self.said: list[str] = []
-        self.ready = False
+        self.is_ready = False
 
     def decided(self, stimulus: s.Stimulus, instructions: Sequence[s.Instruction]) -> None:
         """Add a stimulus and its instructions to the trace."""
         self.trace.append(f"> {told(stimulus)}")
         self.trace += [f"    {line}" for line in map(told, instructions) if line]
 
-    def observe(self, notice: Notice) -> None:
-        """Keep what tests ask for."""
-        if isinstance(notice, s.FrameDone):
-            self.records.append(notice.record)
-            if notice.inputs is not None:
-                self.inputs.append(notice.inputs)
-        elif isinstance(notice, s.Ready):
-            self.ready = True
-        elif isinstance(notice, s.Notify):
-            self.said.append(f"{notice.member}: {notice.text}")
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Keep the record and the inputs of a frame."""
+        self.records.append(notice.record)
+        if notice.inputs is not None:
+            self.inputs.append(notice.inputs)
+
+    def ready(self, notice: s.Ready) -> None:
+        """Note that the next frame may begin."""
+        self.is_ready = True
+
+    def notify(self, notice: s.Notify) -> None:
+        """Keep a warning."""
+        self.said.append(f"{notice.member}: {notice.text}")
 
 
 class MemoryBus:
@@ -115,7 +118,7 @@ class MemoryBus:
 
     def _run(self, algorithm: FrameAlgorithm) -> None:
         self._runner = Runner(algorithm, self._transport, [self._log, *self._sinks])
-        self._log.ready = False
+        self._log.is_ready = False
 
     # --- members come and go ------------------------------------------------------------------
 
@@ -172,12 +175,12 @@ class MemoryBus:
         waiting = sorted(filter(self._may_pass, queues), key=_place)
         if not waiting and self.algorithm.phase is Phase.STOPPING and self._awaits_the_dead():
             return [CLOCK]
-        return [BEGIN, *waiting] if self._log.ready and not self.ended else waiting
+        return [BEGIN, *waiting] if self._log.is_ready and not self.ended else waiting
 
     def step(self, link: Link) -> None:
         """Deliver the first message of a link, or begin the next frame."""
         if link in (BEGIN, CLOCK):
-            self._log.ready = False
+            self._log.is_ready = False
             self.handle(s.Begin() if link == BEGIN else s.Silent())
             return
         message, (kind, name) = self._transport.queues[link].popleft(), link
@@ -225,7 +228,7 @@ class MemoryBus:
         """Run until the world ends, for so many frames, or until it waits."""
         self.settle()
         for _ in range(frames):
-            if self.ended is not None or not self._log.ready:
+            if self.ended is not None or not self._log.is_ready:
                 return
             self.frame()
 

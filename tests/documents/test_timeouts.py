@@ -8,7 +8,7 @@ import pytest
 
 from minerva_bus.launch import members, starting, supervisor
 from minerva_bus.runtime import arrival as arrivals
-from minerva_bus.runtime import greetings, member, monitor, rejoin, session, waiting
+from minerva_bus.runtime import member, monitor, rejoin, session, waiting
 
 PAGE = Path(__file__).parents[2] / "docs" / "timeouts.md"
 ROW = re.compile(r"^\| `((?:runtime|launch)\.[\w.]+)` \| ([\d.]+) \| .+ \|$", re.M)
@@ -43,7 +43,7 @@ def test_timeouts_that_follow_one_another_are_in_order():
     patience, arrival = waiting.Patience(), arrivals.Arrival()
     assert patience.soft < patience.hard
     assert starting.MAKES_ROOM_AFTER < waiting.START
-    assert greetings.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
+    assert monitor.GREETED_AGAIN < arrival.greeted < arrival.greeted_at_most
     assert session.LEASE < member.BACK_WITHIN < monitor.BACK_WITHIN
     assert session.LEASE < rejoin.NAME_FREE_AGAIN < member.BACK_WITHIN
     assert monitor.HURRIED_REPORTS_WITHIN < supervisor.GRACE

@@ -153,9 +153,9 @@ def test_an_objection_says_which_type_differs_and_how():
 def test_what_is_said_of_who_does_not_answer_is_what_happens(guest, then, on_failure, said):
     own = {} if guest else {"m": on_failure}
     waits = Waits(Deadlines(Patience(1.0, 30.0, then), on_failure=own))
-    waits.look("step", True, ["m"], 0.0)
-    waits.look("step", True, ["m"], 1.0)
-    [(who, text)] = waits.told(waits.unsaid(1.0), ["m"] if guest else [], 1.0)
+    waits.update("step", True, ["m"], 0.0)
+    waits.update("step", True, ["m"], 1.0)
+    [(who, text)] = waits.describe(waits.reportable(1.0), ["m"] if guest else [], 1.0)
     assert (who, text) == ("m", f"it for 1.0 s; {said}")
 
 

@@ -7,24 +7,10 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MEMBERS, World, eventually, write_world
 
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.greetings import GREETED_AGAIN, Greetings
 from minerva_bus.runtime.session import open_client
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.keys import Keys
-
-
-def test_who_does_not_answer_is_named_once_until_it_is_greeted_again():
-    greetings = Greetings()
-    for name in ("b", "a", "c"):
-        greetings.sent(name, 10.0)
-    greetings.answered("c")
-    greetings.answered("nobody")
-    assert greetings.unanswered(10.0 + GREETED_AGAIN / 2) == []
-    assert greetings.unanswered(10.0 + GREETED_AGAIN) == ["a", "b"]
-    assert greetings.unanswered(10.0 + 9 * GREETED_AGAIN) == []
-    greetings.sent("a", 20.0)
-    assert greetings.unanswered(20.0 + GREETED_AGAIN) == ["a"]
 
 
 def test_a_member_that_can_be_seen_before_it_hears_is_greeted_all_the_same(tmp_path):

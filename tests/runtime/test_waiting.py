@@ -21,18 +21,18 @@ def waits(queued=(), **own):
 
 def test_no_frame_waits_for_a_member_still_to_be_started():
     waiting = waits({"a", "b"})
-    assert waiting.look(GATHERING, False, ["a", "b"], 0.0) == 0.0
+    assert waiting.update(GATHERING, False, ["a", "b"], 0.0) == 0.0
     waiting.started("a", 5.0)
-    assert waiting.look(GATHERING, False, ["a", "b"], 6.5) == 1.5
-    assert waiting.unsaid(6.5) == ["a"]
+    assert waiting.update(GATHERING, False, ["a", "b"], 6.5) == 1.5
+    assert waiting.reportable(6.5) == ["a"]
     assert waiting.overdue(1e9) == [("a", "restart")]
 
 
 def test_a_member_is_waited_for_since_its_process_was_started():
     waiting = waits()
-    waiting.look(GATHERING, False, ["a"], 0.0)
+    waiting.update(GATHERING, False, ["a"], 0.0)
     waiting.started("a", 100.0)
-    waiting.look(GATHERING, False, ["a"], 100.0 + START - 0.1)
+    waiting.update(GATHERING, False, ["a"], 100.0 + START - 0.1)
     assert not waiting.overdue(100.0 + START - 0.1)
     assert waiting.overdue(100.0 + START) == [("a", "restart")]
 
@@ -40,39 +40,39 @@ def test_a_member_is_waited_for_since_its_process_was_started():
 def test_where_all_start_slowly_each_has_longer():
     waiting = waits({"a", "b"})
     waiting.started("a", 0.0)
-    assert waiting.came("a", 20.0)
+    assert waiting.arrived("a", 20.0)
     waiting.started("b", 20.0)
-    waiting.look(GATHERING, False, ["b"], 21.0)
+    waiting.update(GATHERING, False, ["b"], 21.0)
     assert waiting.patience("b").soft == TIMES_SLOWEST_SAID * 20.0
     assert waiting.patience("b").hard == TIMES_SLOWEST * 20.0
 
 
 def test_a_hello_counts_once_for_each_start():
     waiting = waits()
-    assert not waiting.came("a", 0.0)
+    assert not waiting.arrived("a", 0.0)
     waiting.started("a", 0.0)
-    assert waiting.came("a", 0.1)
-    assert not waiting.came("a", 0.2)
+    assert waiting.arrived("a", 0.1)
+    assert not waiting.arrived("a", 0.2)
 
 
 def test_a_member_restarted_in_a_frame_has_time_to_start():
     waiting = waits()
-    waiting.look(FRAME, True, ["a"], 0.0)
+    waiting.update(FRAME, True, ["a"], 0.0)
     assert waiting.overdue(2.0) == [("a", "restart")]
     waiting.started("a", 3.0)
-    waiting.look(FRAME, True, ["a"], 3.0 + START - 0.1)
+    waiting.update(FRAME, True, ["a"], 3.0 + START - 0.1)
     assert not waiting.overdue(3.0 + START - 0.1)
-    waiting.came("a", 3.0 + START - 0.1)
-    waiting.look(FRAME, True, ["a"], 40.0)
+    waiting.arrived("a", 3.0 + START - 0.1)
+    waiting.update(FRAME, True, ["a"], 40.0)
     assert not waiting.overdue(41.9)
     assert waiting.overdue(42.0) == [("a", "restart")]
 
 
 def test_a_frame_that_skips_a_member_skips_it_while_it_starts_too():
     waiting = waits(a=Patience(0.1, 0.3, "skip"))
-    waiting.look(FRAME, True, ["a"], 0.0)
+    waiting.update(FRAME, True, ["a"], 0.0)
     waiting.started("a", 0.1)
-    waiting.look(FRAME, True, ["a"], 0.5)
+    waiting.update(FRAME, True, ["a"], 0.5)
     assert waiting.overdue(0.5) == [("a", "skip")]
 
 
@@ -83,8 +83,8 @@ def test_starts_are_spoken_of_now_and_then_in_one_line():
         now = tick / 10
         if tick < 500 and tick % 10 == 0:
             waiting.started(names[tick // 10], now)
-        waiting.look(GATHERING, False, names, now)
-        unsaid = waiting.unsaid(now)
-        said += [(now, text) for _, text in waiting.told(unsaid, (), now)] if unsaid else []
+        waiting.update(GATHERING, False, names, now)
+        unsaid = waiting.reportable(now)
+        said += [(now, text) for _, text in waiting.describe(unsaid, (), now)] if unsaid else []
     assert said
     assert all(b[0] - a[0] >= STARTS_SAID_EVERY - 1e-9 for a, b in pairwise(said))

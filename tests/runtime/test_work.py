@@ -1,6 +1,8 @@
 """Members, strangers and people that want more work than there may be: the frames go on."""
 
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import msgpack
@@ -15,8 +17,8 @@ from minerva_bus.frame.description import World as Described
 from minerva_bus.grammar.batch import Events, single
 from minerva_bus.grammar.symbols import EventType, Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime.large import LargeMessages, Letter
-from minerva_bus.runtime.questions import PAUSE, Questions
+from minerva_bus.runtime.answers import PAUSE_FACTOR, Answers
+from minerva_bus.runtime.large import LargeMessage, LargeMessages
 from minerva_bus.runtime.session import open_client
 from minerva_bus.runtime.system import System
 from minerva_bus.wire.codec import Decoder, encode
@@ -104,13 +106,13 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
     system, opened = Still(), []
     large = letters(system, opened.append)
     for member, number in (("a", 1), ("a", 2), ("b", 3)):
-        large.add(Letter(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
+        large.add(LargeMessage(member, 1, encode(m.Emitted(member, (eDrop(number),)))))
     found = []
     while system.calls:
         assert len(system.calls) == 1
         system.calls.pop()()
         large.taken(opened[-1])
-        found.append((opened[-1].letter.member, opened[-1].message.events[0].number))
+        found.append((opened[-1].large.member, opened[-1].message.events[0].number))
     assert found == [("a", 1), ("b", 3), ("a", 2)]
     assert [large.behind(one) for one in "ab"] == [0, 0]
 
@@ -118,41 +120,62 @@ def test_large_messages_are_opened_one_at_a_time_and_members_take_turns():
 def test_a_large_message_that_is_wrong_is_handed_over_with_what_is_wrong():
     system, opened = Still(), []
     large = letters(system, opened.append)
-    large.add(Letter("a", 1, b"\xc1"))
+    large.add(LargeMessage("a", 1, b"\xc1"))
     system.calls.pop()()
     assert opened[0].message is None
     assert "this is no msgpack" in opened[0].problem
 
 
-def ask(questions, replies):
-    asked: Any = type("Q", (), {"key": "minerva/w/control", "data": b"", "reply": None})()
-    asked.reply = lambda key, data: replies.append(unpack(data))
-    heard = questions.hear(asked)
-    if heard is not None:
-        questions.add(heard)
+class Query:
+    """A query as Zenoh delivers it, which keeps its replies."""
+
+    key_expr = "minerva/w/control"
+    payload = SimpleNamespace(to_bytes=lambda: pack({"ask": "slow"}))
+
+    def __init__(self, replies):
+        self.reply = lambda key, data: replies.append(unpack(data))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
 
 
-def test_a_question_too_many_is_answered_at_once_and_others_have_their_share():
+def test_excess_questions_are_rejected_at_once_and_answers_leave_time_for_frames():
     system, answered, replies = Still(), [], []
 
-    def answer(question):
+    def slow(_world, asked):
         system.now += 1.0
-        answered.append(question)
+        answered.append(asked)
+        return {}
 
-    questions = Questions(3, answer, "w", cast("System", system))
+    world: Any = SimpleNamespace(algorithm=SimpleNamespace(world=SimpleNamespace(name="w")))
+    admission: Any = SimpleNamespace(objection_to_question=lambda *_: "")
+    limits = replace(DEFAULT, questions=3)
+    answers = Answers(
+        world, admission, limits, lambda: None, cast("System", system), {"slow": slow}
+    )
+
+    def ask():
+        query: Any = Query(replies)
+        question = answers.admit(query)
+        if question is not None:
+            answers.queue.append(question)
+
     for _ in range(5):
-        ask(questions, replies)
-    assert [one["error"] for one in replies] == [
+        ask()
+    assert [reply["error"] for reply in replies] == [
         "3 questions wait for an answer already; ask again in a moment"
     ] * 2
-    questions.answer_due()
-    questions.answer_due()
+    answers.answer_due()
+    answers.answer_due()
     assert len(answered) == 1
-    assert questions.wait == PAUSE
-    ask(questions, replies)
-    assert len(replies) == 2  # There was room again.
-    system.now += PAUSE
-    questions.answer_due()
+    assert answers.wait == PAUSE_FACTOR
+    ask()
+    assert replies[2:] == [{}]  # It was admitted: the only reply since is the first answer.
+    system.now += PAUSE_FACTOR
+    answers.answer_due()
     assert len(answered) == 2
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from minerva_bus.errors import KeysError
 from minerva_bus.frame import messages as m
-from minerva_bus.runtime.admission import LOOK_EVERY, NO_NAME, Admission, Security
+from minerva_bus.runtime.admission import LOOK_EVERY, NO_NAME, Admission, ListenConfig, Security
 from minerva_bus.runtime.admission_rules import MAX_NAMES, STRANGERS, AdmissionRules
 from minerva_bus.security.credentials import Rights
 from minerva_bus.wire.codec import declaration, encode
@@ -83,7 +83,7 @@ def test_without_certificates_all_may_do_all():
 @pytest.mark.parametrize("name", ["a$*", "*", "", "a b", "\x1b[2J", "ä", "-a", "a" * 65])
 def test_who_has_no_name_is_a_stranger(name):
     said = []
-    guard = Admission(Keys("w"), Limits(), None, lambda *told: said.append(told))
+    guard = Admission(Keys("w"), Limits(), ListenConfig(), lambda *told: said.append(told))
     assert guard.keeps_out(name)
     assert guard.keeps_out(name)
     assert guard.rules.refused == {STRANGERS: 2}
@@ -109,7 +109,9 @@ class Folder:
 def guarded(folder):
     said = []
     security = Security(None, "", folder.rights, lambda: folder.stamp)
-    return Admission(Keys("w"), Limits(), security, lambda *told: said.append(told)), said
+    return Admission(
+        Keys("w"), Limits(), ListenConfig(security=security), lambda *told: said.append(told)
+    ), said
 
 
 FOX = Rights("fox", frozenset({"agent"}))

@@ -12,7 +12,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.runner import Notice, Sink
+from minerva_bus.runtime.runner import Sink
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.testing.simulation.history import Act
@@ -95,9 +95,9 @@ class _FrameSink(Sink):
             self._observed.begun.append((self._timeline.now, algorithm.frame))
             self._begins(algorithm.frame)
 
-    def observe(self, notice: Notice) -> None:
+    def frame_done(self, notice: s.FrameDone) -> None:
         """A frame ends."""
-        if not isinstance(notice, s.FrameDone) or not self._lives:
+        if not self._lives:
             return
         digest, inputs = notice.record.digest.hex(), notice.inputs
         assert inputs is not None
