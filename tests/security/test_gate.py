@@ -1,5 +1,7 @@
 """How much a member may say, who may be what, and how refusals are counted."""
 
+from typing import Any
+
 import pytest
 
 from minerva_bus.errors import KeysError
@@ -108,7 +110,8 @@ class Folder:
 
 def guarded(folder):
     said = []
-    security = Security(None, "", folder.rights, lambda: folder.stamp)
+    own: Any = None  # No session is opened.
+    security = Security(own, "", folder.rights, lambda: folder.stamp)
     return Admission(
         Keys("w"), Limits(), ListenConfig(security=security), lambda *told: said.append(told)
     ), said
