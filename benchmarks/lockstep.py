@@ -150,7 +150,7 @@ def best(rows: list[dict[str, float]]) -> dict[str, float]:
 
 def main() -> None:
     """Measure in turns and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4, 8, 16])
     parser.add_argument("--steps", type=int, default=1000)
     parser.add_argument("--turns", type=int, default=3)

@@ -1,5 +1,6 @@
 """Where a link has come back, a member can be seen before it hears: it is greeted until it does."""
 
+# pyright: reportMissingImports=false
 import sys
 from pathlib import Path
 
