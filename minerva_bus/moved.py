@@ -16,6 +16,7 @@ MOVED: Final = {
     "minerva_bus.world.acl": "minerva_bus.acl",
     "minerva_bus.record": "minerva_bus.log",
     "minerva_bus.world.moment": "minerva_bus.world.context",
+    "minerva_bus.world.poses": "minerva_bus.semantics.poses",
     "minerva_bus.world.chance": "minerva_bus.world.rng",
     "minerva_services.opengl": "minerva_services.views.opengl",
     "minerva_services.sprites": "minerva_services.views.sprites",

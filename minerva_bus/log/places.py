@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.grammar.columns import Columns
+from minerva_bus.grammar.forms import Motion
 from minerva_bus.grammar.scene import (
     AgentNode,
     FigureNode,
@@ -27,7 +28,8 @@ from minerva_bus.grammar.scene import (
     walk,
 )
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.plane import Pose, resolve
+from minerva_bus.semantics.plane import after
+from minerva_bus.semantics.poses import Pose
 
 Numbers = NDArray[np.float64]
 _Get = Callable[[str, float], Numbers]
@@ -135,24 +137,13 @@ def _find(
             continue
         if isinstance(node, TransformationNode):
             if opens:
-                poses.append(_moved(poses[-1], node, vocabulary))
+                declared = vocabulary.transformations.get(node.symbol)
+                motion = (declared.motion if declared is not None else None) or Motion()
+                poses.append(after(motion, node.parameters, poses[-1]))
             else:
                 poses.pop()
         elif opens and node.symbol in placed:
             posed.setdefault(node.symbol, []).append((node, poses[-1]))
-
-
-def _moved(pose: Pose, node: TransformationNode, vocabulary: Vocabulary) -> Pose:
-    declared = vocabulary.transformations.get(node.symbol)
-    motion = declared.motion if declared is not None else None
-    if motion is None:
-        return pose
-    return pose.then(
-        resolve(motion.x, node.parameters),
-        resolve(motion.y, node.parameters),
-        resolve(motion.turn, node.parameters),
-        resolve(motion.forward, node.parameters),
-    )
 
 
 def _of_agents(kind: str, posed: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]) -> Places:

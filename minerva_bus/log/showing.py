@@ -17,7 +17,8 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.channels import NANO
 from minerva_bus.log.places import Places
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import PlaneGeometry, Pose, resolve
+from minerva_bus.semantics.plane import PlaneGeometry, raster_corner, resolve
+from minerva_bus.semantics.poses import Pose
 
 GROUND: Final = "world"
 """Name of the frame of reference."""
@@ -83,7 +84,7 @@ class _Maps(PlaneGeometry):
 
 def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
     parameters = figure.parameters
-    corner = corner_of(raster, figure, at)
+    corner = raster_corner(raster, figure.parameters, at)
     cell, cells = resolve(raster.cell, parameters), parameters[raster.cells]
     return {
         "timestamp": time_stamp(0),
@@ -96,17 +97,6 @@ def _grid(raster: Raster, figure: FigureNode, at: Pose) -> dict[str, Any]:
         "fields": _FIELDS,
         "data": base64.b64encode(painted(raster, cells).swapaxes(0, 1).tobytes()).decode(),
     }
-
-
-def corner_of(raster: Raster, figure: FigureNode, at: Pose) -> Pose:
-    """Pose of the outer corner of a raster's cell (0, 0)."""
-    parameters = figure.parameters
-    return at.then(
-        resolve(raster.x, parameters),
-        resolve(raster.y, parameters),
-        resolve(raster.turn, parameters),
-        0.0,
-    )
 
 
 def painted(raster: Raster, cells: Any) -> Any:

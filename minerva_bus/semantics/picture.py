@@ -21,7 +21,8 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.by_parts import ByParts, Lister
-from minerva_bus.semantics.plane import Pose, resolve, resolve_all
+from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
+from minerva_bus.semantics.poses import Pose
 
 Floats: TypeAlias = NDArray[np.float64]
 Color: TypeAlias = tuple[int, int, int]
@@ -222,9 +223,9 @@ def _points(line: Line, figure: FigureNode, at: Pose) -> Floats:
 
 
 def _tiles(raster: Raster, figure: FigureNode, at: Pose, owner: str) -> Tiles:
-    p = figure.parameters
-    corner = at.then(resolve(raster.x, p), resolve(raster.y, p), resolve(raster.turn, p), 0.0)
-    return Tiles(p[raster.cells], corner, resolve(raster.cell, p), raster, owner)
+    parameters = figure.parameters
+    corner, cell = raster_corner(raster, parameters, at), resolve(raster.cell, parameters)
+    return Tiles(parameters[raster.cells], corner, cell, raster, owner)
 
 
 class Lists:

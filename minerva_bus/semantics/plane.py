@@ -1,15 +1,13 @@
 """A geometric system of the plane that knows symbols by their forms only.
 
-`PlaneGeometry` keeps where the string's transformations have led to and hands each primitive's
-shape, with its measures resolved, to `shape`. Pictures, windows and bounds derive from it.
+`PlaneGeometry` tracks the pose to which the transformations of a string have led, and passes the
+shape of each primitive to its method `shape`. Pictures, windows and bounds derive from it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,48 +15,62 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Measure, Motion, Shape
+from minerva_bus.grammar.forms import Disc, Line, Measure, Motion, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import Geometry
+from minerva_bus.semantics.poses import Point, Pose
 
 Floats: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """A place in the plane: metres, and degrees counter-clockwise from the x axis."""
-
-    x: float = 0.0
-    y: float = 0.0
-    angle: float = 0.0
-
-    def then(self, x: float, y: float, turn: float, forward: float) -> Pose:
-        """Shift by (x, y) in this pose's own axes, turn, and go forward."""
-        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
-        angle = self.angle + turn
-        ahead = math.radians(angle)
-        return Pose(
-            self.x + x * cos - y * sin + forward * portable.cos(ahead),
-            self.y + x * sin + y * cos + forward * portable.sin(ahead),
-            angle,
-        )
-
-
 def resolve(measure: Measure, parameters: Mapping[str, Any]) -> float:
-    """A form's measure: the number itself, or the value of the parameter that it names."""
+    """The number of a form's measure: itself, or the value of the parameter that it names."""
     return float(parameters[measure]) if isinstance(measure, str) else measure
 
 
 def resolve_all(measure: Measure, level: Columns) -> Floats:
-    """A form's measure for each row of a level of columns; shape (n,)."""
+    """The number of a form's measure in each row of a level of columns; shape (n,)."""
     if isinstance(measure, str):
         return np.asarray(level.column(measure), np.float64)
     return np.full(level.count, float(measure))
 
 
+def after(motion: Motion, parameters: Mapping[str, Any], at: Pose) -> Pose:
+    """The pose to which a motion with these parameters leads."""
+    return at.then(
+        resolve(motion.x, parameters),
+        resolve(motion.y, parameters),
+        resolve(motion.turn, parameters),
+        resolve(motion.forward, parameters),
+    )
+
+
+def raster_corner(raster: Raster, parameters: Mapping[str, Any], at: Pose) -> Pose:
+    """The pose of the corner of a raster's cell (0, 0)."""
+    return after(Motion(raster.x, raster.y, raster.turn), parameters, at)
+
+
+def outline(shape: Shape, parameters: Mapping[str, Any], at: Pose) -> tuple[list[Point], float]:
+    """Points in metres and a margin around them that contain all that a shape draws.
+
+    The centre of a disc and its radius, the points of a line and half its width, the corners of a
+    raster, the position of a label.
+    """
+    if isinstance(shape, Disc):
+        return [(at.x, at.y)], resolve(shape.radius, parameters)
+    if isinstance(shape, Line):
+        points = zip(parameters[shape.xs], parameters[shape.ys], strict=False)
+        return [at.point(x, y) for x, y in points], shape.width / 2
+    if isinstance(shape, Raster):
+        corner, cell = raster_corner(shape, parameters, at), resolve(shape.cell, parameters)
+        rows, columns = parameters[shape.cells].shape
+        return [corner.point(x, y) for x in (0.0, rows * cell) for y in (0.0, columns * cell)], 0.0
+    return [(at.x, at.y)], 0.0
+
+
 class PlaneGeometry(Geometry):
-    """A geometry in which transformations move a pose about the plane, as their motions say."""
+    """A geometry in which transformations move a pose in the plane by their motions."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
@@ -72,19 +84,16 @@ class PlaneGeometry(Geometry):
     def other_transformation(
         self, transformation: TransformationNode
     ) -> AbstractContextManager[Any]:
-        declared = self.vocabulary.transformations.get(transformation.symbol)
-        motion = declared.motion if declared is not None else None
-        return self._moved(motion or Motion(), transformation.parameters)
+        return self._moved(self._motion(transformation.symbol), transformation.parameters)
+
+    def _motion(self, symbol: str) -> Motion:
+        declared = self.vocabulary.transformations.get(symbol)
+        return (declared.motion if declared is not None else None) or Motion()
 
     @contextmanager
     def _moved(self, motion: Motion, parameters: Mapping[str, Any]) -> Generator[None]:
         before = self.pose
-        self.pose = before.then(
-            resolve(motion.x, parameters),
-            resolve(motion.y, parameters),
-            resolve(motion.turn, parameters),
-            resolve(motion.forward, parameters),
-        )
+        self.pose = after(motion, parameters, before)
         yield
         self.pose = before
 
@@ -92,15 +101,15 @@ class PlaneGeometry(Geometry):
         """α of a primitive with a shape, at `self.pose`."""
 
     def poses(self, levels: Sequence[Columns], count: int) -> tuple[Floats, Floats, Floats]:
-        """Where a chain of transformations in columns leads: x, y (m) and angle (deg), by row.
+        """Poses to which a chain of transformations in columns leads: x, y (m), angle (deg), (n,).
 
-        To the last bit where each row by itself would lead.
+        Equal to the last bit to `Pose.then` of each row, because a string in columns and the same
+        string in nodes must have the same views.
         """
         at = self.pose
         x, y, angle = np.full(count, at.x), np.full(count, at.y), np.full(count, at.angle)
         for level in levels:
-            declared = self.vocabulary.transformations.get(level.symbol)
-            motion = (declared.motion if declared is not None else None) or Motion()
+            motion = self._motion(level.symbol)
             dx, dy = resolve_all(motion.x, level), resolve_all(motion.y, level)
             cos, sin = _direction(angle, dx, dy)
             x, y = x + dx * cos - dy * sin, y + dx * sin + dy * cos
@@ -112,7 +121,8 @@ class PlaneGeometry(Geometry):
 
 
 def _direction(angle: Floats, along: Floats, across: Floats) -> tuple[Floats, Floats]:
-    """Cosine and sine, where a way along or across them is not 0."""
+    """Cosine and sine of angles, or of 0 where nothing moves by them."""
+    # Most motions of a population have no angle or no length, and two sines cost more than a check.
     if not angle.any() or not (along.any() or across.any()):
         return np.ones(len(angle)), np.zeros(len(angle))
     turns = np.radians(angle)

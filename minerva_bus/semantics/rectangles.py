@@ -1,34 +1,54 @@
-"""A matrix of truths as few rectangles."""
+"""Cells of a matrix as few rectangles: colour ranges, and runs merged across rows."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-Rectangle: TypeAlias = tuple[int, int, int, int]
+Integers: TypeAlias = NDArray[np.int64]
 
 
-def rectangles(cells: NDArray[np.bool_]) -> list[Rectangle]:
-    """Rectangles that cover what is true in a matrix, and do not cover one another.
+def color_ranges(cells: NDArray[Any], colors: Iterable[tuple[int, str]]) -> NDArray[np.uint16]:
+    """For each cell the number of its colour range, from 1; 0 below the first. Same shape."""
+    numbers = np.zeros(cells.shape, np.uint16)
+    for least, _ in colors:
+        numbers += cells >= least
+    return numbers
 
-    Each is the row and the column from which, and those up to which (not included) it goes. A run
-    of columns goes on from row to row as long as the next row has the very same run. They are in
-    the order in which they end.
+
+def rectangles(numbers: NDArray[np.uint16], drawn: NDArray[np.bool_]) -> tuple[Integers, ...]:
+    """Rectangles that cover each cell whose number is `drawn` exactly once.
+
+    Runs along the columns that continue unchanged in the next row merge to one rectangle. Returns
+    five columns (n,), sorted by number, column and length of the run, and row: number, row, column,
+    rows, columns.
     """
-    found: list[Rectangle] = []
-    growing: dict[tuple[int, int], int] = {}
-    for row in range(len(cells) + 1):
-        runs = _runs(cells[row]) if row < len(cells) else []
-        for run in sorted(growing.keys() - set(runs)):
-            found.append((growing.pop(run), run[0], row, run[1]))
-        growing.update((run, row) for run in runs if run not in growing)
-    return found
+    rows, columns = numbers.shape
+    if not numbers.size:
+        return (np.empty(0, np.int64),) * 5
+    opens = np.ones(numbers.shape, np.bool_)
+    np.not_equal(numbers[:, 1:], numbers[:, :-1], out=opens[:, 1:])
+    starts = np.flatnonzero(opens)
+    lengths = np.diff(starts, append=numbers.size)
+    number = numbers.ravel()[starts].astype(np.int64)
+    shown = drawn[number]
+    row, column = np.divmod(starts[shown], columns)
+    # One integer for (number, column, length, row): after sorting, a run and its continuation in
+    # the next row are neighbours that differ by 1. No row has the number `rows`, so no other pair
+    # does.
+    shape = number[shown] * columns + column
+    runs = np.sort((shape * (columns + 1) + lengths[shown]) * (rows + 1) + row)
+    heads = np.flatnonzero(np.diff(runs, prepend=-2) != 1)
+    shape, row = np.divmod(runs[heads], rows + 1)
+    shape, length = np.divmod(shape, columns + 1)
+    number, column = np.divmod(shape, columns)
+    return number, row, column, np.diff(heads, append=runs.size), length
 
 
-def _runs(line: NDArray[Any]) -> list[tuple[int, int]]:
-    """Where what is true begins and ends."""
-    padded = np.concatenate(([False], line, [False]))
-    ends = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
-    return list(zip(ends[::2], ends[1::2], strict=True))
+def mask_rectangles(mask: NDArray[np.bool_]) -> Integers:
+    """Rectangles (n, 4) of row, column, rows, columns that cover each true cell exactly once."""
+    covered = rectangles(mask.astype(np.uint16), np.array([False, True]))
+    return np.stack(covered[1:], axis=1)

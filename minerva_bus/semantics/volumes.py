@@ -24,17 +24,17 @@ from numpy.typing import NDArray
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.columns import Columns
-from minerva_bus.grammar.forms import Disc, Line, Raster, Shape
+from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.by_parts import ByParts, Lister
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import Floats, Pose, resolve, resolve_all
-from minerva_bus.semantics.rectangles import rectangles
+from minerva_bus.semantics.plane import Floats, outline, raster_corner, resolve, resolve_all
+from minerva_bus.semantics.poses import Point, Pose
+from minerva_bus.semantics.rectangles import mask_rectangles
 
 Ints: TypeAlias = NDArray[np.intp]
 Texts: TypeAlias = NDArray[np.object_]
-Point: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,32 +190,25 @@ def _cores(
     shape: Shape, parameters: Mapping[str, Any], at: Pose
 ) -> tuple[list[tuple[Point, ...]], float]:
     """The cores of a shape's volumes, and the radius around them."""
-    if isinstance(shape, Disc):
-        return [((at.x, at.y),)], resolve(shape.radius, parameters)
-    if isinstance(shape, Line):
-        points = zip(parameters[shape.xs], parameters[shape.ys], strict=False)
-        ends = [_at(at, x, y) for x, y in points]
-        pairs = zip(ends, ends[1:] or ends, strict=False)
-        return [pair if pair[0] != pair[1] else pair[:1] for pair in pairs], shape.width / 2
-    if isinstance(shape, Raster) and shape.height > 0:
-        return _boxes(shape, parameters, at), 0.0
-    return [], 0.0
+    if isinstance(shape, Raster):
+        return _boxes(shape, parameters, at) if shape.height > 0 else [], 0.0
+    if isinstance(shape, Label):
+        return [], 0.0
+    points, radius = outline(shape, parameters, at)
+    pairs = zip(points, points[1:] or points, strict=False)
+    return [pair if pair[0] != pair[1] else pair[:1] for pair in pairs], radius
 
 
 def _boxes(raster: Raster, parameters: Mapping[str, Any], at: Pose) -> list[tuple[Point, ...]]:
-    x, y, turn = (resolve(measure, parameters) for measure in (raster.x, raster.y, raster.turn))
-    corner, cell = at.then(x, y, turn, 0.0), resolve(raster.cell, parameters)
-    stands = parameters[raster.cells] >= raster.colors[-1][0]
-    found = [[value * cell for value in row] for row in rectangles(stands)]
+    corner, cell = raster_corner(raster, parameters, at), resolve(raster.cell, parameters)
+    boxes = mask_rectangles(parameters[raster.cells] >= raster.colors[-1][0])
+    boxes[:, 2:] += boxes[:, :2]
+    # Sorted by last row and first column: contacts list the boxes of a wall in this order.
+    boxes = boxes[np.lexsort((boxes[:, 1], boxes[:, 2]))] * cell
     return [
-        (_at(corner, a, b), _at(corner, c, b), _at(corner, c, d), _at(corner, a, d))
-        for a, b, c, d in found
+        (corner.point(a, b), corner.point(c, b), corner.point(c, d), corner.point(a, d))
+        for a, b, c, d in boxes.tolist()
     ]
-
-
-def _at(pose: Pose, x: float, y: float) -> Point:
-    there = pose.then(x, y, 0.0, 0.0)
-    return there.x, there.y
 
 
 def _text(parameters: Mapping[str, Any], name: str) -> str:

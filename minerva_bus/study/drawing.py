@@ -9,9 +9,9 @@ import numpy as np
 from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.showing import corner_of, painted
+from minerva_bus.log.showing import painted
 from minerva_bus.semantics.bounds import Bounds, bounds
-from minerva_bus.semantics.plane import PlaneGeometry, resolve
+from minerva_bus.semantics.plane import PlaneGeometry, raster_corner, resolve
 from minerva_bus.study.palette import Palette
 from minerva_bus.study.tracks import Story, Track
 
@@ -41,7 +41,10 @@ class Ground(PlaneGeometry):
         from matplotlib.transforms import Affine2D
 
         cells = figure.parameters[raster.cells]
-        cell, corner = resolve(raster.cell, figure.parameters), corner_of(raster, figure, self.pose)
+        cell, corner = (
+            resolve(raster.cell, figure.parameters),
+            raster_corner(raster, figure.parameters, self.pose),
+        )
         turned = Affine2D().rotate_deg(corner.angle).translate(corner.x, corner.y)
         self._axis.imshow(
             painted(raster, cells).swapaxes(0, 1),
@@ -60,10 +63,10 @@ class Ground(PlaneGeometry):
 
     def _line(self, line: Line, figure: FigureNode) -> None:
         xs, ys = figure.parameters[line.xs], figure.parameters[line.ys]
-        points = [self.pose.then(x, y, 0.0, 0.0) for x, y in zip(xs, ys, strict=False)]
+        points = [self.pose.point(x, y) for x, y in zip(xs, ys, strict=False)]
         self._axis.plot(
-            [one.x for one in points],
-            [one.y for one in points],
+            [x for x, _ in points],
+            [y for _, y in points],
             color=line.color,
             linewidth=1,
             linestyle="--" if line.dashed else "-",

@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Final
 
 from minerva_bus import portable
-from minerva_bus.world.poses import HasPose, Pose, interpolated
+from minerva_bus.semantics.poses import HasPose, Pose, interpolated
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import Recorded
 

@@ -13,8 +13,8 @@ from sweeping import drive, place_at, spread, without_path
 from minerva_agents.robot.maps import OCCUPIED, load_map
 from minerva_bus.cli.mapping import map_recording
 from minerva_bus.errors import MisuseError
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import hits
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_services.bridges.ros2 import Ros2, Ros2Robot
 from minerva_services.bridges.ros2 import messages as types

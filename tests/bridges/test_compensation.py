@@ -11,10 +11,10 @@ from sweeping import drive, place_at, spread, swept, without_path
 
 from minerva_agents.robot.locating import ScanMotion, located_scans
 from minerva_agents.robot.mapping import draw_map
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.beams import hits
 from minerva_bus.world.compensation import Compensator, path_of
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import MapChoice, Recorded
 from minerva_services.bridges.ros2.buffers import scanned_from
@@ -167,8 +167,8 @@ def test_a_scan_told_from_elsewhere_keeps_its_walls():
     other = scanned_from(shift, scan, "r1")
     for number in (0, 100, 359):
         ends = [_end(reading, number) for reading in (scan, other)]
-        assert shift.then(Pose(*ends[0])).x == pytest.approx(Pose(*ends[1]).x, abs=2e-3)
-        assert shift.then(Pose(*ends[0])).y == pytest.approx(Pose(*ends[1]).y, abs=2e-3)
+        assert shift.compose(Pose(*ends[0])).x == pytest.approx(Pose(*ends[1]).x, abs=2e-3)
+        assert shift.compose(Pose(*ends[0])).y == pytest.approx(Pose(*ends[1]).y, abs=2e-3)
 
 
 def _end(scan, number):

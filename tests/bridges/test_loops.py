@@ -15,7 +15,7 @@ from minerva_agents.robot.drift import errors_of
 from minerva_agents.robot.loops import closed_loops
 from minerva_agents.robot.mapping import draw_map
 from minerva_agents.robot.pose_graph import Edge, optimised
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import MapChoice
 

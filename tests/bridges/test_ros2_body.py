@@ -14,7 +14,7 @@ from minerva_agents.robot.vocabulary import TPlace
 from minerva_agents.robot.world import vocabulary
 from minerva_bus import Frame, Tick, WorldInfo
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Robot
 from minerva_services.bridges.ros2 import messages as types

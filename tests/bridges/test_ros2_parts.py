@@ -9,7 +9,7 @@ from minerva_agents.robot.vocabulary import PRobot, TMove, TPlace, TRotate
 from minerva_bus import Scene
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Scan, Sighting, Sightings
 from minerva_services.bridges.ros2.buffers import scanned_from, seen_from
 from minerva_services.bridges.ros2.driver import STILL, Driver, DriveTolerances, State
@@ -188,8 +188,8 @@ def test_wrong_mounts(text):
 def test_a_scan_of_a_robot_that_lags_behind_is_of_the_same_walls():
     scan = Scan("", np.array([2.0], np.float32), 0.0, 1.0, 8.0, 0.0, 0.1, 0.0, 90.0)
     seen = scanned_from(Pose(-0.05, 0.02, -10.0), scan, "r1")
-    at = Pose(-0.05, 0.02, -10.0).then(Pose(0.1, 0.0, 90.0)).then(Pose(x=2.0))
-    again = Pose(seen.mount_x, seen.mount_y, seen.mount_angle).then(Pose(x=2.0))
+    at = Pose(-0.05, 0.02, -10.0).compose(Pose(0.1, 0.0, 90.0)).compose(Pose(x=2.0))
+    again = Pose(seen.mount_x, seen.mount_y, seen.mount_angle).compose(Pose(x=2.0))
     assert (again.x, again.y) == pytest.approx((at.x, at.y))
     assert seen.robot == "r1"
 

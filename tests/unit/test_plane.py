@@ -20,7 +20,8 @@ from minerva_bus import (
 )
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.bounds import bounds
-from minerva_bus.semantics.plane import PlaneGeometry, Pose
+from minerva_bus.semantics.plane import PlaneGeometry
+from minerva_bus.semantics.poses import Pose
 
 PDisc = Primitive("PDisc", Disc("r"), r=Metres)
 PWall = Primitive("PWall", Line("xs", "ys", width=0.2), xs="list of real m", ys="list of real m")

@@ -26,7 +26,7 @@ from minerva_bus import (
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.scene import AgentNode
 from minerva_bus.semantics.bounds import bounds
-from minerva_bus.semantics.rectangles import rectangles
+from minerva_bus.semantics.rectangles import mask_rectangles
 from minerva_bus.semantics.volumes import Bodies, Volumes, volumes
 
 PDisc = Primitive("PDisc", Disc("radius"), radius=Metres)
@@ -179,12 +179,12 @@ def test_boxes_around_volumes_are_the_bounds_of_the_string(places: list[tuple[fl
 @settings(max_examples=60)
 def test_rectangles_cover_what_is_true_and_each_cell_once(cells: np.ndarray) -> None:
     covered = np.zeros(cells.shape, int)
-    for row, column, end_row, end_column in rectangles(cells):
-        covered[row:end_row, column:end_column] += 1
+    for row, column, rows, columns in mask_rectangles(cells):
+        covered[row : row + rows, column : column + columns] += 1
     assert (covered == cells).all()
 
 
 def test_a_room_has_four_walls() -> None:
     cells = np.ones((9, 7), bool)
     cells[1:-1, 1:-1] = False
-    assert len(rectangles(cells)) == 4
+    assert len(mask_rectangles(cells)) == 4

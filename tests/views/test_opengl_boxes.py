@@ -6,19 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from minerva_bus.semantics.plane import Pose
-from minerva_services.views.blocks import enclosed, rectangles, sides
+from minerva_bus.semantics.poses import Pose
+from minerva_services.views.blocks import enclosed, sides
 from minerva_services.views.opengl.solids import drum, pin, tops, upright
 
 MASKS = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=12))
-
-
-@given(MASKS)
-def test_rectangles_cover_exactly_the_cells_each_once(mask):
-    times = np.zeros(mask.shape, int)
-    for row, column, rows, columns in rectangles(mask):
-        times[row : row + rows, column : column + columns] += 1
-    assert np.array_equal(times, mask.astype(int))
 
 
 @given(MASKS)

@@ -20,7 +20,7 @@ from svg_world import (
 )
 
 from minerva_bus import EMPTY, MinervaError, Scene
-from minerva_bus.semantics.plane import Pose
+from minerva_bus.semantics.poses import Pose
 
 FLOOR = PMap(np.zeros((20, 10), np.int16), 1.0, -5.0, -5.0)
 

@@ -24,7 +24,7 @@ from svg_world import (
 )
 
 from minerva_bus import MinervaError, Scene
-from minerva_bus.semantics.plane import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_services.views.svg.rendering import font_options, png
 
 COLORS = {-1: UNKNOWN, 0: FREE, 100: WALL}

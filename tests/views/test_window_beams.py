@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from window_world import discs
 
 from minerva_bus.semantics.picture import Picture
-from minerva_bus.semantics.plane import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan, Sightings
 from minerva_services.views.window.composer import ScanBuffer, beams_of
 

@@ -20,7 +20,7 @@ from minerva_agents.robot.keyframes import (
     poses_of,
     seen_through,
 )
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 
 _AGAIN: Final = 1.5

@@ -10,8 +10,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import hits
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 
 Reals: TypeAlias = NDArray[np.float64]

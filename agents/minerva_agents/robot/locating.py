@@ -20,8 +20,8 @@ from minerva_agents.robot.canvas import Canvas, MapExtent, canvas_of, hits
 from minerva_agents.robot.matching import Uncertainty, match
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import portable
+from minerva_bus.semantics.poses import HasPose, Pose, moved
 from minerva_bus.world.compensation import needs_path, path_of
-from minerva_bus.world.poses import HasPose, Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Recorded
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from minerva_agents.robot.closures import candidates, closure
 from minerva_agents.robot.keyframes import ScanKeyframe, between, keyframes_of, poses_of
 from minerva_agents.robot.pose_graph import Edge, optimised
-from minerva_bus.world.poses import Pose, moved
+from minerva_bus.semantics.poses import Pose, moved
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import Progress
 

@@ -29,8 +29,8 @@ from minerva_agents.robot.locating import (
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from minerva_agents.robot.posing import Posed, Unposed, posed_scans
 from minerva_bus import Cells
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.compensation import Compensator, needs_path
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Displacement
 from minerva_bus.world.recordings import MapChoice, Progress, Recorded, Recording
 

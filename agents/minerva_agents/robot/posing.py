@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
-from minerva_bus.world.poses import interpolated, moved
+from minerva_bus.semantics.poses import interpolated, moved
 from minerva_bus.world.readings import Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 

@@ -1,23 +1,12 @@
-"""Rectangles and visible sides of cells, for wall meshes."""
+"""Visible sides of cells, for wall meshes."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_services.views.rectangles import rectangles as merged_rectangles
-
 Cells = NDArray[np.bool_]
 Integers = NDArray[np.int64]
-
-
-def rectangles(mask: Cells) -> Integers:
-    """Rectangles (n, 4) of row, column, rows, columns that cover each true cell exactly once.
-
-    Runs along the columns that continue unchanged in the next row merge to one rectangle.
-    """
-    drawn = np.array([False, True])
-    return np.stack(merged_rectangles(mask.astype(np.uint16), drawn)[1:], axis=1)
 
 
 def sides(mask: Cells) -> Integers:

@@ -23,8 +23,8 @@ def extremes(item: Item) -> tuple[Floats, Floats]:
         return item.x, item.y
     assert isinstance(item, Tiles)
     width, depth = item.size
-    corners = [item.pose.then(x, y, 0.0, 0.0) for x in (0.0, width) for y in (0.0, depth)]
-    return np.array([corner.x for corner in corners]), np.array([corner.y for corner in corners])
+    corners = np.array([item.pose.point(x, y) for x in (0.0, width) for y in (0.0, depth)])
+    return corners[:, 0], corners[:, 1]
 
 
 def round_step(wanted: float) -> float:

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.compensation import span
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Displacement, Mount, Scan, Sightings
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.driver import Driver
@@ -156,16 +156,16 @@ def seen_from(shift: Pose, sightings: Sightings, robot: str) -> Sightings:
             angle=math.degrees(portable.atan2(at.y, at.x)),
         )
         for sighting in sightings.seen
-        for at in (shift.then(Pose(angle=sighting.angle)).then(Pose(x=sighting.distance)),)
+        for at in (shift.compose(Pose(angle=sighting.angle)).compose(Pose(x=sighting.distance)),)
     ]
     return Sightings(robot, tuple(seen), sightings.time)
 
 
 def scanned_from(shift: Pose, scan: Scan, robot: str) -> Scan:
     """A scan made by a robot at `shift`, as one from the origin with another mount."""
-    mount = shift.then(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
+    mount = shift.compose(Pose(scan.mount_x, scan.mount_y, scan.mount_angle))
     back = shift.seen(Pose())
-    path = [shift.then(Pose(place.x, place.y, place.angle)).then(back) for place in scan.path]
+    path = [shift.compose(Pose(place.x, place.y, place.angle)).compose(back) for place in scan.path]
     moved = [
         Displacement(before.seconds, place.x, place.y, place.angle)
         for before, place in zip(scan.path, path, strict=True)

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import Final
 
 from minerva_bus import portable
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_services.bridges.ros2.steering import (
     CommandPath,
     MotorLimits,
@@ -181,7 +181,7 @@ class Driver:
             forward = course.command.forward_m if course is not None else 0.0
             if math.copysign(1.0, forward) * short <= self.tolerances.near:
                 return 0.0
-            self._goal = goal.then(Pose(x=-short))
+            self._goal = goal.compose(Pose(x=-short))
             return abs(short)
 
     def stop(self) -> None:
@@ -247,7 +247,7 @@ class Driver:
     def _carry_over(self, before: Pose, after: Pose) -> None:
         """Odometry restarted elsewhere: keep the robot at its place and shift the goal."""
         if self._goal is not None:
-            self._goal = after.then(before.seen(self._goal))
+            self._goal = after.compose(before.seen(self._goal))
         if self._path is not None:
-            start = after.then(before.seen(self._path.start))
+            start = after.compose(before.seen(self._path.start))
             self._path = CommandPath(start, self._path.command)

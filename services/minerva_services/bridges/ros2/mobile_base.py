@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount
 from minerva_bus.world.services import Tick
 from minerva_services.bridges.ros2.buffers import ReadingPublisher, SensorBuffers
@@ -157,10 +157,10 @@ class MobileBase:
     def place(self, ordered: Robot) -> None:
         """Publish the pose of the odometry frame on the map, given the string's robot."""
         goal, command = self.driver.goal, ordered.command
-        turned = Pose().then(ordered.believed).then(Pose(angle=command.turn_deg))
-        world = turned.then(Pose(x=command.forward_m))
+        turned = Pose().compose(ordered.believed).compose(Pose(angle=command.turn_deg))
+        world = turned.compose(Pose(x=command.forward_m))
         if goal is not None:
-            self._motors.place(self._sensors.odometry_frame, world.then(goal.seen(Pose())))
+            self._motors.place(self._sensors.odometry_frame, world.compose(goal.seen(Pose())))
 
     def publish(self, tick: Tick, robot: str) -> None:
         """Publish the readings of this tick."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.session import Ros2Session, TopicPublisher

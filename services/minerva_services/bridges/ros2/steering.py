@@ -13,7 +13,7 @@ from typing import Final
 
 from minerva_bus import portable
 from minerva_bus.errors import MisuseError
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.body import DriveCommand
 
 _AHEAD: Final = 8.0
@@ -91,8 +91,8 @@ class CommandPath:
     @property
     def end(self) -> Pose:
         """Where the command leads."""
-        turned = self.start.then(Pose(angle=self.command.turn_deg))
-        return turned.then(Pose(x=self.command.forward_m))
+        turned = self.start.compose(Pose(angle=self.command.turn_deg))
+        return turned.compose(Pose(x=self.command.forward_m))
 
     def reached(self, pose: Pose) -> bool:
         """True if a robot that arrives from behind may turn here."""
@@ -125,7 +125,7 @@ def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
     angle, dist = velocity.turn * seconds, velocity.speed * seconds
     half = math.radians(angle) / 2
     chord = dist * (portable.sin(half) / half if half else 1.0)
-    return pose.then(Pose(angle=angle / 2)).then(Pose(x=chord)).then(Pose(angle=angle / 2))
+    return pose.compose(Pose(angle=angle / 2)).compose(Pose(x=chord)).compose(Pose(angle=angle / 2))
 
 
 def _clip(value: float, most: float) -> float:

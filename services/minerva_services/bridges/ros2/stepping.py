@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from minerva_bus import portable
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_services.bridges.ros2.driver import STILL, Driver, State
 from minerva_services.bridges.ros2.steering import MotorLimits, Velocity
 from minerva_services.bridging.bridge import log

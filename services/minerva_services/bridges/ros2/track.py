@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.compensation import needs_path, path_of
-from minerva_bus.world.poses import Pose
 from minerva_bus.world.readings import Scan
 
 _KEPT: Final = 500
@@ -89,4 +89,4 @@ class OdometryTrack:
         part = (time - t0) / (t1 - t0)
         start = self._poses[after - 1]
         moved = start.seen(self._poses[after])
-        return start.then(Pose(moved.x * part, moved.y * part, moved.angle * part))
+        return start.compose(Pose(moved.x * part, moved.y * part, moved.angle * part))

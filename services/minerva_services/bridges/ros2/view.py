@@ -16,7 +16,7 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
-from minerva_bus.world.poses import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import Device, View, WorldInfo
 from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.link import NetworkLink
@@ -51,12 +51,12 @@ class MapPicture(PlaneGeometry):
 
     def PGrid(self, cells: Cells, cell: float, x: float, y: float) -> None:
         """α: an occupancy grid with its corner at (x, y)."""
-        self.grids.append((cells, cell, self._here().then(Pose(x, y))))
+        self.grids.append((cells, cell, self._here().compose(Pose(x, y))))
 
     def PPath(self, xs: tuple[float, ...], ys: tuple[float, ...]) -> None:
         """α: a path through these points."""
         here = self._here()
-        self.ways.append([here.then(Pose(x, y)) for x, y in zip(xs, ys, strict=True)])
+        self.ways.append([here.compose(Pose(x, y)) for x, y in zip(xs, ys, strict=True)])
 
     def PGoal(self, **_: object) -> None:
         """α: a goal."""

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.semantics.picture import Tiles, rgb
+from minerva_bus.semantics.rectangles import color_ranges
 from minerva_services.views.blocks import enclosed
-from minerva_services.views.rectangles import color_ranges
 
 _REACH = 0.45
 """Distance in metres from a wall within which the floor is darkened."""

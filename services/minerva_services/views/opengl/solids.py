@@ -8,8 +8,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_bus.semantics.plane import Pose
-from minerva_services.views.blocks import Cells, rectangles, sides
+from minerva_bus.semantics.poses import Pose
+from minerva_bus.semantics.rectangles import mask_rectangles
+from minerva_services.views.blocks import Cells, sides
 
 Single = NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -28,7 +29,7 @@ class Mesh:
 
 def tops(mask: Cells, cell: float, pose: Pose, height: float) -> Mesh:
     """Top faces of blocks on cells; a vertex is a position x, y, z and a normal x, y, z."""
-    row, column, rows, columns = rectangles(mask).T
+    row, column, rows, columns = mask_rectangles(mask).T
     x = np.stack([row, row + rows, row + rows, row], axis=1) * cell
     y = np.stack([column, column, column + columns, column + columns], axis=1) * cell
     level, upright = np.full(x.shape, height), np.zeros(x.shape)

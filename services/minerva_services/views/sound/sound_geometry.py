@@ -15,7 +15,7 @@ from minerva_bus.grammar.forms import Disc
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import BoundingGeometry
-from minerva_bus.semantics.plane import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.services import WorldInfo
 
 GOAL = "PGoal"

@@ -113,8 +113,8 @@ def _seen(tiles: Tiles, camera: MapCamera, margin: float) -> _Place | None:
     """The part of the screen, plus a margin, that a matrix covers."""
     across, along = tiles.size
     steps = (0.0, 0.0), (across, 0.0), (0.0, along), (across, along)
-    corners = [tiles.pose.then(x, y, 0.0, 0.0) for x, y in steps]
-    places = [camera.to_screen(entry.x, entry.y) for entry in corners]
+    corners = [tiles.pose.point(x, y) for x, y in steps]
+    places = [camera.to_screen(x, y) for x, y in corners]
     width, height = camera.size
     left, right = (pick(x for x, _ in places) for pick in (min, max))
     top, bottom = (pick(y for _, y in places) for pick in (min, max))

@@ -7,7 +7,7 @@ import math
 from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.plane import PlaneGeometry, resolve
+from minerva_bus.semantics.plane import PlaneGeometry, raster_corner, resolve
 from minerva_services.views.palette import HEADING_MARK
 from minerva_services.views.svg.markup import exact, line_of_text, paint, short
 from minerva_services.views.svg.page import Page
@@ -83,12 +83,7 @@ class Drawing(PlaneGeometry):
 
     def _raster(self, raster: Raster, figure: FigureNode) -> None:
         parameters = figure.parameters
-        corner = self.pose.then(
-            resolve(raster.x, parameters),
-            resolve(raster.y, parameters),
-            resolve(raster.turn, parameters),
-            0.0,
-        )
+        corner = raster_corner(raster, parameters, self.pose)
         cell = resolve(raster.cell, parameters)
         paths = self._tracer.paths(parameters[raster.cells], raster.colors)
         self.elements += [

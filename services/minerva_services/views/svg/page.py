@@ -10,7 +10,8 @@ from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.semantics.bounds import BoundingGeometry, Bounds
 from minerva_bus.semantics.geometry import interpret
-from minerva_bus.semantics.plane import Pose, resolve
+from minerva_bus.semantics.plane import resolve
+from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import round_step
 
 _FLATTEST, _TALLEST = 0.25, 1.5

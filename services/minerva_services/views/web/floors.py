@@ -82,7 +82,7 @@ class FloorNodes:
     def _laid(self, name: str, tiles: Tiles, height: float) -> _Nodes:
         """An image that lies on the ground."""
         width, depth = tiles.size
-        middle = tiles.pose.then(width / 2, depth / 2, 0.0, 0.0)
+        middle = tiles.pose.then(width / 2, depth / 2)
         laid = self._scene.add_image(
             name,
             image(tiles),

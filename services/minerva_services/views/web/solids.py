@@ -10,7 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from minerva_services.views.blocks import rectangles, sides
+from minerva_bus.semantics.rectangles import mask_rectangles
+from minerva_services.views.blocks import sides
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -91,7 +92,7 @@ def _solid(vertices: list[tuple[float, float, float]], faces: list[tuple[int, in
 
 def flat(mask: Mask, cell: float, height: float) -> Solid:
     """The cells of a mask as a surface at a height; rows along x, columns along y."""
-    x, y, rows, columns = rectangles(mask).T * cell
+    x, y, rows, columns = mask_rectangles(mask).T * cell
     level = np.full(len(x), height)
     corners = [(x, y), (x + rows, y), (x + rows, y + columns), (x, y + columns)]
     return _quads([(across, along, level) for across, along in corners])

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from minerva_bus.semantics.picture import Lists, Picture
-from minerva_bus.semantics.plane import Pose
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.beams import origins
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.readings import Reading, Scan

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from minerva_bus import portable
 
+Point: TypeAlias = tuple[float, float]
+
 
 class HasPose(Protocol):
-    """Whatever has a pose."""
+    """Anything with a pose: x and y in metres, angle in degrees."""
 
     @property
     def x(self) -> float: ...
@@ -22,21 +24,40 @@ class HasPose(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A place in metres and a heading in degrees, within another frame of reference."""
+    """A position in metres and a heading in degrees, relative to a frame of reference."""
 
     x: float = 0.0
     y: float = 0.0
     angle: float = 0.0
 
-    def then(self, inner: HasPose) -> Pose:
-        """The pose, in this one's outer frame, of a pose that is given within this one."""
+    def then(self, x: float, y: float, turn: float = 0.0, forward: float = 0.0) -> Pose:
+        """Shift by (x, y) along this pose's own axes, turn, and go forward.
+
+        The angle is the sum of the turns: it may leave the range from -180 to 180.
+        """
+        cos, sin = portable.cos(math.radians(self.angle)), portable.sin(math.radians(self.angle))
+        angle = self.angle + turn
+        ahead = math.radians(angle)
+        return Pose(
+            self.x + x * cos - y * sin + forward * portable.cos(ahead),
+            self.y + x * sin + y * cos + forward * portable.sin(ahead),
+            angle,
+        )
+
+    def point(self, x: float, y: float) -> Point:
+        """Coordinates in the outer frame of a point that is given along this pose's axes."""
+        there = self.then(x, y)
+        return there.x, there.y
+
+    def compose(self, inner: HasPose) -> Pose:
+        """The pose in the outer frame of a pose that is relative to this one."""
         turn = math.radians(self.angle)
         cos, sin = portable.cos(turn), portable.sin(turn)
         x, y = self.x + inner.x * cos - inner.y * sin, self.y + inner.x * sin + inner.y * cos
         return Pose(x, y, math.remainder(self.angle + inner.angle, 360.0))
 
     def seen(self, other: HasPose) -> Pose:
-        """A pose of the same outer frame as seen from this one: metres ahead and to the left."""
+        """Another pose of the outer frame relative to this one; the inverse of `compose`."""
         turn = math.radians(self.angle)
         cos, sin = portable.cos(turn), portable.sin(turn)
         x, y = other.x - self.x, other.y - self.y
@@ -45,9 +66,9 @@ class Pose:
 
 
 def interpolated(begin: HasPose, end: HasPose, part: float) -> Pose:
-    """The pose on the line through two others, 0 at the first and 1 at the second.
+    """The pose on the line between two poses, at 0 the first and at 1 the second.
 
-    The angle takes the shorter way, and may leave the range from -180 to 180.
+    The angle turns the shorter way, and may leave the range from -180 to 180.
     """
     turn = math.remainder(end.angle - begin.angle, 360.0)
     return Pose(
@@ -58,7 +79,7 @@ def interpolated(begin: HasPose, end: HasPose, part: float) -> Pose:
 
 
 def moved(start: HasPose, before: HasPose, after: HasPose) -> Pose:
-    """The pose after the motion from one pose to another, begun at `start` instead."""
+    """The pose after the motion from `before` to `after`, applied to `start`."""
     east, north = after.x - before.x, after.y - before.y
     turn = math.radians(start.angle - before.angle)
     return Pose(
