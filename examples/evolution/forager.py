@@ -38,8 +38,7 @@ from minerva_bus import (
     view,
 )
 from minerva_bus.grammar.scene import walk
-from minerva_bus.semantics.plane import PlaneGeometry
-from minerva_bus.semantics.poses import Pose
+from minerva_bus.semantics.plane import PlaneGeometry, Pose
 from minerva_bus.study.outcome import Outcome
 
 WIDTH, HEIGHT, BROOD = 24.0, 15.0, 6

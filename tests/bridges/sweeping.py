@@ -46,7 +46,9 @@ def swept(time, beams, step, beam_time, place, mount=(0.0, 0.0, 0.0)):
         x = at.x + mount[0] * math.cos(turn) - mount[1] * math.sin(turn)
         y = at.y + mount[0] * math.sin(turn) + mount[1] * math.cos(turn)
         ranges.append(to_wall(x, y, math.radians(at.angle + mount[2] + beam * step)))
-    return Scan("r1", np.array(ranges, np.float32), 0.0, step, 20.0, time, *mount, beam_time)
+    x, y, angle = mount
+    ranges = np.array(ranges, np.float32)
+    return Scan("r1", ranges, 0.0, step, 20.0, time, x, y, angle, beam_time)
 
 
 def drive(

@@ -1,7 +1,10 @@
 """Bags and ROS 2 robots with lidars that turn while they drive: what their bridges publish."""
 
 import math
+import threading
+from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -111,16 +114,17 @@ def test_a_ros_2_robot_is_heard_with_sharp_walls(late):
     """Messages as they come: a scan after its last beam, odometry 50 times a second."""
     store = types.messages()
     bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)
-    source, scans = _Listening(Session(), bridge), []
-    told = source.read(type("Never", (), {"is_set": lambda self: False})())
+    session: Any = Session()
+    source, scans = _Listening(session, bridge), []
+    readings: Iterator[Any] = source.read(threading.Event())
     heard = {"/odom": source.receiver(types.ODOMETRY), "/scan": source.receiver(types.LASER_SCAN)}
     ros, _ = messages()
     for _, topic, message in said_of(ros, drive(PLACE), late):
         heard[topic](_encoded(store, topic, message))
-        reading = next(told)
+        reading = next(readings)
         while reading is not None and not isinstance(reading[1], Odometry):
             scans.append(reading[1])
-            reading = next(told)
+            reading = next(readings)
     before, after = worst(scans)
     assert (before > 15.0, after < 0.3, len(scans) > 5) == (True, True, True)
 
@@ -137,7 +141,7 @@ def test_the_track_of_a_robot_corrects_its_scans():
             at = one.reading
             track.add(at.time, Pose(at.x, at.y, at.angle))
             track.add(at.time, Pose(at.x, at.y, at.angle))
-    scans = [track.corrected(one.reading) for one in recorded if one.topic == "scan"]
+    scans = [track.corrected(one.reading) for one in recorded if isinstance(one.reading, Scan)]
     before, after = worst(scans)
     assert (before > 15.0, after < 0.3) == (True, True)
 

@@ -150,6 +150,7 @@ def test_a_sweep_travels():
     plain = plain_reading(scan)
     assert (plain[0], len(scan.path) > 2) == ("sweep", True)
     again = read_reading(plain)
+    assert isinstance(again, Scan)
     assert (again.beam_time, again.path) == (scan.beam_time, scan.path)
     assert plain_reading(again) == plain
 
@@ -157,7 +158,9 @@ def test_a_sweep_travels():
 def test_a_scan_of_an_older_record_has_no_beam_times():
     plain = plain_reading(Scan("r1", np.ones(2, np.float32), 0.0, 1.0, 8.0, 1.0))
     assert (plain[0], len(plain)) == ("scan", 8)
-    assert (read_reading(plain).beam_time, read_reading(plain).path) == (0.0, ())
+    scan = read_reading(plain)
+    assert isinstance(scan, Scan)
+    assert (scan.beam_time, scan.path) == (0.0, ())
 
 
 def test_a_scan_told_from_elsewhere_keeps_its_walls():
@@ -212,9 +215,10 @@ def test_a_map_has_thin_walls(poses):
 
 def test_without_odometry_matching_finds_the_motion_first():
     place = partial(place_at, speed=0.3, turn=15.0)
-    recorded, options = drive(place, odometry=False), {"cell": 0.05, "farthest": 0.0}
-    located = list(located_scans(recorded, matched=True, **options))
-    again = located_scans(recorded, matched=True, motion=ScanMotion.of(located), **options)
+    recorded = drive(place, odometry=False)
+    scans = partial(located_scans, recorded, matched=True, cell=0.05, farthest=0.0)
+    located = list(scans())
+    again = scans(motion=ScanMotion.of(located))
     before, after = spreads([one.scan for one in again], place)
     assert (before > 8.0, after < 1.0) == (True, True)
     assert wall_cells(recorded, poses="matched")[1] == 0

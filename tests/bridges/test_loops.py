@@ -113,6 +113,7 @@ def test_a_map_says_that_loops_were_closed_and_walls_are_single():
     made = draw_map(lambda: Tape(readings), MapChoice(cell=0.1, poses="matched"), parts.append)
     assert any(note.startswith("loops: ") for note in made.notes)
     assert not any("drawn twice" in note for note in made.notes)
+    assert made.drift is not None
     assert made.drift.taken.aligned.mean() < 0.15
     assert parts == sorted(parts)
 

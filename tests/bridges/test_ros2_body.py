@@ -15,6 +15,7 @@ from minerva_agents.robot.world import vocabulary
 from minerva_bus import Frame, Tick, WorldInfo
 from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
+from minerva_bus.world.readings import Scan
 from minerva_bus.world.services import View
 from minerva_services.bridges.ros2 import Ros2Robot
 from minerva_services.bridges.ros2 import messages as types
@@ -104,14 +105,16 @@ class Body:
 
     def frames(self, *moves, halted=()):
         """Carry out moves; the events and the readings of the last frame."""
+        events, published = [], {}
         for move in moves:
             view = TPlace(5.0, 5.0, 90.0)(action_of(move, "r1", 0.18))
             shown = View(self.frame, "eRepresent", view, halted=frozenset(halted))
             self.device.show(shown)
             tick = Tick(Frame(self.frame, 0.1, 0), "robot")
             events = list(self.device.generate(tick))
+            published = dict(tick.published)
             self.frame += 1
-        return events, dict(tick.published)
+        return events, published
 
 
 def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
@@ -122,6 +125,7 @@ def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
             moves = [Move(0.0, 0.1)] * 3 + [Move(18.0, 0.0)]
             events, published = body.frames(*moves)
             scan = published["scan"]
+            assert isinstance(scan, Scan)
             believed = Pose(0.3, 0.0, 18.0)
             lag = believed.seen(base.pose)
             assert not events
@@ -183,6 +187,7 @@ def test_a_view_that_was_carried_out_is_not_carried_out_again():
     device.show(View(7, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
     assert device._ordered is None
     device.show(View(8, "eRepresent", action_of(Move(0.0, 1.0), "r1", 0.18)))
+    assert device._ordered is not None
     assert device._ordered.command.forward_m == 1.0
 
 

@@ -150,6 +150,7 @@ def test_a_laser_on_a_shelf_on_the_robot():
         transform("base_link", "shelf", x=-0.1, yaw=90.0), transform("shelf", "laser", x=0.2)
     )
     found = tree.mounting("base_link", "laser")
+    assert found is not None
     assert near(found.mount, -0.1, 0.2, 90.0)
     assert not found.flipped
 
@@ -159,7 +160,9 @@ def test_a_base_that_hangs_on_another_frame():
         transform("base_footprint", "base_link", x=0.1, yaw=90.0),
         transform("base_footprint", "laser", x=0.3),
     )
-    assert near(tree.mounting("base_link", "laser").mount, 0.0, -0.2, -90.0)
+    found = tree.mounting("base_link", "laser")
+    assert found is not None
+    assert near(found.mount, 0.0, -0.2, -90.0)
 
 
 def test_frames_that_are_not_connected():
@@ -172,6 +175,7 @@ def test_frames_in_a_circle_end():
 
 def test_a_laser_upside_down():
     found = frames(transform("base_link", "laser", roll=180.0)).mounting("base_link", "laser")
+    assert found is not None
     assert found.flipped
     assert near(found.mount, 0.0, 0.0, 0.0)
 
@@ -236,6 +240,7 @@ def test_poses_between_two():
     track.add(10.0, Pose(0.0, 0.0, 170.0))
     track.add(12.0, Pose(1.0, 0.0, -170.0))
     found = track.at(11.0)
+    assert found is not None
     assert (found.x, found.y) == pytest.approx((0.5, 0.0))
     assert abs(found.angle) == pytest.approx(180.0)
     assert track.covers(11.0)
@@ -280,6 +285,7 @@ class Wheels:
 
     def carry_out(self, command, seconds=0.1, most=2000):
         self.driver.begin(command, seconds, self.now)
+        state = None
         for _ in range(most):
             self.step()
             state = self.driver.state(self.now)
@@ -288,6 +294,7 @@ class Wheels:
         raise AssertionError(f"{command} is not carried out: {state}")
 
     def missing(self):
+        assert self.driver.goal is not None
         return self.driver.goal.seen(self.pose)
 
 
@@ -343,6 +350,7 @@ def test_what_a_wall_stops_is_told():
     wheels.wall = 0.4
     assert wheels.carry_out(DriveCommand(0.0, 1.0)) is State.BLOCKED
     assert wheels.driver.give_up() == pytest.approx(0.6, abs=0.01)
+    assert wheels.driver.goal is not None
     assert wheels.driver.goal.x == pytest.approx(wheels.pose.x)
 
 
@@ -364,6 +372,7 @@ def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
         wheels.step()
         wheels.driver.state(wheels.now)
     wheels.deaf = True
+    told = state = None
     for _ in range(round(wheels.driver.tolerances.silence / wheels.STEP) + 2):
         told = wheels.step()
         state = wheels.driver.state(wheels.now)
