@@ -1,23 +1,31 @@
-"""Processes of a benchmark: forked from it, as the launcher forks those of a world."""
+"""Processes of a benchmark: forked members, the coordinator beside them, and other commands."""
 
 from __future__ import annotations
 
 import gc
+import json
 import os
 import signal
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
+from typing import Any
 
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
+from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
+from minerva_bus.runtime.watchers import Watchers
 
-ENDED_WITHIN = 10.0
+END_SECONDS = 10.0
 
 
 def forked(body: Callable[[], int | None]) -> int:
-    """Run a body in a process of its own, whose id it is; what it returns is the exit code."""
+    """Run a function in a forked process; return its id. The result is the exit code."""
     child = os.fork()
     if child:
         return child
@@ -30,28 +38,29 @@ def forked(body: Callable[[], int | None]) -> int:
 
 
 class Members:
-    """Processes that wait to be told where their world is.
+    """Processes of members that wait for the endpoint of their world.
 
-    To be made before this process opens a session, and before it has much that they would share.
+    Create them before this process opens a session, since Zenoh's threads do not survive a fork.
     """
 
-    def __init__(self, world: str, making: Mapping[str, Callable[[], Member]]) -> None:
+    def __init__(self, world: str, factories: Mapping[str, Callable[[], Member]]) -> None:
         self.pids: dict[str, int] = {}
         self._pipes: list[int] = []
-        for name, make in making.items():
+        for name, make in factories.items():
             read, write = os.pipe()
-            self.pids[name] = forked(partial(_take_part, world, make, read, [write, *self._pipes]))
+            body = partial(_run_member, world, make, read, [write, *self._pipes])
+            self.pids[name] = forked(body)
             os.close(read)
             self._pipes.append(write)
 
-    def tell(self, endpoint: str) -> None:
-        """They join."""
+    def connect(self, endpoint: str) -> None:
+        """Let the members join the world at an endpoint."""
         for pipe in self._pipes:
             os.write(pipe, f"{endpoint}\n".encode())
             os.close(pipe)
 
     def failed(self) -> list[str]:
-        """Who has ended with a failure since this was asked last."""
+        """Members that have ended with a failure since the last call."""
         ended = {name: os.waitpid(pid, os.WNOHANG) for name, pid in self.pids.items()}
         for name, (pid, _) in ended.items():
             if pid:
@@ -59,22 +68,72 @@ class Members:
         return [name for name, (pid, status) in ended.items() if pid and status]
 
     def wait(self) -> None:
-        """Wait until they have ended; who takes too long is named, and killed."""
-        until = time.monotonic() + ENDED_WITHIN
+        """Wait until all have ended; name and kill those that take too long."""
+        until = time.monotonic() + END_SECONDS
         self.failed()
         while self.pids and time.monotonic() < until:
             time.sleep(0.01)
             self.failed()
         for name, pid in self.pids.items():
-            print(f"{name}: did not end within {ENDED_WITHIN:g} s; killed", file=sys.stderr)
+            print(f"{name}: did not end within {END_SECONDS:g} s; killed", file=sys.stderr)
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
 
 
-def _take_part(world: str, make: Callable[[], Member], endpoint: int, others: list[int]) -> int:
-    """What a member does, to its end."""
+def _run_member(world: str, make: Callable[[], Member], endpoint: int, others: list[int]) -> int:
     for pipe in others:
         os.close(pipe)
     with os.fdopen(endpoint) as pipe:
         address = pipe.readline().strip()
     return MemberProcess(make(), world, address, print).run() if address else 1
+
+
+def coordinator(
+    world: World,
+    listening: Callable[[str], None],
+    frame_done: Callable[[s.FrameDone], None],
+    status: Callable[[Any], None] = lambda _: None,
+    said: Callable[[str, str, str], None] | None = None,
+    rate: float = 0.0,
+) -> Coordinator:
+    """A coordinator that prints its log lines; a member that stalls ends the world."""
+
+    def log(name: str, line: str, _: str) -> None:
+        print(f"{name}: {line}", file=sys.stderr)
+
+    def stalled(name: str, _: float) -> None:
+        made.handle(s.End(f"{name} does not answer"))
+
+    watchers = Watchers(
+        said=said or log,
+        status=status,
+        listening=listening,
+        stalled=stalled,
+        frame_done=frame_done,
+    )
+    made = Coordinator(world, watchers, rate=rate)
+    return made
+
+
+def answered(
+    words: Sequence[str | Path], folder: Path | None = None, timeout: float = 600.0
+) -> Any | str:
+    """The last line of JSON that a command prints, or as a text why there is none."""
+    try:
+        done = subprocess.run(
+            words, cwd=folder, capture_output=True, text=True, timeout=timeout, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"no end after {timeout:g} s"
+    for line in reversed(done.stdout.splitlines()):
+        if line.startswith(("{", "[")):
+            return json.loads(line)
+    return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-400:].strip()}"
+
+
+def task(module: str, *words: object) -> Any:
+    """The result of a benchmark's own `--task`, in a new process; exits where it fails."""
+    result = answered([sys.executable, "-m", module, "--task", *map(str, words)])
+    if isinstance(result, str):
+        sys.exit(f"{' '.join(map(str, words))}: {result}")
+    return result

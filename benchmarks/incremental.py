@@ -20,19 +20,18 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise, product
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from benchmarks.forked import Members
+from benchmarks.command import PLOT, Option, Table, options
+from benchmarks.forked import Members, coordinator, task
 from benchmarks.models.events import Clock, eStep
 from benchmarks.plot import Line, plotted
 from minerva_bus import Agent, Cells, Context, Event, Primitive, Scene, Vocabulary, on
@@ -40,13 +39,18 @@ from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.runtime.watchers import Watchers
 
 WARM_UP: Final = 20
 ACTIVE: Final = 10
 MEMBERS: Final = ("clock", "host")
+COLUMNS: Final = {
+    "what": "<9",
+    "size": ">9,",
+    "µs/frame": ">9.0f",
+    "p90": ">9.0f",
+    "ratio": ">6.2f",
+}
 LARGEST: Final = {"separate": 100_000}
 """Where more would say nothing new and take long to begin."""
 
@@ -124,15 +128,10 @@ def on_bus(what: str, size: int, frames: int) -> list[float]:
     """Microseconds of each frame over the bus."""
     times: list[float] = []
     members = Members("incremental", {name: partial(participant, name) for name in MEMBERS})
-    watchers = Watchers(
-        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
-        status=lambda _: None,
-        listening=members.tell,
-        stalled=lambda name, _: coordinator.handle(s.End(f"{name} does not answer")),
-        frame_done=lambda _: times.append(time.perf_counter()),
+    hub = coordinator(
+        world(what, size, frames), members.connect, lambda _: times.append(time.perf_counter())
     )
-    coordinator = Coordinator(world(what, size, frames), watchers)
-    coordinator.run()
+    hub.run()
     members.wait()
     return microseconds(times)
 
@@ -165,13 +164,7 @@ def measured(what: str, size: int, arguments: argparse.Namespace) -> list[float]
     """The frames of one turn, in a process of its own."""
     way = "in-process" if arguments.in_process else "bus"
     way = "digest" if arguments.digest else way
-    words = [sys.executable, "-m", "benchmarks.incremental", "--task", way, what]
-    done = subprocess.run(
-        [*words, str(size), str(arguments.frames)], capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        sys.exit(f"{what} {size}: {done.stderr[-400:].strip()}")
-    return json.loads(done.stdout.splitlines()[-1])
+    return task("benchmarks.incremental", way, what, size, arguments.frames)
 
 
 def rows_of(what: str, arguments: argparse.Namespace) -> list[Row]:
@@ -196,36 +189,31 @@ def rows_of(what: str, arguments: argparse.Namespace) -> list[Row]:
 
 def main(words: Sequence[str]) -> None:
     """Measure in turns and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     things = ["figures", "separate", "idle", "bytes"]
-    parser.add_argument("--what", nargs="+", default=things, choices=things)
-    parser.add_argument("--sizes", type=int, nargs="+", default=[10**n for n in range(3, 7)])
-    parser.add_argument("--in-process", action="store_true")
-    parser.add_argument("--digest", action="store_true", help="in process, asked for each time")
-    parser.add_argument("--frames", type=int, default=400)
-    parser.add_argument("--turns", type=int, default=5)
-    parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args(words)
-    if not arguments.json:
-        print(f"{'what':9} {'size':>9} {'µs/frame':>9} {'p90':>9} {'ratio':>6}")
+    arguments = options(
+        __doc__,
+        words,
+        what=Option(things, choices=things),
+        sizes=[10**n for n in range(3, 7)],
+        in_process=False,
+        digest=Option(False, "in process, with the digest of each frame"),
+        frames=400,
+        turns=5,
+        plot=PLOT,
+    )
+    table = Table(COLUMNS, as_json=arguments.json)
     lines: list[Line] = []
     for what in arguments.what:
         rows = rows_of(what, arguments)
         for row in rows:
-            print(json.dumps(asdict(row)) if arguments.json else shown(row), flush=True)
+            table.row(asdict(row))
         x, y = [row.size for row in rows], [row.us_per_frame for row in rows]
         lines.append(Line("ten agents beside what stands still", what, x, y))
     if arguments.plot:
         plotted(arguments.plot, lines, "size", "µs per frame")
 
 
-def shown(row: Row) -> str:
-    """A row as text."""
-    return f"{row.what:9} {row.size:9,} {row.us_per_frame:9.0f} {row.us_p90:9.0f} {row.ratio:6.2f}"
-
-
-def task(way: str, what: str, size: str, frames: str) -> list[float]:
+def turn(way: str, what: str, size: str, frames: str) -> list[float]:
     """One turn."""
     if way == "bus":
         return on_bus(what, int(size), int(frames))
@@ -234,6 +222,6 @@ def task(way: str, what: str, size: str, frames: str) -> list[float]:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--task"]:
-        print(json.dumps(task(*sys.argv[2:])))
+        print(json.dumps(turn(*sys.argv[2:])))
         sys.exit(0)
     main(sys.argv[1:])

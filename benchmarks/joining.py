@@ -9,7 +9,6 @@ agents in a frame, `left` from its being told to go until others have its agents
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
@@ -21,6 +20,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.command import options
 from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import MemberStatus
 
@@ -116,12 +116,7 @@ def measure(agents: int, rate: float, turns: int) -> list[dict[str, float]]:
 
 def main() -> None:
     """Measure and print medians."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--agents", type=int, default=10_000)
-    parser.add_argument("--rate", type=float, default=30.0)
-    parser.add_argument("--turns", type=int, default=5)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, agents=10_000, rate=30.0, turns=5)
     rows = measure(arguments.agents, arguments.rate, arguments.turns)
     medians = {name: statistics.median(row[name] for row in rows) for name in rows[0]}
     if arguments.json:

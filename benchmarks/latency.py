@@ -12,12 +12,10 @@ own; the machine's one monotonic clock is read at both ends.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
 import struct
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -26,14 +24,17 @@ from pathlib import Path
 import zenoh
 from zenoh.handlers import FifoChannel
 
-from benchmarks.forked import forked
+from benchmarks.command import Table, options
+from benchmarks.forked import coordinator, forked
 from minerva_bus import (
     Agent,
     Context,
     Device,
+    Event,
     EventType,
     Generator,
     Primitive,
+    Scene,
     View,
     Vocabulary,
     on,
@@ -42,13 +43,12 @@ from minerva_bus import (
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client, open_hub
-from minerva_bus.runtime.watchers import Watchers
 
 WARM_UP = 50
 PAUSE = 0.002
+COLUMNS = {"system": "<10", "µs": ">8.0f", "p99": ">8.0f", "ratio": ">6.2f"}
 STAMP = struct.Struct("<d")
 PTouched = Primitive("PTouched", times=int)
 eTouch = EventType("eTouch")
@@ -61,12 +61,12 @@ class Touched(Agent, symbol="ATouched"):
     times: int = 0
 
     @on("eTouch")
-    def touch(self, event: eTouch, moment: Context) -> None:
+    def touch(self, event: Event, moment: Context) -> None:
         self.times += 1
         moment.emit(eShow())
 
     @view("eShow")
-    def shown(self, event: eShow) -> PTouched:
+    def shown(self, event: Event) -> Scene:
         return PTouched(self.times)
 
 
@@ -144,21 +144,12 @@ def minerva(event: EventType, events: int) -> list[float]:
 
 def coordinate(pipes: Pipes, names: list[str]) -> None:
     world = World("latency", VOCABULARY.read("ATouched#a"), VOCABULARY, expected=frozenset(names))
-    begun: list[bool] = []
 
-    def frame_done(_: s.FrameDone) -> None:
-        if not begun:
-            begun.append(True)
+    def frame_done(done: s.FrameDone) -> None:
+        if done.frame == 0:
             os.write(pipes.is_ready, b"x")
 
-    watchers = Watchers(
-        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
-        status=lambda _: None,
-        listening=pipes.listening,
-        stalled=lambda name, _: None,
-        frame_done=frame_done,
-    )
-    Coordinator(world, watchers).run()
+    coordinator(world, pipes.listening, frame_done).run()
 
 
 def bare(events: int) -> list[float]:
@@ -239,26 +230,17 @@ def measured(system: str, events: int) -> list[float]:
 
 def main() -> None:
     """Measure in turns and print a table; ratios are to bare Zenoh."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--events", type=int, default=500)
-    parser.add_argument("--turns", type=int, default=3)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, events=500, turns=3)
     turns: dict[str, list[list[float]]] = {system: [] for system in SYSTEMS}
     for _ in range(arguments.turns):
         for system in SYSTEMS:
             turns[system].append(measured(system, arguments.events))
     floor = statistics.median(map(statistics.median, turns["zenoh"]))
-    if not arguments.json:
-        print(f"{'system':10} {'µs':>8} {'p99':>8} {'ratio':>6}")
+    table = Table(COLUMNS, as_json=arguments.json)
     for system, rows in turns.items():
         middle = statistics.median(map(statistics.median, rows))
         slow = statistics.median(statistics.quantiles(row, n=100)[98] for row in rows)
-        if arguments.json:
-            row = {"system": system, "us": middle, "us_p99": slow, "ratio": middle / floor}
-            print(json.dumps(row))
-        else:
-            print(f"{system:10} {middle:8.0f} {slow:8.0f} {middle / floor:6.2f}")
+        table.row({"system": system, "us": middle, "us_p99": slow, "ratio": middle / floor})
 
 
 if __name__ == "__main__":

@@ -20,8 +20,6 @@ import argparse
 import json
 import os
 import statistics
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -34,17 +32,16 @@ from typing import Any
 import msgpack
 import zenoh
 
-from benchmarks.latency import forked
+from benchmarks.command import Table
+from benchmarks.forked import coordinator, forked, task
 from minerva_bus import Agent, Context, Event, EventType, Generator, Tick, Vocabulary, on
 from minerva_bus.errors import MinervaError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.compatibility import PROTOCOL_VERSION
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.runtime.session import open_client
-from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.wire.codec import Decoder
 from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.keys import Keys
@@ -239,17 +236,7 @@ def running(host: bool) -> Iterator[tuple[str, SimpleQueue[tuple[int, float, flo
             dt=1 / RATE,
             expected=frozenset(member.name for member in parts),
         )
-        Coordinator(
-            world,
-            Watchers(
-                said=said,
-                status=lambda _: None,
-                listening=listening,
-                stalled=lambda *_: None,
-                frame_done=done,
-            ),
-            rate=RATE,
-        ).run()
+        coordinator(world, listening, done, said=said, rate=RATE).run()
 
     children = [forked(coordinate)]
     endpoint = json.loads(os.fdopen(read_at, "r").readline())
@@ -292,7 +279,7 @@ class Raw:
         self.out = session.declare_publisher(
             self.keys.sent_by("large"), congestion_control=zenoh.CongestionControl.BLOCK
         )
-        self._kept = [session.declare_subscriber(key, heard) for key in listens]
+        self._kept: list[Any] = [session.declare_subscriber(key, heard) for key in listens]
         self._kept.append(session.liveliness().declare_token(self.keys.alive("large")))
 
     def send(self, data: bytes) -> None:
@@ -419,9 +406,7 @@ def row(name: str, repeat: int) -> dict[str, Any]:
     """One row of the table."""
     case, rows = CASES[name], list[dict[str, float]]()
     for _ in range(repeat):  # Zenoh's threads do not survive a fork: each in a process of its own.
-        words = [sys.executable, "-m", "benchmarks.limits", "--measure", name]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=200, check=True)
-        rows.append(json.loads(done.stdout.splitlines()[-1]))
+        rows.append(task("benchmarks.limits", name))
     size = len(case.data(0)) if case.data is not None else len(pack(case.hello))
     medians = {key: round(statistics.median(row[key] for row in rows), 1) for key in rows[0]}
     decode = 0.0 if case.flood is not None else round(alone(case), 1)
@@ -430,25 +415,20 @@ def row(name: str, repeat: int) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--only", action="append", choices=sorted(CASES))
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--measure", choices=sorted(CASES), help="one case, in this process")
+    parser.add_argument("--task", choices=sorted(CASES), help="one case, in this process")
     options = parser.parse_args()
-    if options.measure:
-        print(json.dumps(measured(CASES[options.measure])))
+    if options.task:
+        print(json.dumps(measured(CASES[options.task])))
         return
     keys = ("bytes", "decode", "frame", "path", "calm", "silence", "calm silence")
-    if not options.json:
-        print(f"{'ms':26}" + "".join(f"{key:>14}" for key in keys))
+    table = Table({"ms": "<26"} | dict.fromkeys(keys, ">13,"), as_json=options.json)
     for name in options.only or CASES:
         medians = row(name, options.repeat)
-        if options.json:
-            print(json.dumps(medians))
-        else:
-            print(f"{name:26}" + "".join(f"{medians[key]:>14,}" for key in keys))
-        sys.stdout.flush()
+        table.row(medians, name, *(medians[key] for key in keys))
 
 
 if __name__ == "__main__":

@@ -19,24 +19,25 @@ import argparse
 import gc
 import json
 import statistics
-import subprocess
 import sys
 import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from benchmarks.forked import Members
+from benchmarks.command import PEERS_FOLDER, PLOT, Option, Table, options
+from benchmarks.forked import Members, answered, coordinator, task
 from benchmarks.plot import Line, plotted
 from minerva_bus import Generator, Primitive, Vocabulary
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
-from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.watchers import Watchers
 
-ALONE = "--minerva"
 WARM_UP = 100
 FIGURES = ("us_per_step_median", "us_per_step_p99", "startup_s")
+COLUMNS = {
+    "system": "<10", "workers": ">7", "µs/frame": ">9.0f", "p99": ">9.0f", "start s": ">8.2f",
+    "ratio": ">6.2f",
+}  # fmt: skip
 VOCABULARY = Vocabulary.of(Primitive("PNothing"))
 BARE = "zenoh/bench_zenoh_bcast.py"
 BARE_OPTIONS = ["--topo", "rstar", "--recv", "chan", "--wrecv", "chan"]
@@ -87,15 +88,8 @@ def minerva(workers: int, steps: int) -> dict[str, float]:
         frames=WARM_UP + steps,
         expected=frozenset(names),
     )
-    watchers = Watchers(
-        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
-        status=lambda _: None,
-        listening=members.tell,
-        stalled=lambda name, _: None,
-        frame_done=lambda _: times.append(time.perf_counter()),
-    )
     gc.freeze()
-    Coordinator(world, watchers).run()
+    coordinator(world, members.connect, lambda _: times.append(time.perf_counter())).run()
     members.wait()
     frames = [1e6 * (b - a) for a, b in zip(times[WARM_UP - 1 :], times[WARM_UP:], strict=False)]
     return {
@@ -116,31 +110,15 @@ def peer(name: str, folder: Path, workers: int, steps: int) -> dict[str, float] 
     if not python.is_file():
         return f"{python} is not there"
     words = [str(python), Path(script).name, "--workers", str(workers), "--steps", str(steps)]
-    return run([*words, "--payload", "100", *options], (folder / script).parent)
-
-
-def run(words: list[str], where: Path) -> dict[str, float] | str:
-    """Run one benchmark in a process of its own; the figures that it prints."""
-    try:
-        done = subprocess.run(
-            words, cwd=where, capture_output=True, text=True, timeout=300, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return "no end after 300 s"
-    for line in reversed(done.stdout.splitlines()):
-        if line.startswith("{") and "us_per_step_median" in line:
-            result = json.loads(line)
-            return {key: result[key] for key in FIGURES}
-    return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-200:].strip()}"
+    result = answered([*words, "--payload", "100", *options], (folder / script).parent, 300)
+    return result if isinstance(result, str) else {key: result[key] for key in FIGURES}
 
 
 def measure(system: str, peers: Path, workers: int, steps: int) -> dict[str, float] | str:
     """One system once."""
     if system != "minerva":
         return peer(system, peers, workers, steps)
-    return run(
-        [sys.executable, "-m", "benchmarks.lockstep", ALONE, str(workers), str(steps)], Path()
-    )
+    return task("benchmarks.lockstep", workers, steps)
 
 
 def best(rows: list[dict[str, float]]) -> dict[str, float]:
@@ -150,30 +128,28 @@ def best(rows: list[dict[str, float]]) -> dict[str, float]:
 
 def main() -> None:
     """Measure in turns and print a table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 4, 8, 16])
-    parser.add_argument("--steps", type=int, default=1000)
-    parser.add_argument("--turns", type=int, default=3)
-    parser.add_argument("--systems", nargs="+", default=["minerva", *PEERS])
-    parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--plot", type=Path, help="A picture, .svg or .png.")
-    parser.add_argument("--against", type=Path, help="Another source tree with a .venv.")
-    arguments = parser.parse_args()
+    arguments = options(
+        __doc__,
+        workers=[1, 2, 4, 8, 16],
+        steps=1000,
+        turns=3,
+        systems=["minerva", *PEERS],
+        peers=PEERS_FOLDER,
+        plot=PLOT,
+        against=Option(Path, "another source tree with a .venv"),
+    )
     if arguments.against is not None:
         print(f"{'workers':>7} {'per frame':15} {'this':>9} {'other':>9} {'ratio':>6}")
         for workers in arguments.workers:
             compare(arguments.against, workers, arguments.steps, arguments.turns + 1)
         return
-    if not arguments.json:
-        titles = f"{'µs/frame':>9} {'p99':>9} {'start s':>8} {'ratio':>6}"
-        print(f"{'system':10} {'workers':>7} {titles}")
-    rows = [row for workers in arguments.workers for row in report(arguments, workers)]
+    table = Table(COLUMNS, as_json=arguments.json)
+    rows = [row for workers in arguments.workers for row in report(arguments, workers, table)]
     if arguments.plot is not None:
         plotted(arguments.plot, lines_of(rows), "members", "µs per frame, median")
 
 
-def report(arguments: argparse.Namespace, workers: int) -> list[Row]:
+def report(arguments: argparse.Namespace, workers: int, table: Table) -> list[Row]:
     """Measure and print all systems at one size; ratios are to ours."""
     turns: dict[str, list[dict[str, float]]] = {}
     missing: dict[str, str] = {}
@@ -192,23 +168,10 @@ def report(arguments: argparse.Namespace, workers: int) -> list[Row]:
         figures = best(taken)
         ratio = figures["us_per_step_median"] / ours if ours else 0.0
         rows.append(Row(system, workers, figures, ratio))
-        show(rows[-1], as_json=arguments.json)
+        table.row({"system": system, "workers": workers, **figures, "ratio": ratio})
     for system, why in missing.items():
         print(f"{system:10} {workers:7} left out: {why}", file=sys.stderr)
     return rows
-
-
-def show(row: Row, *, as_json: bool) -> None:
-    """Print a row."""
-    if as_json:
-        own = {"system": row.system, "workers": row.workers}
-        print(json.dumps({**own, **row.figures, "ratio": row.ratio}))
-    else:
-        print(
-            f"{row.system:10} {row.workers:7} {row.step:9.0f}"
-            f" {row.figures['us_per_step_p99']:9.0f} {row.figures['startup_s']:8.2f}"
-            f" {row.ratio:6.2f}"
-        )
 
 
 def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
@@ -219,10 +182,12 @@ def compare(tree: Path, workers: int, steps: int, turns: int) -> None:
     for turn in range(turns):
         for root, figures in costs.items():
             python = str(root / ".venv" / "bin" / "python")
-            options = ["--calls"] if turn == 0 else []
-            words = [python, script, str(root), str(workers), str(steps), *options]
-            done = subprocess.run(words, cwd=root, stdout=subprocess.PIPE, check=True)
-            for name, amount in json.loads(done.stdout.splitlines()[-1]).items():
+            calls = ["--calls"] if turn == 0 else []
+            words = [python, script, str(root), str(workers), str(steps), *calls]
+            result = answered(words, root)
+            if isinstance(result, str):
+                sys.exit(f"{root}: {result}")
+            for name, amount in result.items():
                 figures.setdefault(name, []).append(amount)
     for name, amounts in costs[own].items():
         ours, theirs = statistics.median(amounts), statistics.median(costs[other][name])
@@ -240,7 +205,7 @@ def lines_of(rows: list[Row]) -> list[Line]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == [ALONE]:
+    if sys.argv[1:2] == ["--task"]:
         print(json.dumps(minerva(*map(int, sys.argv[2:4]))))
     else:
         main()

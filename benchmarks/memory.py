@@ -20,6 +20,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmarks.command import PLOT, Option, options
 from minerva_bus.errors import BusError
 from minerva_bus.runtime.client import Client
 
@@ -109,14 +110,10 @@ def draw(series: list[Series], picture: Path, title: str) -> None:
 
 def main() -> None:
     """Run the world, watch it, print and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frames", type=int, default=100_000)
-    parser.add_argument("--world", default=str(MEADOW))
-    parser.add_argument("--every", type=float, default=3.0, help="seconds between two looks")
-    parser.add_argument("--record", action="store_true")
-    parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    every = Option(3.0, "seconds between two measurements")
+    arguments = options(
+        __doc__, frames=100_000, world=str(MEADOW), every=every, record=False, plot=PLOT
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         words = ["run", arguments.world, "--rate", "0", "--frames", str(arguments.frames)]

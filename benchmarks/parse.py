@@ -8,12 +8,12 @@ numbers that seldom repeat. Each time is the least of three.
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Callable
 from typing import Any
 
+from benchmarks.command import options
 from minerva_bus import Agent, Metres, Motion, Primitive, Scene, Transformation, Vocabulary, parse
 
 PFox = Primitive("PFox")
@@ -82,10 +82,7 @@ def table(rows: list[dict[str, float]]) -> str:
 
 def main() -> None:
     """Measure and print."""
-    options = argparse.ArgumentParser(description="Time the parser.")
-    options.add_argument("--sizes", type=float, nargs="+", default=[0.01, 0.1, 1.0], metavar="MB")
-    options.add_argument("--json", action="store_true")
-    chosen = options.parse_args()
+    chosen = options(__doc__, sizes=[0.01, 0.1, 1.0])
     rows = [measure(size) for size in chosen.sizes]
     print(json.dumps(rows) if chosen.json else table(rows))
 

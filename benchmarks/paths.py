@@ -8,7 +8,6 @@ cell is blocked with a probability. Each measurement of memory runs in a process
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import multiprocessing
@@ -23,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.command import Option, options
 from minerva_agents.robot.distances import clearance
 from minerva_agents.robot.planning import shortest_path
 from minerva_agents.robot.world import defaults, scene
@@ -138,10 +138,7 @@ def start(width: int, height: int) -> dict[str, float]:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--size", type=int, default=512, help="cells along a side of the clutter")
-    parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args()
+    asked = options(__doc__, size=Option(512, "cells along a side of the clutter"))
     made = {
         "paths": paths(asked.size),
         "clearance": [distances(size) for size in (500, 1000, 2000, 4000)],

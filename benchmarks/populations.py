@@ -22,16 +22,16 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.forked import Members
+from benchmarks.command import PEERS_FOLDER, PLOT, Option, Table, options
+from benchmarks.forked import Members, answered, coordinator
 from benchmarks.models import MODELS, Model, counted, cycle, load
 from benchmarks.plot import Line, plotted
 from minerva_bus import Scene
@@ -40,13 +40,15 @@ from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.columns import size
-from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.order import Order
 
 WARM_UP: Final = 3
 SYSTEMS: Final = ("minerva", "mesa", "mesa-frames")
+COLUMNS: Final = {
+    "system": "<19", "model": "<11", "agents": ">9,", "hosts": ">5", "updates/s": ">12,.0f",
+    "frames/s": ">9.1f", "MB": ">7.0f", "ratio": ">7.2f",
+}  # fmt: skip
 SIZES: Final[dict[str, tuple[int, ...]]] = {
     "flock": (1_000, 10_000),
     "schelling": (31_830,),
@@ -194,25 +196,18 @@ def on_bus(task: Task) -> Figures:
     meter = Meter(model, task)
 
     def done(_: s.FrameDone) -> None:
-        meter.frame_done(coordinator.algorithm)
-        if coordinator.algorithm.frame == task.frames:
+        meter.frame_done(hub.algorithm)
+        if hub.algorithm.frame == task.frames:
             peaks.extend(map(memory, ["self", *members.pids.values()]))
 
     def look(_: object) -> None:
         gone = members.failed()
-        if gone and not coordinator.algorithm.failed:
-            coordinator.algorithm.failed = True
-            coordinator.handle(s.End(f"{gone[0]} has failed"))
+        if gone and not hub.algorithm.shutdown.failed:
+            hub.algorithm.shutdown.failed = True
+            hub.handle(s.End(f"{gone[0]} has failed"))
 
-    watchers = Watchers(
-        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
-        status=look,
-        listening=members.tell,
-        stalled=lambda name, _: coordinator.handle(s.End(f"{name} does not answer")),
-        frame_done=done,
-    )
-    coordinator = Coordinator(world_of(task, names), watchers)
-    coordinator.run()
+    hub = coordinator(world_of(task, names), members.connect, done, look)
+    hub.run()
     members.wait()
     if not peaks:
         sys.exit(f"{task.model} did not come to its end")
@@ -240,7 +235,7 @@ def memory(process: int | str) -> float:
 def minerva(task: Task) -> Figures | str:
     """Run one of our models in a process of its own, so that its memory is its own too."""
     words = [sys.executable, "-m", __spec__.name, "--task", *task.words()]
-    return answered(words, Path.cwd(), lambda answer: answer)
+    return answered(words)
 
 
 # --- the others ---
@@ -270,32 +265,17 @@ def peer(name: str, script: str, options: list[str], folder: Path, seconds: floa
         if not needed.is_file():
             return f"{needed} is not there"
     words = [str(python), script, *options, "--seconds", str(seconds)]
-    return answered(words, folder, _peer_figures)
-
-
-def _peer_figures(answer: dict[str, Any]) -> Figures:
-    return {
-        "agents": answer["agents"],
-        "updates_per_s": answer["agent_updates_per_s"],
-        "frames_per_s": 1e6 / answer["us_per_step_median"],
-        "memory_mb": answer["max_rss_mb"],
-    }
-
-
-def answered(
-    words: list[str], folder: Path, figures: Callable[[dict[str, Any]], Figures]
-) -> Figures | str:
-    """What a command says in its last line of JSON, or why it says nothing."""
-    try:
-        done = subprocess.run(
-            words, cwd=folder, capture_output=True, text=True, timeout=600, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return "no end after 600 s"
-    for line in reversed(done.stdout.splitlines()):
-        if line.startswith("{"):
-            return figures(json.loads(line))
-    return f"exit code {done.returncode}: {(done.stderr or done.stdout)[-400:].strip()}"
+    answer = answered(words, folder)
+    return (
+        answer
+        if isinstance(answer, str)
+        else {
+            "agents": answer["agents"],
+            "updates_per_s": answer["agent_updates_per_s"],
+            "frames_per_s": 1e6 / answer["us_per_step_median"],
+            "memory_mb": answer["max_rss_mb"],
+        }
+    )
 
 
 # --- the table ---
@@ -349,23 +329,6 @@ def _with_ratio(row: Row, ours: float) -> Row:
     return Row(**{**asdict(row), "ratio": ours / row.updates_per_s})
 
 
-def shown(row: Row, as_json: bool) -> str:
-    """A row as text."""
-    if as_json:
-        return json.dumps(asdict(row))
-    return (
-        f"{row.system:19} {row.model:11} {row.agents:9,} {row.hosts or '-':>5}"
-        f" {row.updates_per_s:12,.0f} {row.frames_per_s:9.1f} {row.memory_mb:7.0f}"
-        f" {row.ratio:7.2f}"
-    )
-
-
-HEAD: Final = (
-    f"{'system':19} {'model':11} {'agents':>9} {'hosts':>5} {'updates/s':>12} {'frames/s':>9}"
-    f" {'MB':>7} {'ratio':>7}"
-)
-
-
 def lines_of(rows: list[Row]) -> list[Line]:
     """The rows as lines of a diagram."""
     groups: dict[tuple[str, str], list[Row]] = {}
@@ -414,42 +377,36 @@ def settled(runner: InProcessRunner, services: list[Any]) -> Scene:
 
 def main() -> None:
     """Measure in turns and print a table."""
-    arguments = parser().parse_args()
+    arguments = options(
+        __doc__,
+        model=Option(list(MODELS), choices=MODELS),
+        agents=Option([0], "instead of the sizes of each model"),
+        hosts=[1, 2],
+        in_process=False,
+        digest=Option(False, "compute it in every frame"),
+        frames=Option(40, "measured steps of each turn"),
+        turns=3,
+        systems=Option(list(SYSTEMS), choices=SYSTEMS),
+        peers=PEERS_FOLDER,
+        seconds=Option(5.0, "for each turn of a peer"),
+        statistics=False,
+        seeds=Option(5, "runs of each for --statistics"),
+        plot=PLOT,
+    )
     if arguments.statistics:
         from benchmarks.spread import compare
 
         compare(arguments)
         return
-    if not arguments.json:
-        print(HEAD)
+    table = Table(COLUMNS, as_json=arguments.json)
     rows: list[Row] = []
     for model in arguments.model:
-        for agents in arguments.agents or SIZES[model]:
+        for agents in [n for n in arguments.agents if n] or SIZES[model]:
             for row in measured(arguments, model, agents):
-                print(shown(row, arguments.json), flush=True)
+                table.row(asdict(row))
                 rows.append(row)
     if arguments.plot:
         plotted(arguments.plot, lines_of(rows), "agents", "updates per second")
-
-
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--model", nargs="+", default=list(MODELS), choices=MODELS)
-    parser.add_argument("--agents", type=int, nargs="+")
-    parser.add_argument("--hosts", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--in-process", action="store_true")
-    parser.add_argument("--digest", action="store_true", help="ask for it in every frame")
-    parser.add_argument("--frames", type=int, default=40, help="steps that count, in each turn")
-    parser.add_argument("--turns", type=int, default=3)
-    parser.add_argument("--systems", nargs="+", default=list(SYSTEMS), choices=SYSTEMS)
-    parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
-    parser.add_argument("--seconds", type=float, default=5.0, help="for each turn of a peer")
-    parser.add_argument("--statistics", action="store_true")
-    parser.add_argument("--seeds", type=int, default=5, help="runs of each for --statistics")
-    parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", action="store_true")
-    return parser
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ is what to read. Draws are compared with the same method over numpy's logarithm 
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import time
@@ -18,6 +17,7 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks.command import Table, options
 from minerva_bus import portable
 from minerva_bus.world.rng import Numbers, Rng, RngBatch
 
@@ -25,6 +25,10 @@ NAMES = "sin cos tan asin acos atan exp expm1 tanh log log2 log10 log1p"
 PAIRS = "atan2 hypot power"
 OTHERS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
 ONE_BY_ONE = 2_000
+COLUMNS = {
+    "function": "<18", "numbers": ">9,", "portable ns": ">12.1f", "other ns": ">9.1f",
+    "ratio": ">6.2f",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,23 +122,16 @@ def numbers(repeat: int) -> list[Cost]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--sizes", type=int, nargs="+", default=[10_000, 1_000_000])
-    parser.add_argument("--repeat", type=int, default=7)
-    parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args()
+    asked = options(__doc__, sizes=[10_000, 1_000_000], repeat=7)
     costs = numbers(asked.repeat)
     for count in asked.sizes:
         costs += arrays(count, asked.repeat)
     if asked.json:
         print(json.dumps([asdict(cost) for cost in costs]))
         return
-    print(f"{'function':18} {'numbers':>9} {'portable ns':>12} {'other ns':>9} {'ratio':>6}")
+    table = Table(COLUMNS, as_json=False)
     for cost in costs:
-        print(
-            f"{cost.function:18} {cost.count:9,} {cost.portable_ns:12.1f}"
-            f" {cost.other_ns:9.1f} {cost.ratio:6.2f}"
-        )
+        table.row(asdict(cost))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.command import options
+
 MINERVA = (sys.executable, "-m", "minerva_bus.cli.main", "run")
 ROOT = Path(__file__).parents[1]
 WALKERS = f"""
@@ -102,11 +104,7 @@ def turn(kind: Kind, folder: Path, number: int) -> tuple[Run, Run]:
 
 def main() -> None:
     """Measure in turns and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--worlds", nargs="+", default=["walkers", "meadow", "robot", "robots"])
-    parser.add_argument("--turns", type=int, default=5)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, worlds=["walkers", "meadow", "robot", "robots"], turns=5)
     if not arguments.json:
         print(f"{'':10} {'frames a second':^27}   {'ms of work a frame':^27}")
         print(f"{'world':10}" + 2 * f" {'without':>9} {'with':>9} {'cost':>7}  ")

@@ -7,17 +7,15 @@ costs is the slope of an empty lockstep over real processes.
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import zenoh
 
+from benchmarks.forked import task
 from benchmarks.models import plain, wealth
 from benchmarks.scale_model import Costs, Kind
 from minerva_bus.frame import messages as m
@@ -115,9 +113,7 @@ def kind(model: ModuleType) -> Kind:
 
 def lockstep(members: int) -> dict[str, float]:
     """An empty lockstep of so many processes; its figures, in microseconds."""
-    words = [sys.executable, "-m", "benchmarks.lockstep", "--minerva", str(members), str(STEPS)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    return task("benchmarks.lockstep", members, STEPS)
 
 
 def seconds_per_byte() -> float:
@@ -129,7 +125,7 @@ def seconds_per_byte() -> float:
             "minerva/scale", congestion_control=zenoh.CongestionControl.BLOCK
         )
         until = time.monotonic() + 5
-        while not publisher.matching_status.matching and time.monotonic() < until:
+        while not cast("Any", publisher.matching_status).matching and time.monotonic() < until:
             time.sleep(0.01)
         took = []
         for _ in range(20):

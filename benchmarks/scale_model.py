@@ -21,7 +21,6 @@ border, and only before its own frame t + 1.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -226,13 +225,10 @@ def draw(costs: Costs, file: Path) -> None:
 
 def main() -> None:
     """Measure, calculate, print."""
+    from benchmarks.command import PLOT, Option, options
     from benchmarks.scale_costs import measure
 
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rate", type=float, default=30.0, help="frames per second")
-    parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(__doc__, rate=Option(30.0, "frames per second"), plot=PLOT)
     costs = measure()
     if arguments.json:
         rows = [asdict(limit) for limit in limits(costs, arguments.rate)]

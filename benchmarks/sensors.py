@@ -16,22 +16,20 @@ import argparse
 import json
 import os
 import statistics
-import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
-from benchmarks.latency import forked
+from benchmarks.command import options
+from benchmarks.forked import Members, coordinator
 from minerva_bus import Agent, Context, Event, EventType, Generator, Metres, Tick, Vocabulary, on
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.types import Degrees
-from minerva_bus.runtime.coordinator import Coordinator
-from minerva_bus.runtime.member import MemberProcess
-from minerva_bus.runtime.watchers import Watchers
 from minerva_bus.world.readings import Image, Scan
 from minerva_bus.world.services import Emit
 from minerva_services.sensors.laser import Laser
@@ -110,24 +108,16 @@ def members(lidars: int, beams: int, hertz: float) -> list[Member]:
     ]
 
 
+def _same(member: Member) -> Member:
+    return member
+
+
 def measured(options: argparse.Namespace) -> dict[str, float]:
     """Run the world; times in ms."""
     parts = members(options.lidars, options.beams, options.hertz)
-    pipes = [os.pipe() for _ in parts]
-    children = [
-        forked(
-            lambda part=part, read=read: MemberProcess(
-                part, "sensors", os.read(read, 1000).decode(), print
-            ).run()
-        )
-        for part, (read, _) in zip(parts, pipes, strict=True)
-    ]
+    processes = Members("sensors", {part.name: partial(_same, part) for part in parts})
     stamps: dict[str, list[float]] = {"eStamp": [], "eLook": []}
     frames: list[float] = []
-
-    def listening(endpoint: str) -> None:
-        for _, write in pipes:
-            os.write(write, endpoint.encode())
 
     def frame_done(done: s.FrameDone) -> None:
         now = time.monotonic()
@@ -138,7 +128,7 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
             if isinstance(event, Event) and event.type in stamps:
                 stamps[event.type].append(1e3 * (now - event.time))
         if now - frames[0] > WARM_UP + options.seconds:
-            coordinator.inbox.put(s.End("measured"))
+            hub.inbox.put(s.End("measured"))
 
     world = World(
         "sensors",
@@ -147,17 +137,9 @@ def measured(options: argparse.Namespace) -> dict[str, float]:
         dt=1 / options.rate,
         expected=frozenset(part.name for part in parts),
     )
-    watchers = Watchers(
-        said=lambda name, line, _: print(f"{name}: {line}", file=sys.stderr),
-        status=lambda _: None,
-        listening=listening,
-        stalled=lambda name, _: None,
-        frame_done=frame_done,
-    )
-    coordinator = Coordinator(world, watchers, rate=options.rate)
-    coordinator.run()
-    for child in children:
-        os.waitpid(child, 0)
+    hub = coordinator(world, processes.connect, frame_done, rate=options.rate)
+    hub.run()
+    processes.wait()
     return figures(stamps, frames)
 
 
@@ -188,17 +170,10 @@ def shown(row: dict[str, float]) -> str:
 
 def main() -> None:
     """Measure, and print."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--lidars", type=int, default=3)
-    parser.add_argument("--beams", type=int, default=720)
-    parser.add_argument("--hertz", type=float, default=40.0)
-    parser.add_argument("--rate", type=float, default=30.0)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    row = measured(options)
-    settings = {name: getattr(options, name) for name in ("lidars", "beams", "hertz", "rate")}
-    print(json.dumps({**settings, **row}) if options.json else shown(row))
+    chosen = options(__doc__, lidars=3, beams=720, hertz=40.0, rate=30.0, seconds=10.0)
+    row = measured(chosen)
+    settings = {name: getattr(chosen, name) for name in ("lidars", "beams", "hertz", "rate")}
+    print(json.dumps({**settings, **row}) if chosen.json else shown(row))
 
 
 if __name__ == "__main__":

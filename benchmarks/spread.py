@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
-import subprocess
 import sys
 from pathlib import Path
 from typing import Final
+
+from benchmarks.forked import answered
 
 STEPS: Final[dict[str, tuple[int, ...]]] = {
     "wealth": (1, 10, 100),
@@ -27,7 +28,7 @@ def compare(arguments: argparse.Namespace) -> None:
         if model not in STEPS:
             print(f"{model}: no peer's figures to set beside", file=sys.stderr)
             continue
-        agents = (arguments.agents or [AGENTS[model]])[0]
+        agents = arguments.agents[0] or AGENTS[model]
         curves_by_system: dict[str, Curves] = {"minerva": ours(model, agents, arguments.seeds)}
         for peer in PEERS[model]:
             curves = theirs(peer, model, agents, arguments.seeds, arguments.peers)
@@ -57,12 +58,9 @@ def theirs(peer: str, model: str, agents: int, seeds: int, folder: Path) -> Curv
         return f"{python} is not there"
     script = Path(__file__).with_name("peer_statistics.py")
     words = [python, script, peer, model, str(agents), str(seeds), *map(str, STEPS[model])]
-    done = subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, timeout=600, check=False
-    )
-    if done.returncode:
-        return (done.stderr or done.stdout)[-400:].strip()
-    plain = json.loads(done.stdout.splitlines()[-1])
+    plain = answered(words, folder)
+    if isinstance(plain, str):
+        return plain
     return {int(step): figures for step, figures in plain.items()}
 
 

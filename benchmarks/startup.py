@@ -11,7 +11,6 @@ saying so. Read the ratios, which come from turns taken within this one run.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -22,10 +21,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.command import PEERS_FOLDER, Table, options
 from benchmarks.lockstep import PEERS, peer
 
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]
 STEPS = 10
+COLUMNS = {"system": "<10", "workers": ">7", "seconds": ">8.3f", "ratio": ">6.2f"}
 IDLE = """
 from minerva_bus import Generator, Primitive, Vocabulary
 
@@ -107,12 +108,12 @@ def measure(systems: dict[str, Callable[[], Found]], turns: int) -> dict[str, li
     return results
 
 
-def report(results: dict[str, list[Found]], workers: int | None, as_json: bool) -> None:
+def report(results: dict[str, list[Found]], workers: int | None, table: Table) -> None:
     """Print the medians, with ratios to ours of the same number of workers."""
     medians = {
-        name: statistics.median(rows)
+        name: statistics.median(numbers)
         for name, rows in results.items()
-        if not any(isinstance(row, str) for row in rows)
+        if len(numbers := [row for row in rows if not isinstance(row, str)]) == len(rows)
     }
     for name, rows in results.items():
         if name not in medians:
@@ -120,34 +121,29 @@ def report(results: dict[str, list[Found]], workers: int | None, as_json: bool) 
             continue
         ratio = medians[name] / medians["minerva"] if "minerva" in medians else None
         row = {"system": name, "workers": workers, "seconds": medians[name], "ratio": ratio}
-        if as_json:
-            print(json.dumps(row))
-        else:
-            shown = f"{ratio:6.2f}" if ratio is not None else ""
-            print(f"{name:10} {workers or '':>7} {medians[name]:8.3f} {shown}")
+        table.row(row)
 
 
 def main() -> None:
     """Measure in turns and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--workers", type=int, nargs="*", default=[1, 4, 8, 16])
-    parser.add_argument("--turns", type=int, default=5)
-    parser.add_argument("--systems", nargs="+", default=[*once(), "minerva", *PEERS])
-    parser.add_argument("--peers", type=Path, default=Path("../shared/peers"))
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = options(
+        __doc__,
+        workers=[1, 4, 8, 16],
+        turns=5,
+        systems=[*once(), "minerva", *PEERS],
+        peers=PEERS_FOLDER,
+    )
     chosen = arguments.systems
-    if not arguments.json:
-        print(f"{'system':10} {'workers':>7} {'seconds':>8} {'ratio':>6}")
+    table = Table(COLUMNS, as_json=arguments.json)
     alone = {name: take for name, take in once().items() if name in chosen}
-    report(measure(alone, arguments.turns), None, arguments.json)
+    report(measure(alone, arguments.turns), None, table)
     for workers in arguments.workers:
         systems: dict[str, Callable[[], Found]] = {}
         if "minerva" in chosen:
             systems["minerva"] = lambda k=workers: idle(k)
         for name in [name for name in PEERS if name in chosen]:
             systems[name] = lambda n=name, k=workers: started(n, arguments.peers, k)
-        report(measure(systems, arguments.turns), workers, arguments.json)
+        report(measure(systems, arguments.turns), workers, table)
 
 
 if __name__ == "__main__":
