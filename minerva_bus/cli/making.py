@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from string import Template
 
 from minerva_bus.cli.saying import say
-from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.skeleton import write_bridge
-
-KINDS = {"bridge": write_bridge}
+from minerva_bus.launch.skeleton import KINDS, scaffold
 
 
 def make_new(kind: str, name: str, folder: Path) -> None:
     """Scaffold a package and print the next steps. Raises MisuseError."""
-    if kind not in KINDS:
-        raise MisuseError(
-            f"cannot create the kind {kind!r}{nearest(kind, list(KINDS))};"
-            f" expected {', '.join(KINDS)}"
-        )
-    made = KINDS[kind](name, folder)
-    say(f"{made} is written; it works as it is:")
-    say(f"  cd {made}")
-    say("  pytest                                  # its tests")
-    say("  minerva run yard.toml --in-process      # a small world that hears it")
-    say(f"then change {name}/bridge.py, where it reads what your device says")
+    created = scaffold(kind, name, folder)
+    say(f"created {created}; next steps:")
+    say(f"  cd {created}")
+    say("  pytest                                   # run its tests")
+    say(f"  {Template(KINDS[kind].run).substitute(name=name):40} # run a small world")
+    say(f"then edit {Template(KINDS[kind].edit).substitute(name=name)}")

@@ -1,7 +1,7 @@
 """Scaffold a new package from templates: `minerva new`.
 
-A template is a text with `$name` and `$Class` in the folder `templates` here: a file
-`x.txt` becomes `x`, and a folder `package` gets the name of the new package.
+`templates` has a folder for each kind. Its files contain `$name` and `$Class`; a file `x.txt`
+becomes `x`, and `NAME` in a path becomes the name of the new package.
 """
 
 from __future__ import annotations
@@ -11,33 +11,56 @@ import re
 import shutil
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Final
 
-from minerva_bus.errors import MisuseError
-from minerva_bus.launch.specs import SERVICES, entries
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.launch.specs import AGENTS, SERVICES, WORLDS, entries
 
 TEMPLATES: Final = Path(__file__).with_name("templates")
-LONGEST: Final = 40
+MAX_NAME_LENGTH: Final = 40
 
-_NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
+_NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{MAX_NAME_LENGTH - 1}}}")
 
 
-def write_bridge(name: str, folder: Path) -> Path:
-    """Write a package with a bridge to a new folder of its name, and return the folder.
+@dataclass(frozen=True, slots=True)
+class Scaffold:
+    """A kind of package that can be created: its files to edit and to run, with `$name`."""
 
-    The folder is complete or absent. Raises MisuseError if the name is not valid for a Python
-    package and a service, or already taken.
+    edit: str
+    run: str = "minerva run yard.toml --in-process"
+
+
+KINDS: Final = {
+    "world": Scaffold("$name.py and $name.toml", "minerva run $name.toml --view svg"),
+    "agent": Scaffold("$name/agent.py"),
+    "service": Scaffold("$name/service.py"),
+    "geometry": Scaffold("$name/geometry.py"),
+    "bridge": Scaffold("$name/bridge.py"),
+}
+
+
+def scaffold(kind: str, name: str, folder: Path) -> Path:
+    """Write a package of the kind to a new folder of its name, and return the folder.
+
+    The folder is complete or absent. Raises MisuseError if the kind is unknown, or the name is not
+    valid for a Python package and a service, or already taken.
     """
+    if kind not in KINDS:
+        raise MisuseError(
+            f"cannot create the kind {kind!r}{nearest(kind, list(KINDS))};"
+            f" expected {', '.join(KINDS)}"
+        )
     _check_name(name)
     goal = folder / name
     if goal.exists() or goal.is_symlink():
-        raise MisuseError(f"{goal} is there already; nothing was written. Choose another name")
+        raise MisuseError(f"{goal} already exists; nothing was written. Choose another name")
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}-") as made:
-            root = Path(made) / name
-            _fill(TEMPLATES / "bridge", root, name)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}-") as temporary:
+            root = Path(temporary) / name
+            _fill(TEMPLATES / kind, root, name)
             root.rename(goal)
     except OSError as error:
         raise MisuseError(f"{goal} cannot be written: {error.strerror}") from None
@@ -46,18 +69,19 @@ def write_bridge(name: str, folder: Path) -> Path:
 
 def _check_name(name: str) -> None:
     if not _NAME.fullmatch(name):
-        close = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_0123456789")[:LONGEST]
+        close = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_0123456789")[:MAX_NAME_LENGTH]
         hint = f", such as {close}" if close else ""
         raise MisuseError(
-            f"{name!r} cannot name a bridge: it begins with a small letter, and has up to {LONGEST}"
-            f" small letters, digits and _{hint}"
+            f"invalid name {name!r}: expected a lower-case letter followed by at most"
+            f" {MAX_NAME_LENGTH - 1} lower-case letters, digits and _{hint}"
         )
     if keyword.iskeyword(name) or keyword.issoftkeyword(name):
-        raise MisuseError(f"{name!r} is a word of Python's own; choose another name")
+        raise MisuseError(f"{name!r} is a keyword of Python; choose another name")
     if name in sys.stdlib_module_names or name in _TAKEN:
-        raise MisuseError(f"{name!r} is a module that others import; choose another name")
-    if name in entries(SERVICES):
-        raise MisuseError(f"a service {name!r} is installed already; choose another name")
+        raise MisuseError(f"{name!r} is the name of another module; choose another name")
+    for group in (SERVICES, AGENTS, WORLDS):
+        if name in entries(group):
+            raise MisuseError(f"{name!r} is already installed ({group}); choose another name")
 
 
 _TAKEN: Final = frozenset(
@@ -70,7 +94,7 @@ def _fill(template: Path, goal: Path, name: str) -> None:
     words = {"name": name, "Class": "".join(map(str.capitalize, name.split("_")))}
     for path in sorted(template.rglob("*.txt")):
         place = path.relative_to(template).with_suffix("")
-        parts = [name if part == "package" else part for part in place.parts]
+        parts = [part.replace("NAME", name) for part in place.parts]
         target = goal.joinpath(*parts)
         target.parent.mkdir(parents=True, exist_ok=True)
         text = Template(path.read_text(encoding="utf-8")).substitute(words)

@@ -9,13 +9,13 @@ import typer
 
 
 def command(
-    kind: Annotated[str, typer.Argument(help="What to create: bridge.")],
+    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
     name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
     folder: Annotated[
         Path, typer.Option("--in", help="Parent folder; default: the current one.")
     ] = Path(),
 ) -> None:
-    """Scaffold a new package: a bridge with tests and a small world."""
+    """Scaffold a world, agent, service, geometry or bridge with tests."""
     from minerva_bus.cli.making import make_new
 
     make_new(kind, name, folder)

@@ -1,0 +1,128 @@
+"""`minerva new KIND NAME`: each package passes its own tests and runs in a world."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from minerva_bus.cli.making import make_new
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch.skeleton import KINDS, TEMPLATES, scaffold
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    return {kind: scaffold(kind, f"my_{kind}", folder) for kind in KINDS}
+
+
+def run(folder, *words):
+    paths = os.pathsep.join(str(ROOT / part) for part in (".", "services", "agents"))
+    environment = {**os.environ, "PYTHONPATH": paths}
+    return subprocess.run(
+        [sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True
+    )
+
+
+def run_world(folder, name):
+    words = ("run", name, "--in-process", "--rate", "100", "--json")
+    done = run(folder, "minerva_bus", *words)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_every_template_is_a_kind():
+    assert {path.name for path in TEMPLATES.iterdir()} == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_own_tests_pass(packages, kind):
+    done = run(packages[kind], "pytest", "-q", "-p", "no:cacheprovider")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " passed" in done.stdout
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_files_are_complete(packages, kind):
+    package = packages[kind]
+    done = run(package, "ruff", "check", "--isolated", ".")
+    assert done.returncode == 0, done.stdout
+    for path in package.rglob("*.*"):
+        assert path.is_dir() or "$name" not in path.read_text(errors="replace"), path
+        assert path.is_dir() or path.stat().st_mode & 0o444 == 0o444, path
+    assert "minerva run" in (package / "README.md").read_text()
+
+
+def test_a_bridge_counts_damaged_lines(packages):
+    result = run_world(packages["bridge"], "yard.toml")
+    assert (result["garbage"], result["readings"]) == (1, 3), result
+
+
+def test_a_world_runs_with_the_agent(packages):
+    assert run_world(packages["agent"], "yard.toml")["frames"] == 60
+
+
+def test_a_service_reports(packages):
+    assert run_world(packages["service"], "yard.toml")["showers"] > 0
+
+
+def test_a_geometry_draws(packages):
+    run_world(packages["geometry"], "yard.toml")
+    text = (packages["geometry"] / "my_geometry.txt").read_text()
+    assert sum(text.count(sign) for sign in "<>^v") == 4, text
+
+
+def test_a_world_has_options(packages):
+    words = ("run", "my_world.toml", "--in-process", "--frames", "20", "--json")
+    digests = [
+        json.loads(run(packages["world"], "minerva_bus", *words, *options).stdout)["digest"]
+        for options in ((), ("--walkers", "12"), ("--walkers", "3"))
+    ]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "meter").mkdir()
+    (tmp_path / "meter" / "notes").write_text("kept")
+    with pytest.raises(MisuseError, match="meter already exists; nothing was written"):
+        scaffold("bridge", "meter", tmp_path)
+    assert [path.name for path in tmp_path.rglob("*")] == ["meter", "notes"]
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("Wind-Meter", "expected a lower-case letter .*such as wind_meter"),
+        ("../x", "invalid name"),
+        ("", "invalid name"),
+        ("x" * 41, "at most 39"),
+        ("class", "a keyword of Python"),
+        ("socket", "the name of another module"),
+        ("numpy", "the name of another module"),
+        ("laser", "already installed .minerva.services"),
+        ("robot", "already installed .minerva.agents"),
+    ],
+)
+def test_invalid_names(tmp_path, name, problem):
+    with pytest.raises(MisuseError, match=problem):
+        scaffold("bridge", name, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_to(tmp_path):
+    with pytest.raises(MisuseError, match="cannot be written: No such file"):
+        scaffold("world", "meter", tmp_path / "nowhere")
+
+
+def test_the_command_prints_the_next_steps(tmp_path, capsys):
+    make_new("world", "meter", tmp_path)
+    printed = capsys.readouterr().out
+    assert f"cd {tmp_path / 'meter'}" in printed
+    assert "minerva run meter.toml" in printed
+    with pytest.raises(MisuseError, match="kind 'wordl'; did you mean 'world'"):
+        make_new("wordl", "meter", tmp_path)
