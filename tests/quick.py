@@ -28,6 +28,7 @@ QUICK = (
     "acl/test_acl_messages.py",
     "unit/test_agent_classes.py",
     "unit/test_errors.py",
+    "unit/test_event_rows.py",
     "unit/test_events.py",
     "unit/test_glossary.py",
     "unit/test_layers.py",

@@ -13,7 +13,7 @@ from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.members import MemberChange, MemberEntry, MemberState
 from minerva_bus.frame.senders import SenderRights
 from minerva_bus.frame.views import due_views
-from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.norms import SOURCE
 from minerva_bus.world.order import collect
@@ -126,7 +126,7 @@ class CollectionStep:
                 "event queue full: "
                 f"{algorithm.inbox.max_waiting} events wait for a frame; dropping further events",
             )
-        member.dropped += sum(map(count_of, emitted.events))
+        member.dropped += sum(map(len, emitted.events))
 
     def order(self, order: s.Order) -> None:
         """Accept an event from a person for the next frame."""
@@ -192,7 +192,7 @@ class CollectionStep:
         algorithm = self._algorithm
         for name in sorted(sources.keys() & algorithm.world.speaks_for.keys()):
             kept = self._speaking.kept(name, sources[name])
-            dropped = sum(map(count_of, sources[name])) - sum(map(count_of, kept))
+            dropped = sum(map(len, sources[name])) - sum(map(len, kept))
             sources[name] = kept
             if dropped:
                 member = algorithm.members.get(name)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-from minerva_bus.grammar.batch import AnyEvent, Events, single
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.operator import LogEntry, LogLine
 
 FRAMES: Final = 64
@@ -39,8 +39,8 @@ class EventLog:
         counts: Counter[str] = Counter()
         for batch in events:
             room = MAX_PER_TYPE - counts[batch.type]
-            counts[batch.type] += len(batch) if isinstance(batch, Events) else 1
-            for event in islice(single((batch,)), max(0, room)):
+            counts[batch.type] += len(batch)
+            for event in islice(batch, max(0, room)):
                 self._add(number, event.type, _short(str(event), MAX_ENTRY_LENGTH))
         for event_type, count in sorted(counts.items()):
             if count > MAX_PER_TYPE:

@@ -13,7 +13,7 @@ from minerva_bus.frame.collection import note_answer
 from minerva_bus.frame.inputs import FrameInputs
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replies import duplicate_agent, foreign_fragment, foreign_sender, patched
-from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.scene import Scene, agents
 from minerva_bus.world.evolution import Policy
@@ -175,7 +175,7 @@ class EvolutionStep:
         if algorithm.world.policy is not Policy.LITERAL:
             return frozenset((agent,))
         events = algorithm.in_flight.events.evolving
-        copies = range(2, 1 + sum(map(count_of, events)))
+        copies = range(2, 1 + sum(map(len, events)))
         return frozenset((agent, *(copy_id(agent, algorithm.frame, copy) for copy in copies)))
 
     def _merge_logged(self, inputs: FrameInputs) -> None:

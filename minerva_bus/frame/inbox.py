@@ -9,7 +9,7 @@ from typing import Final
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.grammar.batch import AnyEvent, count_of
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.events import Event
 from minerva_bus.world.norms import SOURCE
 
@@ -92,10 +92,10 @@ class FrameInbox:
         waiting = self.events.setdefault(source, [])
         held = self._counts.get(source)
         if held is None:  # The first since the last frame, or since the world was resumed.
-            held = sum(map(count_of, waiting))
+            held = sum(map(len, waiting))
         if held >= self.max_waiting:
             return False
-        self._counts[source] = held + sum(map(count_of, events))
+        self._counts[source] = held + sum(map(len, events))
         waiting.extend(events)
         return True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +18,9 @@ class Event:
     """One event. Its data can be read as attributes: `near.distance`.
 
     Without receivers it is for every agent whose kind subscribes to its type; `sender` is the
-    agent that emitted it, or empty where a generator did. Two events are equal when type, data,
-    condition, sender and receivers are: which generator made them does not count (eq. 6), so two
-    sensors that see the same report it once.
+    agent that emitted it, or empty if a generator did. Two events are equal if type, data,
+    condition, sender and receivers are. Which generator made them does not count (equation 6), so
+    two sensors that see the same report it once.
     """
 
     type: str
@@ -43,6 +43,14 @@ class Event:
         except ValueError:
             known = ", ".join(self.names) or "no data"
             raise AttributeError(f"{self.type} has no {name}; it has {known}") from None
+
+    def __len__(self) -> int:
+        """1: an event has the interface of a batch (grammar/batch.py) with one row."""
+        return 1
+
+    def __iter__(self) -> Iterator[Event]:
+        """The event itself, as a batch yields its rows."""
+        yield self
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Event):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.scene import Scene, kind_counts
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.losses import Losses
@@ -138,7 +137,7 @@ def _broken(record: Record) -> dict[str, int]:
 def _counted(frame: RecordedFrame) -> Counter[str]:
     counts: Counter[str] = Counter()
     for event in frame.events:
-        counts[event.type] += len(event) if isinstance(event, Events) else 1
+        counts[event.type] += len(event)
     return counts
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_number
 
 BOUNDS: Final = (
@@ -56,8 +56,7 @@ class Totals:
     def count(self, events: Iterable[AnyEvent]) -> None:
         """Count one frame's events."""
         for event in events:
-            many = len(event) if isinstance(event, Events) else 1
-            self.events[event.type] = self.events.get(event.type, 0) + many
+            self.events[event.type] = self.events.get(event.type, 0) + len(event)
 
     def plain(self) -> dict[str, Any]:
         """All of it as plain data."""

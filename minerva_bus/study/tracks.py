@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.forms import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
@@ -83,7 +82,7 @@ def story_of(record: Record) -> Story:
     events: list[int] = []
     for frame, scene in record.strings():
         seconds.append(frame.seconds)
-        events.append(sum(len(one) if isinstance(one, Events) else 1 for one in frame.events))
+        events.append(sum(map(len, frame.events)))
         if frame.number % every == 0:
             telling.look((frame.number + 1) * world.dt, scene)
     return Story(

@@ -15,7 +15,7 @@ from typing import Any
 from minerva_bus.errors import WorldFileError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.description import World
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.summary import Summary
@@ -120,4 +120,4 @@ def _outcome(file: WorldFile, summary: Summary, text: str, events: dict[str, int
 
 def _count(counts: Counter[str], events: Iterable[AnyEvent]) -> None:
     for event in events:
-        counts[event.type] += len(event) if isinstance(event, Events) else 1
+        counts[event.type] += len(event)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from minerva_bus.errors import MinervaError, MisuseError, StateError
-from minerva_bus.grammar.batch import AnyEvent, Events, count_of, single
+from minerva_bus.grammar.batch import AnyEvent, Events, as_batch
 from minerva_bus.grammar.condition import holds
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import (
@@ -100,14 +100,14 @@ class AgentStep:
         if isinstance(event, Event) and event.type not in self._batches():
             self._meet_single(event)
             return
-        start, count = 0, count_of(event)
+        start, count = 0, len(event)
         while start < count and self._responds(event.type):
             rest = event.take(slice(start, None)) if start and isinstance(event, Events) else event
             if event.type in self._batches():
                 self._meet_batch(rest)
                 return
             symbol = self.symbol
-            for each in single([rest]):
+            for each in rest:
                 self._meet_single(each)
                 start += 1
                 if self.symbol != symbol:
@@ -122,7 +122,7 @@ class AgentStep:
         return cls.batches if cls is not None else frozenset()
 
     def _meet_batch(self, event: AnyEvent) -> None:
-        events = event if isinstance(event, Events) else Events.repeated(event, 1)
+        events = as_batch(event)
         chosen = self._answered(events)
         if chosen.count:
             first = chosen.event(0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from minerva_bus.errors import MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events, single
+from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
 from minerva_bus.world.rng import (
@@ -154,7 +154,7 @@ class Context(InFrame):
     def emit(self, event: AnyEvent) -> None:
         """Send an event, or several; they belong to the next frame. An agent's carry its id."""
         if isinstance(event, Events):
-            for each in single([event]):
+            for each in event:
                 self.emit(each)
             return
         if not isinstance(event, Event):  # pyright: ignore[reportUnnecessaryIsInstance]

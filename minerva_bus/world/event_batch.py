@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from minerva_bus.grammar.batch import AnyEvent, Events
+from minerva_bus.grammar.batch import AnyEvent, Events, as_batch
 from minerva_bus.grammar.columns import Rows
 from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.ids import Ids
@@ -71,6 +71,6 @@ def joined(parts: Sequence[Events]) -> Events | None:
 
 def merged(items: Sequence[AnyEvent]) -> Sequence[Events]:
     """Events of one type for one agent, in order, in as few batches as their forms allow."""
-    parts = [item if isinstance(item, Events) else Events.repeated(item, 1) for item in items]
+    parts = [as_batch(item) for item in items]
     batch = joined(parts)
     return parts if batch is None else [batch]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus.errors import MinervaError, MisuseError
-from minerva_bus.grammar.batch import AnyEvent, Events, first_of
+from minerva_bus.grammar.batch import AnyEvent, Events, as_batch, first_of
 from minerva_bus.grammar.columns import Columns, Rows
 from minerva_bus.grammar.condition import holds_of_many
 from minerva_bus.grammar.events import Event
@@ -164,8 +164,7 @@ class PopulationStep:
         everyone = np.arange(len(self._ids))
         receiving = [everyone if rows is None else rows for _, rows in left]
         parts = [
-            event if isinstance(event, Events) else Events.repeated(event, len(rows))
-            for (event, _), rows in zip(left, receiving, strict=True)
+            as_batch(event, len(rows)) for (event, _), rows in zip(left, receiving, strict=True)
         ]
         events = joined(parts)
         if events is None:
