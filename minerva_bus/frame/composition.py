@@ -14,13 +14,7 @@ from minerva_bus.grammar.column import CHUNK
 from minerva_bus.grammar.columns import Columns, one_by_one, packed
 from minerva_bus.grammar.fitting import Unfit
 from minerva_bus.grammar.ids import Ids
-from minerva_bus.grammar.scene import (
-    EMPTY,
-    AgentNode,
-    Piece,
-    Scene,
-    agents,
-)
+from minerva_bus.grammar.scene import EMPTY, AgentNode, Piece, Scene, agents
 from minerva_bus.grammar.slots import fill, fill_slots
 from minerva_bus.grammar.unique_ids import same_id
 

@@ -66,14 +66,11 @@ class Hello:
     ] = False
     orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
-        bool,
-        Mark.OPTIONAL,
-        Note("norms treat the events that it generates as sent by people"),
+        bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")
     ] = False
     draws: Annotated[Names, Note("the visual event types whose views it wants")] = ()
     coupled: Annotated[
-        bool,
-        Note("a device that must have carried out a view before the next frame's events"),
+        bool, Note("a device that must have carried out a view before the next frame's events")
     ] = False
     every: Annotated[
         int,
@@ -111,11 +108,7 @@ class Hello:
     @property
     def roles(self) -> tuple[str, ...]:
         """Its roles among `agents`, `generator` and `device`."""
-        roles = (
-            ("agents", self.kinds),
-            ("generator", self.generates),
-            ("device", self.draws),
-        )
+        roles = (("agents", self.kinds), ("generator", self.generates), ("device", self.draws))
         return tuple(name for name, offered in roles if offered)
 
 

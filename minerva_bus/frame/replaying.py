@@ -67,12 +67,7 @@ class RecordedSource:
     """
 
     def __init__(
-        self,
-        algorithm: FrameAlgorithm,
-        *,
-        cursor: FrameCursor,
-        kinds: Kinds,
-        stay: bool = False,
+        self, algorithm: FrameAlgorithm, *, cursor: FrameCursor, kinds: Kinds, stay: bool = False
     ) -> None:
         self._algorithm = algorithm
         self._cursor = cursor

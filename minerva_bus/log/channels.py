@@ -60,11 +60,7 @@ def _object(title: str = "", **properties: Any) -> dict[str, Any]:
 _TIME: Final = _object("time", sec=_WHOLE, nsec=_WHOLE)
 _POINT: Final = _object("foxglove.Vector3", x=_NUMBER, y=_NUMBER, z=_NUMBER)
 _TURN: Final = _object("foxglove.Quaternion", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
-_POSE: Final = _object(
-    "foxglove.Pose",
-    position=_POINT,
-    orientation=_TURN,
-)
+_POSE: Final = _object("foxglove.Pose", position=_POINT, orientation=_TURN)
 _NUMBERS: Final = {"type": "array", "items": _NUMBER}
 _BYTES: Final = {"type": "string", "contentEncoding": "base64"}
 _PACKED: Final = _object("foxglove.PackedElementField", name=_TEXT, offset=_WHOLE, type=_WHOLE)

@@ -19,15 +19,7 @@ from typing import IO, Any, Final
 from minerva_bus.log.channels import FORMER, OWN, PROFILE
 from minerva_bus.log.errors import RecordError
 from minerva_bus.log.extra import check_installed
-from minerva_bus.log.scanning import (
-    CHANNEL,
-    MAGIC,
-    Damage,
-    Place,
-    read_summary,
-    scan,
-    split,
-)
+from minerva_bus.log.scanning import CHANNEL, MAGIC, Damage, Place, read_summary, scan, split
 from minerva_bus.outputs import note_read
 
 _MESSAGE: Final = 0x05

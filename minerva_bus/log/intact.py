@@ -23,12 +23,7 @@ class IntactMessages:
     """
 
     def __init__(
-        self,
-        chunks: Chunks,
-        decode: Callable[[bytes], Keyframe],
-        begin: int,
-        start: int,
-        end: int,
+        self, chunks: Chunks, decode: Callable[[bytes], Keyframe], begin: int, start: int, end: int
     ) -> None:
         self._chunks = chunks
         self._decode = decode

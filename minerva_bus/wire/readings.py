@@ -65,13 +65,7 @@ def _write_sweep(scan: Scan) -> list[Any]:
 
 def _write_image(image: Image) -> list[Any]:
     mount = image.mount
-    return [
-        image.encoding,
-        image.width,
-        image.height,
-        image.data,
-        [mount.x, mount.y, mount.angle],
-    ]
+    return [image.encoding, image.width, image.height, image.data, [mount.x, mount.y, mount.angle]]
 
 
 def _mount(plain: Any, what: str) -> Mount:

@@ -15,12 +15,7 @@ def _from_minus_one(plain: Any, what: str) -> int:
     return as_int(plain, what, -1)
 
 
-_SCALARS: dict[Any, Any] = {
-    str: as_text,
-    int: _from_minus_one,
-    float: as_number,
-    bool: as_bool,
-}
+_SCALARS: dict[Any, Any] = {str: as_text, int: _from_minus_one, float: as_number, bool: as_bool}
 
 
 def plain_status(status: WorldStatus) -> dict[str, Any]:
