@@ -395,10 +395,10 @@ class FrameAlgorithm:
 
 _HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
     s.Begin: FrameAlgorithm.on_begin,
-    m.TickReply: lambda algorithm, reply: algorithm.source.receive(reply),
-    m.EvolveReply: lambda algorithm, reply: algorithm.source.receive(reply),
-    m.Emitted: lambda algorithm, emitted: algorithm.source.receive(emitted),
-    s.Order: lambda algorithm, order: algorithm.source.receive(order),
+    m.TickReply: lambda algorithm, reply: algorithm.source.tick_reply(reply),
+    m.EvolveReply: lambda algorithm, reply: algorithm.source.evolve_reply(reply),
+    m.Emitted: lambda algorithm, emitted: algorithm.source.emitted(emitted),
+    s.Order: lambda algorithm, order: algorithm.source.order(order),
     s.Seek: lambda algorithm, seek: algorithm.source.seek(seek.frame),
     s.Appeared: lambda algorithm, appeared: algorithm.joining.appeared(appeared),
     m.Hello: lambda algorithm, hello: algorithm.joining.hello(hello),

@@ -189,7 +189,7 @@ class EvolutionStep:
     # --- norms ---
 
     def settle(self) -> bool:
-        """Whether the results are final; if a norm rejects some, ask again by fewer events."""
+        """Whether the results are final; if norms reject some, ask again by fewer events."""
         in_flight = self._algorithm.in_flight
         while True:
             if in_flight.logged is not None:
@@ -197,6 +197,7 @@ class EvolutionStep:
             self._judge()
             stage = next(in_flight.stages, None)
             if stage is None or in_flight.trial is None:
+                self._enforce()
                 return True
             in_flight.requests.reduced = stage, ()
             rejected = in_flight.trial.open
@@ -222,7 +223,7 @@ class EvolutionStep:
         if in_flight.trial is not None:
             result.changed, result.sent = {}, {}
 
-    def enforce(self) -> None:
+    def _enforce(self) -> None:
         """Replace the results by what norms leave of them; rejected agents are halted."""
         algorithm, in_flight = self._algorithm, self._algorithm.in_flight
         result = in_flight.result

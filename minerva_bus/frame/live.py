@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
@@ -14,12 +14,20 @@ if TYPE_CHECKING:
     from minerva_bus.frame.algorithm import FrameAlgorithm
 
 
-class FrameSource(Protocol):
-    """Carries out the steps of Table 2 whose inputs come from members or from a record."""
+class FrameSource:
+    """The steps of Table 2 whose inputs come from members or from a record.
+
+    This base class is a source that awaits nobody: it ignores messages of members.
+    """
+
+    def __init__(self, algorithm: FrameAlgorithm) -> None:
+        self._algorithm = algorithm
+
+    # --- a frame ---
 
     def has_next(self) -> bool:
         """Whether a frame can begin."""
-        ...
+        return True
 
     def begin(self) -> None:
         """Request the events of the frame that begins."""
@@ -32,20 +40,37 @@ class FrameSource(Protocol):
 
     def settle(self) -> bool:
         """Whether the results are final, with norms applied; otherwise more are requested."""
-        ...
+        return True
 
     def commit(self) -> None:
         """Step 8: w = w_next and t = t + 1."""
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
-        ...
+        return ""
 
     def announce(self) -> None:
         """Step 10: announce that the next frame may begin."""
+        self._algorithm.out.add(s.Ready(self._algorithm.frame))
 
-    def receive(self, stimulus: s.Stimulus) -> None:
-        """Accept an answer of a member, or an event."""
+    # --- stimuli ---
+
+    def tick_reply(self, reply: m.TickReply) -> None:
+        """Accept the events of a lockstep member."""
+        self._algorithm.members.get(reply.member).late += 1
+
+    def evolve_reply(self, reply: m.EvolveReply) -> None:
+        """Accept what has become of a host's fragments."""
+        self._algorithm.members.get(reply.member).late += 1
+
+    def emitted(self, emitted: m.Emitted) -> None:
+        """Accept events of a free-running generator."""
+
+    def order(self, order: s.Order) -> None:
+        """Accept an event from a person."""
+
+    def seek(self, frame: int) -> None:
+        """Continue with another frame, if the source can."""
 
     def ask(self, member: MemberEntry) -> None:
         """Ask a member that has returned while the frame waits for it."""
@@ -53,47 +78,27 @@ class FrameSource(Protocol):
     def ask_again(self, fragments: list[str]) -> None:
         """Ask for fragments once more: their host is gone, or one has returned."""
 
-    def seek(self, frame: int) -> None:
-        """Continue with another frame, if the source can."""
-
     def members_changed(self, hello: m.Hello | None) -> None:
         """A member has joined with this hello, or None: one has left."""
 
 
-class LiveSource:
+class LiveSource(FrameSource):
     """Frames whose events come from generators, and whose results come from hosts."""
 
     def __init__(self, algorithm: FrameAlgorithm) -> None:
-        self._algorithm = algorithm
-        self.collection = CollectionStep(algorithm)
-        self.evolution = EvolutionStep(algorithm)
-
-    def has_next(self) -> bool:
-        """Whether a frame can begin: always, because `why_over` decides before."""
-        return True
-
-    def begin(self) -> None:
-        """Request the events of the frame that begins."""
-        self.collection.begin()
-
-    def collect(self) -> None:
-        """Steps 2 to 4."""
-        self.collection.collect()
-
-    def evolve(self) -> None:
-        """Steps 5 and 6."""
-        self.evolution.request()
-
-    def settle(self) -> bool:
-        """Whether the results are final, with norms applied."""
-        if not self.evolution.settle():
-            return False
-        self.evolution.enforce()
-        return True
-
-    def commit(self) -> None:
-        """Step 8."""
-        self.evolution.commit()
+        super().__init__(algorithm)
+        self.collection = collection = CollectionStep(algorithm)
+        self.evolution = evolution = EvolutionStep(algorithm)
+        # Bound methods save a call per step and message in each frame.
+        self.begin, self.collect = collection.begin, collection.collect
+        self.tick_reply, self.emitted = collection.tick_reply, collection.emitted
+        self.order, self.ask = collection.order, collection.ask
+        self.evolve, self.settle, self.commit = (
+            evolution.request,
+            evolution.settle,
+            evolution.commit,
+        )
+        self.evolve_reply, self.ask_again = evolution.reply, evolution.ask_again
 
     def why_over(self) -> str:
         """Step 9: reason why no frame follows, or an empty string."""
@@ -105,35 +110,3 @@ class LiveSource:
         if algorithm.world.frames and algorithm.frame >= algorithm.world.frames:
             return "the frames are over"
         return ""
-
-    def announce(self) -> None:
-        """Step 10: announce that the next frame may begin."""
-        self._algorithm.out.add(s.Ready(self._algorithm.frame))
-
-    def receive(self, stimulus: s.Stimulus) -> None:
-        """Accept an answer of a member, or an event."""
-        match stimulus:
-            case m.TickReply():
-                self.collection.tick_reply(stimulus)
-            case m.EvolveReply():
-                self.evolution.reply(stimulus)
-            case m.Emitted():
-                self.collection.emitted(stimulus)
-            case s.Order():
-                self.collection.order(stimulus)
-            case _:
-                raise TypeError(f"no answer and no event: {stimulus!r:.100}")
-
-    def ask(self, member: MemberEntry) -> None:
-        """Ask a member that has returned while the frame waits for it."""
-        self.collection.ask(member)
-
-    def ask_again(self, fragments: list[str]) -> None:
-        """Ask for fragments once more: their host is gone, or one has returned."""
-        self.evolution.ask_again(fragments)
-
-    def seek(self, frame: int) -> None:
-        """Ignored: a live world only goes forward."""
-
-    def members_changed(self, hello: m.Hello | None) -> None:
-        """Ignored: live frames wait for members by themselves."""

@@ -19,7 +19,7 @@ from minerva_bus.frame.evolution import frame_record
 from minerva_bus.frame.hosting import Host
 from minerva_bus.frame.in_flight import FrameInFlight
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.frame.members import MemberEntry
+from minerva_bus.frame.live import FrameSource
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.views import due_views
 from minerva_bus.grammar.batch import AnyEvent
@@ -59,7 +59,7 @@ class FrameCursor(Protocol):
         ...
 
 
-class RecordedSource:
+class RecordedSource(FrameSource):
     """Frames of a recorded run: strings are read, and views are computed in this process.
 
     The world ends with the recorded run. With `stay` it remains open at the end while a member is
@@ -69,7 +69,7 @@ class RecordedSource:
     def __init__(
         self, algorithm: FrameAlgorithm, *, cursor: FrameCursor, kinds: Kinds, stay: bool = False
     ) -> None:
-        self._algorithm = algorithm
+        super().__init__(algorithm)
         self._cursor = cursor
         self._stay = stay
         self._host = Host(_HERE, kinds)
@@ -117,10 +117,6 @@ class RecordedSource:
         reply = host.answer(request, context, Policy.SEQUENTIAL, world.vocabulary)  # π alone
         in_flight.result.merge(reply, {})
 
-    def settle(self) -> bool:
-        """Recorded results are final."""
-        return True
-
     def commit(self) -> None:
         """Step 8: continue with the recorded string."""
         algorithm = self._algorithm
@@ -137,22 +133,11 @@ class RecordedSource:
     def announce(self) -> None:
         """Step 10: announce the next frame, or log that the record is over."""
         if self.has_next():
-            self._algorithm.out.add(s.Ready(self._algorithm.frame))
+            super().announce()
         else:
             self._algorithm.out.log("replay", f"{OVER}; minerva seek FRAME goes back")
 
     # --- at any time ---
-
-    def receive(self, stimulus: s.Stimulus) -> None:
-        """Ignore events and answers: recorded frames cannot change."""
-        if isinstance(stimulus, m.TickReply | m.EvolveReply):
-            self._algorithm.members.get(stimulus.member).late += 1
-
-    def ask(self, member: MemberEntry) -> None:
-        """Ignored: a recorded frame waits for nobody."""
-
-    def ask_again(self, fragments: list[str]) -> None:
-        """Ignored: a recorded frame waits for nobody."""
 
     def seek(self, frame: int) -> None:
         """Move to another frame and show its string immediately."""

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from minerva_bus.frame import messages as m
+from minerva_bus.frame.collection import CollectionStep
+from minerva_bus.frame.evolution import EvolutionStep
 from minerva_bus.frame.generating import GeneratorSide
-from minerva_bus.frame.live import LiveSource
 from minerva_bus.frame.pace import Pace
 from minerva_bus.log.journal import Journal
 from minerva_bus.testing.simulation.history import drawn
@@ -41,14 +41,13 @@ def repeat_orders(patch):
 
 def take_stale_answers(patch):
     """An answer to an earlier frame, or to a coordinator before, counts for this one."""
-    receive = LiveSource.receive
+    for step, name in ((CollectionStep, "tick_reply"), (EvolutionStep, "reply")):
+        receive = getattr(step, name)
 
-    def answer(self, stimulus):
-        stale = isinstance(stimulus, m.TickReply | m.EvolveReply)
-        frame = self._algorithm.frame
-        receive(self, replace(stimulus, frame=frame) if stale else stimulus)
+        def answer(self, reply, receive=receive):
+            receive(self, replace(reply, frame=self._algorithm.frame))
 
-    patch.setattr(LiveSource, "receive", answer)
+        patch.setattr(step, name, answer)
 
 
 def forget_orders(patch):
