@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from minerva_bus.frame import messages as m
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.members import Members
-from minerva_bus.frame.plain import plain_form
+from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.columns import unfolded
 
 
 class Instructions:
@@ -32,3 +35,27 @@ class Instructions:
         """Return the instructions collected so far and start a new list."""
         taken, self._list = self._list, []
         return taken
+
+
+def plain_form(message: m.ToMember) -> m.ToMember:
+    """The same message node by node, without columns; patches must be applied before."""
+    match message:
+        case m.Fragments():
+            return replace(message, given=_scenes(message.given))
+        case m.EvolveRequest():
+            return replace(message, events=_events(message.events), visual=_events(message.visual))
+        case m.ViewShown():
+            skeleton = None if message.skeleton is None else unfolded(message.skeleton)
+            return replace(message, parts=_scenes(message.parts), skeleton=skeleton)
+        case m.Orders():
+            return replace(message, events=_events(message.events))
+        case _:
+            return message
+
+
+def _scenes(parts: m.Parts) -> m.Parts:
+    return {name: unfolded(scene) for name, scene in parts.items()}
+
+
+def _events(events: tuple[AnyEvent, ...]) -> tuple[AnyEvent, ...]:
+    return tuple(single(events))

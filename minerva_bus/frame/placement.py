@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from hashlib import blake2b
 from typing import Final
 
 from minerva_bus.frame.capacity import Capacity, agents_in, apportion, fit
@@ -10,7 +11,6 @@ from minerva_bus.frame.composition import Composition, Fragment, fragment_in
 from minerva_bus.frame.constraints import Offers
 from minerva_bus.frame.load import Load
 from minerva_bus.frame.messages import Fragments
-from minerva_bus.frame.rendezvous import place
 from minerva_bus.frame.unassigned import UnassignedLog
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.ids import Ids
@@ -259,6 +259,18 @@ class Placement:
         if host is not None and fragment in self._composition.fragments:
             self._stale[host].add(fragment)
             self._held.setdefault(host, {})[fragment] = None
+
+
+def place(agent: str, hosts: Iterable[str]) -> str | None:
+    """The host of an agent by rendezvous hashing, or None where there are no hosts.
+
+    When hosts join or leave, only the agents of these hosts move.
+    """
+    return max(hosts, key=lambda host: (_weight(host, agent), host), default=None)
+
+
+def _weight(host: str, agent: str) -> bytes:
+    return blake2b(f"{host}\0{agent}".encode(), digest_size=8).digest()
 
 
 def _able(kinds: frozenset[str], offers: Offers) -> list[str]:

@@ -189,6 +189,6 @@ def recording(
 def check_record(file: WorldFile) -> None:
     """Raises MisuseError if a record is requested but mcap is not installed."""
     if file.record.path:
-        from minerva_bus.log.extra import check_installed
+        from minerva_bus.log.errors import check_installed
 
         check_installed()

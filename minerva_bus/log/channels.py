@@ -57,6 +57,11 @@ def _object(title: str = "", **properties: Any) -> dict[str, Any]:
     return {"title": title, "type": "object", "properties": properties}
 
 
+def _stamped(title: str, **properties: Any) -> dict[str, Any]:
+    """A message of Foxglove about a frame of reference at a time."""
+    return _object(title, timestamp=_TIME, frame_id=_TEXT, **properties)
+
+
 _TIME: Final = _object("time", sec=_WHOLE, nsec=_WHOLE)
 _POINT: Final = _object("foxglove.Vector3", x=_NUMBER, y=_NUMBER, z=_NUMBER)
 _TURN: Final = _object("foxglove.Quaternion", x=_NUMBER, y=_NUMBER, z=_NUMBER, w=_NUMBER)
@@ -66,79 +71,47 @@ _BYTES: Final = {"type": "string", "contentEncoding": "base64"}
 _PACKED: Final = _object("foxglove.PackedElementField", name=_TEXT, offset=_WHOLE, type=_WHOLE)
 
 SCHEMAS: Final[dict[str, dict[str, Any]]] = {
-    "minerva.Timing": _object("minerva.Timing", frame=_WHOLE, seconds=_NUMBER),
-    "foxglove.Log": _object(
-        "foxglove.Log",
-        timestamp=_TIME,
-        level=_WHOLE,
-        message=_TEXT,
-        name=_TEXT,
-        file=_TEXT,
-        line=_WHOLE,
-    ),
-    "foxglove.PosesInFrame": _object(
-        "foxglove.PosesInFrame",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        poses={"type": "array", "items": _POSE},
-    ),
-    "foxglove.Grid": _object(
-        "foxglove.Grid",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        pose=_POSE,
-        column_count=_WHOLE,
-        cell_size=_object("foxglove.Vector2", x=_NUMBER, y=_NUMBER),
-        row_stride=_WHOLE,
-        cell_stride=_WHOLE,
-        fields={"type": "array", "items": _PACKED},
-        data=_BYTES,
-    ),
-    "foxglove.LaserScan": _object(
-        "foxglove.LaserScan",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        pose=_POSE,
-        start_angle=_NUMBER,
-        end_angle=_NUMBER,
-        ranges=_NUMBERS,
-        intensities=_NUMBERS,
-    ),
-    "foxglove.CompressedImage": _object(
-        "foxglove.CompressedImage", timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT
-    ),
-    "foxglove.RawImage": _object(
-        "foxglove.RawImage",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        width=_WHOLE,
-        height=_WHOLE,
-        encoding=_TEXT,
-        step=_WHOLE,
-        data=_BYTES,
-    ),
-    "foxglove.PoseInFrame": _object(
-        "foxglove.PoseInFrame", timestamp=_TIME, frame_id=_TEXT, pose=_POSE
-    ),
-    "foxglove.LocationFix": _object(
-        "foxglove.LocationFix",
-        timestamp=_TIME,
-        frame_id=_TEXT,
-        latitude=_NUMBER,
-        longitude=_NUMBER,
-        altitude=_NUMBER,
-        position_covariance=_NUMBERS,
-        position_covariance_type=_WHOLE,
-    ),
-    "foxglove.FrameTransform": _object(
-        "foxglove.FrameTransform",
-        timestamp=_TIME,
-        parent_frame_id=_TEXT,
-        child_frame_id=_TEXT,
-        translation=_POINT,
-        rotation=_TURN,
-    ),
-}
+    schema["title"]: schema
+    for schema in (
+        _object("minerva.Timing", frame=_WHOLE, seconds=_NUMBER),
+        _object(
+            "foxglove.Log",
+            timestamp=_TIME, level=_WHOLE, message=_TEXT, name=_TEXT, file=_TEXT, line=_WHOLE,
+        ),
+        _stamped("foxglove.PosesInFrame", poses={"type": "array", "items": _POSE}),
+        _stamped(
+            "foxglove.Grid",
+            pose=_POSE,
+            column_count=_WHOLE,
+            cell_size=_object("foxglove.Vector2", x=_NUMBER, y=_NUMBER),
+            row_stride=_WHOLE,
+            cell_stride=_WHOLE,
+            fields={"type": "array", "items": _PACKED},
+            data=_BYTES,
+        ),
+        _stamped(
+            "foxglove.LaserScan",
+            pose=_POSE, start_angle=_NUMBER, end_angle=_NUMBER, ranges=_NUMBERS,
+            intensities=_NUMBERS,
+        ),
+        _stamped("foxglove.CompressedImage", data=_BYTES, format=_TEXT),
+        _stamped(
+            "foxglove.RawImage",
+            width=_WHOLE, height=_WHOLE, encoding=_TEXT, step=_WHOLE, data=_BYTES,
+        ),
+        _stamped("foxglove.PoseInFrame", pose=_POSE),
+        _stamped(
+            "foxglove.LocationFix",
+            latitude=_NUMBER, longitude=_NUMBER, altitude=_NUMBER, position_covariance=_NUMBERS,
+            position_covariance_type=_WHOLE,
+        ),
+        _object(
+            "foxglove.FrameTransform",
+            timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_POINT,
+            rotation=_TURN,
+        ),
+    )
+}  # fmt: skip
 """JSON schemas of the messages in JSON, by the names that Foxglove and Lichtblick know."""
 
 SCHEMA_OF: Final = {TIMING: "minerva.Timing", LOG: "foxglove.Log", MAP: "foxglove.Grid"}

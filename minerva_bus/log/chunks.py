@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from minerva_bus.log.channels import FORMER, OWN, PROFILE
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.extra import check_installed
+from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.log.scanning import CHANNEL, MAGIC, Damage, Place, read_summary, scan, split
 from minerva_bus.outputs import note_read
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from minerva_bus.frame.inputs import RecordedFrame
-from minerva_bus.grammar.batch import AnyEvent, single
+from minerva_bus.grammar.batch import single
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.cursor import Cursor
 from minerva_bus.log.errors import RecordError
@@ -17,66 +17,45 @@ from minerva_bus.wording import frames_up_to
 
 
 @dataclass(frozen=True, slots=True)
-class FrameBegin:
-    """The string before a frame and the events in it; `frame` is None at the end of a record.
+class FrameText:
+    """A frame of a record as text, with the string before or after it.
 
-    `seconds` is world time.
+    `title` begins the text. `seconds` is the world time at the string, `digest` that of the string.
+    `frame` is None at the end of a record.
     """
 
+    title: str
     number: int
     seconds: float
     string: Scene
+    digest: bytes
     frame: RecordedFrame | None
-
-    def events(self) -> Iterator[str]:
-        """The events of the frame in order, as text."""
-        return _texts(self.frame.events if self.frame is not None else ())
 
     def plain(self) -> dict[str, Any]:
         """The frame as a JSON object."""
         return {
             "frame": self.number,
             "seconds": self.seconds,
-            "digest": self.string.digest.hex(),
+            "digest": self.digest.hex(),
             "string": str(self.string),
-            "events": list(self.events()),
+            "events": list(self._events()),
         }
 
     def lines(self) -> list[str]:
         """The frame as lines of text."""
-        title = f"frame {self.number}, {self.seconds:.2f} s of the world: {_counted(self.string)}"
-        about = [title, f"  digest  {self.string.digest.hex()}"]
+        agents = [f"{count:,} {kind}" for kind, count in kinds_in(self.string).items()]
+        about = f"frame {self.number}, {self.title}: {', '.join(agents) or 'no agents'}"
+        events = ["  events", *(f"    {event}" for event in self._events())]
         if self.frame is None:
-            return [*about, "  the record ends here"]
-        return [*about, "  events", *(f"    {event}" for event in self.events())]
+            events = ["  the record ends here"]
+        return [about, f"  digest  {self.digest.hex()}", *events]
+
+    def _events(self) -> Iterator[str]:
+        """The events of the frame in order."""
+        return map(str, single(self.frame.events if self.frame is not None else ()))
 
 
-@dataclass(frozen=True, slots=True)
-class FrameEnd:
-    """A frame and the string after it; `seconds` is world time at its end."""
-
-    frame: RecordedFrame
-    seconds: float
-    string: Scene
-
-    def plain(self) -> dict[str, Any]:
-        """The frame as a JSON object."""
-        return {
-            "frame": self.frame.number,
-            "seconds": self.seconds,
-            "digest": self.frame.digest.hex(),
-            "events": list(_texts(self.frame.events)),
-            "string": str(self.string),
-        }
-
-    def lines(self) -> list[str]:
-        """The frame as lines of text."""
-        about = f"frame {self.frame.number}, until {self.seconds:.2f} s: {_counted(self.string)}"
-        events = [f"    {event}" for event in _texts(self.frame.events)]
-        return [about, f"  digest  {self.frame.digest.hex()}", *events]
-
-
-def frames_after(record: Record, begin: int) -> Iterator[FrameEnd]:
+def frames_after(record: Record, begin: int) -> Iterator[FrameText]:
     """The frames of a record from number `begin` on."""
     dt = record.description.world.dt
     cursor = Cursor(record)
@@ -84,33 +63,30 @@ def frames_after(record: Record, begin: int) -> Iterator[FrameEnd]:
     while (frame := cursor.ahead) is not None:
         string = cursor.advance()
         if frame.number >= begin:
-            yield FrameEnd(frame, (frame.number + 1) * dt, string)
+            seconds = (frame.number + 1) * dt
+            title = f"until {seconds:.2f} s"
+            yield FrameText(title, frame.number, seconds, string, frame.digest, frame)
 
 
-def moment_of(record: Record, number: int | None) -> FrameBegin:
+def moment_of(record: Record, number: int | None) -> FrameText:
     """A frame of a record, or its end for None. Raises RecordError for a missing frame."""
     end, string = record.last()
-    dt = record.description.world.dt
+    frame = None
     if number is None or number == end:
-        return FrameBegin(end, end * dt, string, None)
-    if not 0 <= number < end:
+        number = end
+    elif 0 <= number < end:
+        cursor = Cursor(record)
+        string = cursor.seek(number)
+        frame = cursor.ahead
+        if frame is not None and frame.number != number:
+            frame = None  # It was not recorded; a later one was.
+    else:
         raise RecordError(f"{record.path}: it has {frames_up_to(end)}, not {number}")
-    cursor = Cursor(record)
-    string = cursor.seek(number)
-    frame = cursor.ahead
-    recorded = frame is not None and frame.number == number
-    return FrameBegin(number, number * dt, string, frame if recorded else None)
+    seconds = number * record.description.world.dt
+    title = f"{seconds:.2f} s of the world"
+    return FrameText(title, number, seconds, string, string.digest, frame)
 
 
 def written(string: Scene) -> str:
     """A string in the world's language, one outermost node per line; it can be parsed again."""
     return "\n· ".join([str(Scene((node,))) for node in string.nodes])
-
-
-def _counted(string: Scene) -> str:
-    agents = [f"{count:,} {kind}" for kind, count in kinds_in(string).items()]
-    return ", ".join(agents) or "no agents"
-
-
-def _texts(events: Sequence[AnyEvent]) -> Iterator[str]:
-    return (str(event) for event in single(events))

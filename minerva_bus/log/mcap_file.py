@@ -11,8 +11,7 @@ from typing import IO, TYPE_CHECKING, Final
 from minerva_bus import __version__
 from minerva_bus.log import channels as c
 from minerva_bus.log.description import Description
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.extra import check_installed
+from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.outputs import check_output, check_replaceable
 
 if TYPE_CHECKING:

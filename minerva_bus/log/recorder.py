@@ -28,8 +28,7 @@ from minerva_bus.frame.stimuli import FrameDone
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.log.checkpoints import Kept
 from minerva_bus.log.description import Description
-from minerva_bus.log.errors import RecordError
-from minerva_bus.log.extra import check_installed
+from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.log.mcap_file import open_for_record, part_of, take_name
 from minerva_bus.log.queues import Backlog, FrameQueue, Pending, Sensed
 from minerva_bus.log.reader import Record

@@ -26,7 +26,7 @@ from minerva_bus.frame.members import (
 )
 from minerva_bus.frame.messages import Hello
 from minerva_bus.frame.pace import Pace
-from minerva_bus.frame.rendezvous import place
+from minerva_bus.frame.placement import place
 from minerva_bus.frame.views import ViewStream
 from minerva_bus.grammar.fields import Fields
 from minerva_bus.grammar.scene import AgentNode, agents, scene_of
