@@ -33,7 +33,7 @@ Elsewhere = Callable[[str], Any]
 
 
 class FragmentOutcome:
-    """One outermost agent, and what it has become; base class of the outcomes of populations."""
+    """One outermost agent, and what it has become; base class of `PopulationOutcome`."""
 
     def __init__(self, old: Fragment, new: Scene) -> None:
         self._old = old
@@ -56,7 +56,7 @@ class FragmentOutcome:
         """
         for agent in agents(self._new):
             old = self._before.get(agent.id)
-            unit = self._unit(agent.id)
+            unit = self.unit(agent.id)
             if unit in self._undone or not norm.concerns(agent.symbol):
                 continue
             if old is not None and same_values(old.values, agent.values):
@@ -64,27 +64,18 @@ class FragmentOutcome:
             if norm.holds(state_of(norm, agent, old, elsewhere)):
                 yield agent.id if old is not None else unit
 
-    def _unit(self, agent: str) -> str:
-        """The unit of an agent: the agent whose λ returned it."""
-        return cast("AgentNode", self._old).id
-
-    @property
-    def undone(self) -> tuple[str, ...]:
-        """The units that have been undone, sorted."""
-        return tuple(sorted(self._undone))
-
     @property
     def halted(self) -> tuple[str, ...]:
         """All agents that have been undone, sorted."""
         return tuple(sorted(self._before)) if self._undone else ()
 
     def unit(self, who: str) -> str:
-        """Whose λ an agent of this outcome comes from."""
-        return self._unit(who)
+        """The unit of an agent: the agent whose λ returned it."""
+        return cast("AgentNode", self._old).id
 
     def undo(self, who: str) -> None:
         """Replace an agent's unit by what it was."""
-        self._undone[self._unit(who)] = None
+        self._undone[self.unit(who)] = None
 
     def replace(self, unit: str, other: FragmentOutcome) -> None:
         """Replace a unit that was undone by what it is in another outcome, by fewer events."""
@@ -114,10 +105,23 @@ class FragmentOutcome:
         return next((events for outcome, events in later if outcome is other), ())
 
 
-class ColumnsOutcome(FragmentOutcome):
-    """Outcome of agents in columns that have become columns with the same rows."""
+class PopulationOutcome(FragmentOutcome):
+    """Outcome of agents in columns; each agent is a unit."""
 
     _old: Columns
+
+    @property
+    def halted(self) -> tuple[str, ...]:
+        """All agents that have been undone, sorted."""
+        return tuple(sorted(self._undone))
+
+    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
+        """The events of the fragment that count, from this outcome and others."""
+        return _left(_ids(self._old), sent, self._undone, later)
+
+
+class ColumnsOutcome(PopulationOutcome):
+    """Outcome of agents in columns that have become columns with the same rows."""
 
     def __init__(self, old: Columns, new: Columns) -> None:
         super().__init__(old, Scene((new,)))
@@ -128,8 +132,9 @@ class ColumnsOutcome(FragmentOutcome):
     def _agents_before(self) -> Mapping[str, AgentNode]:
         return {}
 
-    def _unit(self, agent: str) -> str:
-        return agent
+    def unit(self, who: str) -> str:
+        """The agent itself."""
+        return who
 
     def offenders(self, norm: Norm, elsewhere: Elsewhere) -> Iterator[str]:
         """Agents whose new state violates a norm, judged as whole columns."""
@@ -152,11 +157,6 @@ class ColumnsOutcome(FragmentOutcome):
         """Replace an agent's unit by what it was."""
         super().undo(who)
         self._kept[_ids(self._old).row_of(who)] = False
-
-    @property
-    def halted(self) -> tuple[str, ...]:
-        """All agents that have been undone, sorted."""
-        return self.undone
 
     def was(self, who: str) -> AgentNode | None:
         """An agent as it was before the frame."""
@@ -184,15 +184,9 @@ class ColumnsOutcome(FragmentOutcome):
                 columns = tuple([_with(new, old, np.asarray(rows, np.intp)) for new, old in pairs])
         return Scene((self._now.with_columns(columns),))
 
-    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
-        """The events of the fragment that count, from this outcome and others."""
-        return _left(_ids(self._old), sent, self._undone, later)
 
-
-class MixedOutcome(FragmentOutcome):
+class MixedOutcome(PopulationOutcome):
     """Outcome of agents in columns of which some have died, have newborns or changed their kind."""
-
-    _old: Columns
 
     def __init__(self, old: Columns, new: Scene) -> None:
         self._parents: dict[str, str] = {}
@@ -211,13 +205,9 @@ class MixedOutcome(FragmentOutcome):
             for birth in range(first + 1, last + 1):
                 self._parents[child_id(now.id, birth)] = now.id
 
-    def _unit(self, agent: str) -> str:
-        return self._parents.get(agent, agent)
-
-    @property
-    def halted(self) -> tuple[str, ...]:
-        """All agents that have been undone, sorted."""
-        return self.undone
+    def unit(self, who: str) -> str:
+        """The agent itself, or the parent of a newborn."""
+        return self._parents.get(who, who)
 
     def of_unit(self, unit: str) -> tuple[Node, ...]:
         """The nodes of an agent and of its newborns in this outcome."""
@@ -227,7 +217,7 @@ class MixedOutcome(FragmentOutcome):
     def _by_unit(self) -> Mapping[str, tuple[Node, ...]]:
         by_unit: dict[str, tuple[Node, ...]] = {}
         for node in self._new.nodes:
-            units = {self._unit(agent.id) for agent in agents(Scene((node,)))}
+            units = {self.unit(agent.id) for agent in agents(Scene((node,)))}
             for unit in units:
                 by_unit[unit] = (*by_unit.get(unit, ()), node)
         return by_unit
@@ -236,10 +226,6 @@ class MixedOutcome(FragmentOutcome):
     def scene(self) -> Scene:
         """The fragment in the end."""
         return _put_together(self, self._new, self._undone) if self._undone else self._new
-
-    def left(self, sent: Sent, later: Sequence[tuple[FragmentOutcome, Sent]] = ()) -> Sent:
-        """The events of the fragment that count, from this outcome and others."""
-        return _left(_ids(self._old), sent, self._undone, later)
 
 
 def outcome_of(old: Fragment, new: Scene) -> FragmentOutcome:

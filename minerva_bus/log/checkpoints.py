@@ -11,16 +11,15 @@ checkpoint, nothing changed and no events wait.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
-from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_text, pack, unpack
-from minerva_bus.wire.values import Reader, plain_event
+from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_texts, pack, unpack
+from minerva_bus.wire.values import Reader, plain_events
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,42 +66,39 @@ def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
     reached, reaching = _new(new.reached, old.reached), _new(new.reaching, old.reaching)
     if before is not None and not (saved or new.emitted or new.inbox or reached or reaching):
         return b""
-    inbox = {source: _plain(events) for source, events in new.inbox.items()}
-    items = [new.frame, before is None, saved, _plain(new.emitted), inbox, reached, reaching]
-    return pack(["checkpoint", *items])
+    inbox = {source: plain_events(events) for source, events in new.inbox.items()}
+    head = ["checkpoint", new.frame, before is None, saved, plain_events(new.emitted)]
+    return pack([*head, inbox, reached, reaching])
 
 
 def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     """A checkpoint from bytes. Raises ProtocolError and VocabularyError."""
-    items = as_list(unpack(data, ON_DISK), "a checkpoint")
-    if len(items) != 8 or items[0] != "checkpoint":
-        raise ProtocolError("a checkpoint has 8 items and begins with its name")
-    _, number, complete, saved, emitted, inbox, reached, reaching = items
+    items = entry_items(data, 8, "checkpoint")
+    number, complete, saved, emitted, inbox, reached, reaching = items
     new = Checkpoint(
         as_int(number, "the number of a frame"),
         {name: _saved(data) for name, data in as_map(saved, "what members saved").items()},
         reader.events(emitted),
         {source: reader.events(sent) for source, sent in as_map(inbox, "an inbox").items()},
-        _names(reached),
-        _names(reaching),
+        frozenset(as_texts(reached, "agents")),
+        frozenset(as_texts(reaching, "kinds")),
     )
     return Step(as_bool(complete, "whole"), new)
+
+
+def entry_items(data: bytes, count: int, *names: str) -> list[Any]:
+    """The items of an entry after its name, which is one of these. Raises ProtocolError."""
+    items = as_list(unpack(data, ON_DISK), "an entry")
+    if len(items) != count or items[0] not in names:
+        raise ProtocolError(f"{names[0]}: expected {count} items that begin with this name")
+    return items[1:]
 
 
 def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
     return [] if now is before else sorted(now - before)
 
 
-def _plain(events: Sequence[AnyEvent]) -> list[Any]:
-    return [plain_event(event) for event in events]
-
-
 def _saved(plain: Any) -> Mapping[str, Any]:
     if not isinstance(plain, bytes):
         raise ProtocolError("saved data of a member must be bytes")
     return as_map(unpack(plain, ON_DISK), "what a member saved")
-
-
-def _names(plain: Any) -> frozenset[str]:
-    names: Iterable[Any] = as_list(plain, "names")
-    return frozenset(as_text(name, "a name") for name in names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, groupby, islice, zip_longest
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.reader import Record
 from minerva_bus.log.showing import without_agents
-from minerva_bus.wire.values import plain_event
+from minerva_bus.wire.values import plain_events
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import counted
 
@@ -46,13 +46,7 @@ class Change:
 
     def plain(self) -> dict[str, Any]:
         """As a JSON object."""
-        return {
-            "agent": self.agent,
-            "attribute": self.attribute,
-            "a": self.a,
-            "b": self.b,
-            "events": list(self.events),
-        }
+        return asdict(self) | {"events": list(self.events)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +156,7 @@ def _ended(in_a: RecordedFrame | None, count: int) -> str:
 
 def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
     """Whether two lists have the same events in the same order, single or in columns."""
-    if [plain_event(event) for event in a] == [plain_event(event) for event in b]:
+    if plain_events(a) == plain_events(b):
         return True
     pairs = zip_longest(single(a), single(b))
     return all(event == counterpart for event, counterpart in pairs)

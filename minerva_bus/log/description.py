@@ -11,15 +11,25 @@ from typing import Any, Final
 from minerva_bus import __version__
 from minerva_bus.errors import MinervaError, ProtocolError
 from minerva_bus.frame.description import World
+from minerva_bus.grammar.events import Event
 from minerva_bus.grammar.scene import EMPTY
 from minerva_bus.log.entries import FORMAT
 from minerva_bus.log.errors import RecordError
-from minerva_bus.log.norms import plain_norm, read_norms
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_number, as_text, pack, unpack
-from minerva_bus.wire.values import Reader, plain_scene
+from minerva_bus.wire.plain import (
+    as_int,
+    as_list,
+    as_map,
+    as_number,
+    as_text,
+    as_texts,
+    pack,
+    unpack,
+)
+from minerva_bus.wire.values import Reader, plain_event, plain_scene
 from minerva_bus.wire.vocabulary import plain_vocabulary, read_vocabulary
 from minerva_bus.world.evolution import Policy
+from minerva_bus.world.norms import Norm, Then
 from minerva_bus.world.order import Order
 
 FORMATS: Final = (1, FORMAT)
@@ -118,15 +128,15 @@ def _description(plain: Mapping[str, Any]) -> Description:
         vocabulary=vocabulary,
         seed=as_int(plain["seed"], "the seed", _LEAST),
         dt=as_number(plain["dt"], "dt"),
-        order=Order(_texts(plain["order"])),
+        order=Order(as_texts(plain["order"], "order")),
         policy=Policy(as_text(plain["policy"], "the policy")),
         frames=as_int(plain["frames"], "frames"),
         until=as_text(plain["until"], "until"),
         give_up=as_text(plain.get("give_up", ""), "give_up"),
-        expected=frozenset(_texts(plain["expected"])),
+        expected=frozenset(as_texts(plain["expected"], "expected")),
         norms=read_norms(plain.get("norms", []), reader),
         speaks_for={
-            name: _texts(kinds)
+            name: as_texts(kinds, "speaks_for")
             for name, kinds in as_map(plain.get("speaks_for", {}), "speaks_for").items()
         },
     )
@@ -141,9 +151,45 @@ def _description(plain: Mapping[str, Any]) -> Description:
     )
 
 
-def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple([as_text(name, "a name") for name in as_list(plain, "names")])
-
-
 def _pairs(plain: Any, what: str) -> dict[str, str]:
     return {name: as_text(value, what) for name, value in as_map(plain, what).items()}
+
+
+# --- norms ---
+
+
+def plain_norm(norm: Norm) -> dict[str, Any]:
+    """A norm in what msgpack knows."""
+    return {
+        "name": norm.name,
+        "applies": list(norm.applies),
+        "on": list(norm.on),
+        "when": norm.when,
+        "where": norm.where,
+        "most": norm.most,
+        "per": norm.per,
+        "then": norm.then.value,
+        "sanction": None if norm.sanction is None else plain_event(norm.sanction),
+    }
+
+
+def read_norms(plain: Any, reader: Reader) -> tuple[Norm, ...]:
+    """Norms from what msgpack held. Raises ProtocolError, VocabularyError and ValueError."""
+    return tuple([_norm(as_map(norm, "a norm"), reader) for norm in as_list(plain, "norms")])
+
+
+def _norm(plain: dict[str, Any], reader: Reader) -> Norm:
+    sanction = None if plain["sanction"] is None else reader.event(plain["sanction"])
+    if sanction is not None and not isinstance(sanction, Event):
+        raise ProtocolError("a sanction is one event")
+    return Norm(
+        as_text(plain["name"], "a norm's name"),
+        as_texts(plain["applies"], "applies"),
+        as_texts(plain["on"], "on"),
+        as_text(plain["when"], "when"),
+        as_text(plain["where"], "where"),
+        as_int(plain["most"], "most"),
+        as_int(plain["per"], "per", 1),
+        Then(as_text(plain["then"], "then")),
+        sanction,
+    )

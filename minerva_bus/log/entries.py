@@ -27,11 +27,11 @@ from minerva_bus.frame.inputs import FrameInputs, RecordedFrame
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint
+from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoint, entry_items
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import ON_DISK
-from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, pack, unpack
-from minerva_bus.wire.values import Reader, plain_event, plain_scene
+from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, as_texts, pack, unpack
+from minerva_bus.wire.values import Reader, plain_events, plain_scene
 
 FORMAT: Final = 3
 """Version of these entries, and so of records and journals."""
@@ -72,19 +72,19 @@ def encode_inputs(inputs: FrameInputs) -> bytes:
         if reply.events or reply.saved is not None
     ]
     replies = [[reply.member, reply.received or encode(reply)] for reply in inputs.replies]
-    taken, waiting = plain_events(inputs.taken), plain_events(inputs.waiting)
+    taken, waiting = plain_by_source(inputs.taken), plain_by_source(inputs.waiting)
     head = ["inputs", inputs.frame, inputs.due, ticked, taken, inputs.layout]
     return pack([*head, replies, waiting, inputs.people, inputs.answers, inputs.left_out])
 
 
 def encode_frame(number: int, events: Sequence[AnyEvent], delta: list[Any], digest: bytes) -> bytes:
     """A recorded frame as bytes."""
-    return pack(["frame", number, [plain_event(event) for event in events], delta, digest])
+    return pack(["frame", number, plain_events(events), delta, digest])
 
 
-def plain_events(events: EventsBySource) -> dict[str, list[Any]]:
+def plain_by_source(events: EventsBySource) -> dict[str, list[Any]]:
     """Events by source as plain data."""
-    return {source: [plain_event(event) for event in sent] for source, sent in events.items()}
+    return {source: plain_events(sent) for source, sent in events.items()}
 
 
 # --- decoding ---
@@ -114,10 +114,7 @@ class EntryDecoder:
 
     def frame(self, data: bytes, seconds: float) -> RecordedFrame:
         """A recorded frame; `seconds` is its time by the clock since the record began."""
-        items = unpacked(data)
-        if items[:1] != ["frame"] or len(items) != 5:
-            raise ProtocolError("a frame has 5 items and begins with its name")
-        _, number, events, delta, digest = items
+        number, events, delta, digest = entry_items(data, 5, "frame")
         if not isinstance(digest, bytes):
             raise ProtocolError("a digest is bytes")
         read = self.reader.events(events)
@@ -125,27 +122,23 @@ class EntryDecoder:
 
     def inputs(self, data: bytes) -> FrameInputs:
         """The inputs of a frame; a journal of format 2 calls the entry `frame`."""
-        items = unpacked(data)
-        if items[:1] not in (["inputs"], ["frame"]) or len(items) != 11:
-            raise ProtocolError("frame inputs have 11 items and begin with their name")
-        _, number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
+        items = entry_items(data, 11, "inputs", "frame")
+        number, due, ticked, taken, layout, replies, waiting, people, answers, left_out = items
         received = [
-            self._decoder.from_member(as_text(name, "a name"), sent) for name, sent in ticked
-        ]
-        evolved = [
-            self._decoder.from_member(as_text(name, "a name"), sent) for name, sent in replies
+            self._decoder.from_member(as_text(name, "a name"), sent)
+            for name, sent in (*as_list(ticked, "tick replies"), *as_list(replies, "replies"))
         ]
         return FrameInputs(
             _number(number),
-            _texts(due),
+            as_texts(due, "event types"),
             {reply.member: reply for reply in received if isinstance(reply, m.TickReply)},
             self.events(taken),
             _layout(layout),
-            [reply for reply in evolved if isinstance(reply, m.EvolveReply)],
+            [reply for reply in received if isinstance(reply, m.EvolveReply)],
             self.events(waiting),
-            _texts(people),
+            as_texts(people, "sources"),
             tuple(as_int(count, "replies") for count in as_list(answers, "counts of replies")),
-            _texts(left_out),
+            as_texts(left_out, "fragments"),
         )
 
     def events(self, plain: Any) -> EventsBySource:
@@ -179,10 +172,6 @@ def _layout(plain: Any) -> Layout:
         tuple((as_text(name, "a fragment"), as_int(rows, "rows")) for name, rows in population)
         for population in as_list(plain, "a layout")
     )
-
-
-def _texts(plain: Any) -> tuple[str, ...]:
-    return tuple(as_text(name, "a name") for name in as_list(plain, "names"))
 
 
 def _number(plain: Any) -> int:

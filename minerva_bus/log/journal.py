@@ -37,12 +37,12 @@ from minerva_bus.log.entries import (
     Keyframe,
     encode_inputs,
     encode_keyframe,
-    plain_events,
+    plain_by_source,
     unpacked,
 )
 from minerva_bus.log.errors import RecordError
 from minerva_bus.outputs import replacing
-from minerva_bus.wire.plain import as_int, as_list, as_number, as_text, pack
+from minerva_bus.wire.plain import as_int, as_number, as_text, as_texts, pack
 from minerva_bus.wire.vocabulary import plain_vocabulary
 
 FORMATS: Final = (2, FORMAT)
@@ -125,7 +125,7 @@ class Journal:
 
     def waiting(self, events: EventsBySource) -> None:
         """Note the waiting events after people have sent some."""
-        now = plain_events(events)
+        now = plain_by_source(events)
         if now != self._waiting:
             self._waiting = now
             self._put(pack(["waiting", now]))
@@ -277,8 +277,7 @@ def _take(entry: bytes, journaled: Journaled, decoder: EntryDecoder) -> None:
         journaled.left = journaled.left and journaled.left - 1
         journaled.waiting = None
     elif kind == "members":
-        names = as_list(items[1], "members")
-        journaled.members = frozenset(as_text(name, "a name") for name in names)
+        journaled.members = frozenset(as_texts(items[1], "members"))
     elif kind == "pace":
         journaled.rate = as_number(items[1], "the rate")
         journaled.left = None if items[2] is None else as_int(items[2], "frames")

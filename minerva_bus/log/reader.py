@@ -153,6 +153,13 @@ class Record:
 
         Raises RecordError for a record without checkpoints.
         """
+        end = self.intact_end()
+        if end.checkpoint is None:
+            raise RecordError(f"{self.path}: it has no checkpoints, so the run cannot be resumed")
+        return end.checkpoint, end.scene
+
+    def intact_end(self) -> Keyframe:
+        """As `end`, but of a record without checkpoints the state after its last frame."""
         cursor = Cursor(self, state=True)
         before = self._count
         while before:
@@ -161,17 +168,9 @@ class Record:
             known = _last_state(cursor)
             if known is not None:
                 return known
-        if cursor.number:
-            raise RecordError(f"{self.path}: it has no checkpoints, so the run cannot be resumed")
-        return Checkpoint(), self.initial.scene
-
-    def intact_end(self) -> Keyframe:
-        """As `end`, but of a record without checkpoints the state after its last frame."""
-        try:
-            checkpoint, scene = self.end()
-        except RecordError:
-            return Keyframe(*self.last())
-        return Keyframe(checkpoint.frame, scene, checkpoint)
+        if not cursor.number:
+            return replace(self.initial, checkpoint=Checkpoint())
+        return Keyframe(*self.last())
 
     # --- what a cursor reads ---
 
@@ -299,12 +298,12 @@ class Record:
             raise RecordError(f"{self.path}: {what} cannot be read: {error}") from None
 
 
-def _last_state(cursor: Cursor) -> tuple[Checkpoint, Scene] | None:
+def _last_state(cursor: Cursor) -> Keyframe | None:
     """The last position from here on whose checkpoint is known."""
-    known: tuple[Checkpoint, Scene] | None = None
+    known: Keyframe | None = None
     while True:
         if cursor.checkpoint is not None:
-            known = cursor.checkpoint, cursor.scene
+            known = Keyframe(cursor.number, cursor.scene, cursor.checkpoint)
         if cursor.ahead is None:
             return known
         cursor.advance()

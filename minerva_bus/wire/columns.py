@@ -39,7 +39,7 @@ from minerva_bus.wire.arrays import (
     read_rows,
 )
 from minerva_bus.wire.limits import Limits
-from minerva_bus.wire.plain import as_int, as_list, as_text
+from minerva_bus.wire.plain import as_int, as_list, as_text, as_texts
 
 PATCH: Final = "patch"
 
@@ -59,7 +59,7 @@ def plain_columns(columns: Columns) -> list[Any]:
     return [columns.count, plain_ids(columns.ids), levels]
 
 
-def plain_events(events: Events) -> list[Any]:
+def plain_batch(events: Events) -> list[Any]:
     """A batch of events."""
     return [
         events.type,
@@ -108,7 +108,7 @@ class ColumnsReader:
         if are_ids(plain):
             return Column.of_ids(read_ids(plain, count))
         if isinstance(plain, list):
-            texts = [as_text(item, "text in a column") for item in as_list(plain, "a column")]
+            texts = as_texts(plain, "a column")
             array: NDArray[Any] = np.empty(len(texts), object)
             array[:] = texts
         else:
@@ -209,7 +209,7 @@ class ColumnsReader:
         count = self._count(items[1])
         turnover, born = self._turnover(count, *items[4:]) if len(items) == 7 else (None, None)
         after = count if turnover is None else self._count(turnover.after)
-        symbols = tuple([as_text(item, "a symbol") for item in as_list(items[2], "the symbols")])
+        symbols = as_texts(items[2], "the symbols")
         fields = [self._fields(symbol) for symbol in symbols[:CHAIN]]
         changes = [self._change(item, after, fields) for item in as_list(items[3], "the changes")]
         return Delta(count, symbols, tuple(changes), turnover, born)

@@ -50,7 +50,7 @@ def message_codec(message: type[Any]) -> MessageCodec:
     codecs = {of.name: field_codec(of) for of in declared if of.travels}
     encode, decode = _encoder(wire, declared, codecs), _decoder(message, declared, codecs)
     if wire.keyed:
-        decode = _keyed_decoder(message, declared, codecs)
+        decode = _keyed_decoder(decode, declared)
     size = 1 if wire.keyed else len(items)
     return MessageCodec(wire, declared, items, size, encode, decode)
 
@@ -159,26 +159,17 @@ def _located(error: ProtocolError, of: DeclaredField) -> ProtocolError:
     return error if text.startswith(of.message) else ProtocolError(f"{of.what}: {text}")
 
 
-def _keyed_decoder(
-    make: type[Any], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
-) -> Decode:
-    """A decoder of a map; it passes over keys that it does not know, which a later one may add."""
+def _keyed_decoder(decode: Decode, declared: Iterable[DeclaredField]) -> Decode:
+    """A decoder of a map. It ignores unknown keys, which a later version may add."""
     travelling = [of for of in declared if of.travels]
-    plan = [(of, codecs[of.name].read) for of in travelling]
 
-    def decode(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
+    def value(of: DeclaredField, given: Mapping[str, Any]) -> Any:
+        if of.name not in given and not of.has(Mark.OPTIONAL):
+            raise ProtocolError(f"{of.message} needs {of.name!r}")
+        return given.get(of.name, of.default)
+
+    def decode_map(reader: Reader, key: tuple[str, ...], plain: list[Any]) -> Any:
         given = as_map(plain[1], f"the item of {plain[0]}")
-        values: list[Any] = []
-        for of, read in plan:
-            if of.name in given:
-                try:
-                    values.append(read(reader, given[of.name]))
-                except ProtocolError as error:
-                    raise _located(error, of) from None
-            elif of.has(Mark.OPTIONAL):
-                values.append(of.default)
-            else:
-                raise ProtocolError(f"{of.message} needs {of.name!r}")
-        return make(*key, *values)
+        return decode(reader, key, [plain[0], *(value(of, given) for of in travelling)])
 
-    return decode
+    return decode_map

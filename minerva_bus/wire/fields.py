@@ -30,7 +30,7 @@ from minerva_bus.wire.plain import (
     name_of,
 )
 from minerva_bus.wire.readings import plain_reading, read_reading
-from minerva_bus.wire.values import Reader, plain_event, plain_scene
+from minerva_bus.wire.values import Reader, plain_events, plain_scene
 from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
 
@@ -223,10 +223,6 @@ def _vocabulary(_: DeclaredField) -> FieldCodec:
 # --- events ---
 
 
-def _write_events(events: tuple[AnyEvent, ...]) -> Any:
-    return [plain_event(event) for event in events] if events else events
-
-
 def _single(plain: Any, what: str) -> list[list[Any]]:
     """The events of a list that are not in columns."""
     items = [cast("list[Any]", item) for item in as_list(plain, what) if isinstance(item, list)]
@@ -242,7 +238,7 @@ def _events(of: DeclaredField) -> FieldCodec:
             _check_generated(of, reader, plain)
         return reader.events(plain)
 
-    return FieldCodec("[event]", read_generated if of.has(Mark.GENERATED) else read, _write_events)
+    return FieldCodec("[event]", read_generated if of.has(Mark.GENERATED) else read, plain_events)
 
 
 def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
@@ -269,7 +265,7 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
         return {name: reader.events(events) for name, events in senders.items()}
 
     def write(senders: m.SentBy) -> Any:
-        return {name: _write_events(events) for name, events in senders.items()} if senders else {}
+        return {name: plain_events(events) for name, events in senders.items()}
 
     return FieldCodec("{id: [event]}", read, write)
 

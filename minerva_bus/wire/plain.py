@@ -93,6 +93,11 @@ def as_text(plain: Any, what: str) -> str:
     return plain
 
 
+def as_texts(plain: Any, what: str) -> tuple[str, ...]:
+    """`plain` as a list of texts. Raises ProtocolError."""
+    return tuple([as_text(item, what) for item in as_list(plain, what)])
+
+
 def as_int(plain: Any, what: str, least: int = 0) -> int:
     """`plain` as an int of at least `least`. Raises ProtocolError."""
     if not isinstance(plain, int) or isinstance(plain, bool) or plain < least:

@@ -7,7 +7,16 @@ from dataclasses import asdict, fields
 from typing import Any, get_type_hints
 
 from minerva_bus.errors import ProtocolError
-from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_number, as_scalar, as_text
+from minerva_bus.wire.plain import (
+    as_bool,
+    as_int,
+    as_list,
+    as_map,
+    as_number,
+    as_scalar,
+    as_text,
+    as_texts,
+)
 from minerva_bus.world.operator import LogEntry, LogLine, MemberStatus, WorldStatus
 
 
@@ -62,7 +71,7 @@ def _value(hint: Any, plain: Any, name: str) -> Any:
     if scalar is not None:
         return scalar(plain, name)
     if hint == tuple[str, ...]:
-        return tuple([as_text(item, name) for item in as_list(plain, name)])
+        return as_texts(plain, name)
     if hint == Mapping[str, float]:
         return {key: as_number(item, name) for key, item in as_map(plain, name).items()}
     return {

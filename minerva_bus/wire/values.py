@@ -47,8 +47,7 @@ from minerva_bus.grammar.scene import (
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.unique_ids import same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.columns import ColumnsReader, plain_columns
-from minerva_bus.wire.columns import plain_events as plain_batch
+from minerva_bus.wire.columns import ColumnsReader, plain_batch, plain_columns
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
 
@@ -112,6 +111,11 @@ def plain_event(event: AnyEvent) -> list[Any]:
     if event.condition or event.sender or event.receivers:
         return [event.type, values, event.condition, event.sender, list(event.receivers)]
     return [event.type, values]
+
+
+def plain_events(events: Sequence[AnyEvent]) -> list[Any]:
+    """Events in order."""
+    return [plain_event(event) for event in events]
 
 
 class Reader:

@@ -25,7 +25,7 @@ from minerva_bus.grammar.printer import value_text
 from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
 from minerva_bus.grammar.types import Unfit, parse_type
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text
+from minerva_bus.wire.plain import as_bool, as_list, as_map, as_number, as_text, as_texts
 
 _MAX_ERROR_CHARS = 300
 _FORMS: dict[str, type[Form]] = {
@@ -137,9 +137,8 @@ def _kind(plain: Any) -> AgentKind:
     subscribed = dict(map(_subscribed, as_list(subscribes, "event types")))
     chances = tuple(sorted((name, chance) for name, chance in subscribed.items() if chance != 1.0))
     return AgentKind(
-        as_text(name, "a kind's name"), _fields(fields), frozenset(subscribed), _names(views),
-        chances,
-        tuple(as_text(item, "an attribute") for item in as_list(rest, "attributes at rest")),
+        as_text(name, "a kind's name"), _fields(fields), frozenset(subscribed),
+        frozenset(as_texts(views, "event types")), chances, as_texts(rest, "attributes at rest"),
     )  # fmt: skip
 
 
@@ -150,10 +149,6 @@ def _subscribed(plain: Any) -> tuple[str, float | str]:
     if not isinstance(probability, str):
         probability = as_number(probability, "a probability")
     return as_text(name, "an event type"), probability
-
-
-def _names(plain: Any) -> frozenset[str]:
-    return frozenset(as_text(item, "an event type") for item in as_list(plain, "event types"))
 
 
 def _event_type(plain: Any) -> EventType:

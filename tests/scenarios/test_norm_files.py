@@ -5,7 +5,7 @@ from street import eFine
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.reading import read_world_file
-from minerva_bus.log.norms import plain_norm, read_norms
+from minerva_bus.log.description import plain_norm, read_norms
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wire.values import Reader
