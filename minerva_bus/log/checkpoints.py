@@ -19,7 +19,7 @@ from minerva_bus.errors import ProtocolError
 from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_bool, as_int, as_list, as_map, as_texts, pack, unpack
-from minerva_bus.wire.values import Reader, plain_events
+from minerva_bus.wire.values import Reader, plain_event_list
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ def encode_checkpoint(kept: Kept, before: Kept | None) -> bytes:
     reached, reaching = _new(new.reached, old.reached), _new(new.reaching, old.reaching)
     if before is not None and not (saved or new.emitted or new.inbox or reached or reaching):
         return b""
-    inbox = {source: plain_events(events) for source, events in new.inbox.items()}
-    head = ["checkpoint", new.frame, before is None, saved, plain_events(new.emitted)]
+    inbox = {source: plain_event_list(events) for source, events in new.inbox.items()}
+    head = ["checkpoint", new.frame, before is None, saved, plain_event_list(new.emitted)]
     return pack([*head, inbox, reached, reaching])
 
 

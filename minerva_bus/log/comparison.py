@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, Value, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.reader import Record
 from minerva_bus.log.showing import without_agents
-from minerva_bus.wire.values import plain_events
+from minerva_bus.wire.values import plain_event_list
 from minerva_bus.wire.vocabulary import plain_vocabulary
 from minerva_bus.wording import counted
 
@@ -156,7 +156,7 @@ def _ended(in_a: RecordedFrame | None, count: int) -> str:
 
 def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
     """Whether two lists have the same events in the same order, single or in columns."""
-    if plain_events(a) == plain_events(b):
+    if plain_event_list(a) == plain_event_list(b):
         return True
     pairs = zip_longest(single(a), single(b))
     return all(event == counterpart for event, counterpart in pairs)

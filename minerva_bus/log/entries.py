@@ -31,7 +31,7 @@ from minerva_bus.log.checkpoints import Kept, decode_checkpoint, encode_checkpoi
 from minerva_bus.wire.codec import Decoder, encode
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import as_int, as_list, as_map, as_text, as_texts, pack, unpack
-from minerva_bus.wire.values import Reader, plain_events, plain_scene
+from minerva_bus.wire.values import Reader, plain_event_list, plain_scene
 
 FORMAT: Final = 3
 """Version of these entries, and so of records and journals."""
@@ -79,12 +79,12 @@ def encode_inputs(inputs: FrameInputs) -> bytes:
 
 def encode_frame(number: int, events: Sequence[AnyEvent], delta: list[Any], digest: bytes) -> bytes:
     """A recorded frame as bytes."""
-    return pack(["frame", number, plain_events(events), delta, digest])
+    return pack(["frame", number, plain_event_list(events), delta, digest])
 
 
 def plain_by_source(events: EventsBySource) -> dict[str, list[Any]]:
     """Events by source as plain data."""
-    return {source: plain_events(sent) for source, sent in events.items()}
+    return {source: plain_event_list(sent) for source, sent in events.items()}
 
 
 # --- decoding ---

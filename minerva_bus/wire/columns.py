@@ -59,7 +59,7 @@ def plain_columns(columns: Columns) -> list[Any]:
     return [columns.count, plain_ids(columns.ids), levels]
 
 
-def plain_batch(events: Events) -> list[Any]:
+def plain_events(events: Events) -> list[Any]:
     """A batch of events."""
     return [
         events.type,

@@ -30,7 +30,7 @@ from minerva_bus.wire.plain import (
     name_of,
 )
 from minerva_bus.wire.readings import plain_reading, read_reading
-from minerva_bus.wire.values import Reader, plain_events, plain_scene
+from minerva_bus.wire.values import Reader, plain_event_list, plain_scene
 from minerva_bus.wire.vocabulary import plain_kind, plain_vocabulary, read_kind, read_vocabulary
 from minerva_bus.world.readings import Reading
 
@@ -238,7 +238,9 @@ def _events(of: DeclaredField) -> FieldCodec:
             _check_generated(of, reader, plain)
         return reader.events(plain)
 
-    return FieldCodec("[event]", read_generated if of.has(Mark.GENERATED) else read, plain_events)
+    return FieldCodec(
+        "[event]", read_generated if of.has(Mark.GENERATED) else read, plain_event_list
+    )
 
 
 def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
@@ -265,7 +267,7 @@ def _events_by_sender(of: DeclaredField) -> FieldCodec:
         return {name: reader.events(events) for name, events in senders.items()}
 
     def write(senders: m.SentBy) -> Any:
-        return {name: plain_events(events) for name, events in senders.items()}
+        return {name: plain_event_list(events) for name, events in senders.items()}
 
     return FieldCodec("{id: [event]}", read, write)
 

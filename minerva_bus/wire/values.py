@@ -47,7 +47,8 @@ from minerva_bus.grammar.scene import (
 from minerva_bus.grammar.types import Unfit
 from minerva_bus.grammar.unique_ids import same_id
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.wire.columns import ColumnsReader, plain_batch, plain_columns
+from minerva_bus.wire.columns import ColumnsReader, plain_columns
+from minerva_bus.wire.columns import plain_events as plain_batch
 from minerva_bus.wire.limits import DEFAULT, Limits
 from minerva_bus.wire.plain import as_int, as_list, as_text, name_of, unpack
 
@@ -113,7 +114,7 @@ def plain_event(event: AnyEvent) -> list[Any]:
     return [event.type, values]
 
 
-def plain_events(events: Sequence[AnyEvent]) -> list[Any]:
+def plain_event_list(events: Sequence[AnyEvent]) -> list[Any]:
     """Events in order."""
     return [plain_event(event) for event in events]
 

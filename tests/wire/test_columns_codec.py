@@ -25,7 +25,7 @@ from minerva_bus.grammar.batch import Events
 from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.delta import Delta, difference
 from minerva_bus.wire.codec import Decoder, encode
-from minerva_bus.wire.columns import plain_batch, plain_columns, plain_patch
+from minerva_bus.wire.columns import plain_columns, plain_events, plain_patch
 from minerva_bus.wire.limits import Limits
 from minerva_bus.wire.values import Reader, plain_scene
 
@@ -119,7 +119,7 @@ def test_columns_within_columns_travel_too(w, size):
 
 @given(many_events())
 def test_events_that_have_travelled_are_the_same(events):
-    back = READER.event(through(plain_batch(events)))
+    back = READER.event(through(plain_events(events)))
     assert isinstance(back, Events)
     assert list(back) == list(events)
 
@@ -192,7 +192,7 @@ def spoilt(draw, plain):
     ("plain", "read"),
     [
         ([1, plain_columns(SHOAL)], READER.scene),
-        (plain_batch(HITS), READER.event),
+        (plain_events(HITS), READER.event),
         (plain_patch(PATCH), READER.columns.patch),
     ],
     ids=["columns", "events", "patch"],
