@@ -1,7 +1,7 @@
-"""A crowd leaves a building: people who know signs, neighbours and bumps, and nothing else.
+"""A crowd leaves a building: people react to signs, neighbours and collisions, and to nothing else.
 
-What a person is: its state, how it follows the signs, gives way to those near, is pushed by whom it
-bumps into, how much room it takes, and how it looks. Nobody has a map: the signs do.
+A person has a state, follows the signs, gives way to neighbours, is pushed by what it touches, and
+has an extent and an appearance. Only the signs have a map.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from minerva_bus.semantics.volumes import Bodies
 CELL, RADIUS, EVERY = 0.5, 0.22, 2
 FREE, WALL, EXIT = " ", "#", "E"
 
-# --- the words ------------------------------------------------------------------------------------
+# --- the vocabulary -------------------------------------------------------------------------------
 
 PWalls = Primitive(
     "PWalls",
@@ -83,7 +83,7 @@ eEmpty = EventType("eEmpty", seconds=Seconds)
 
 
 class Person(Agent, symbol="APerson"):
-    """Walks as the signs say, keeps apart from others if it can, and is in nobody's place."""
+    """Follows the signs, keeps its distance if possible, and never overlaps with others."""
 
     x: Metres
     y: Metres
@@ -96,7 +96,7 @@ class Person(Agent, symbol="APerson"):
         out = hit.what == "PExit"
         moment.emit(eOut(), where=out)
         self.die(out)
-        share = np.where(hit.other == "", 1.0, 0.5)  # two who meet go back half the way each
+        share = np.where(hit.other == "", 1.0, 0.5)  # of two people, each backs up half the way
         self.x = self.x + share * hit.depth * hit.nx
         self.y = self.y + share * hit.depth * hit.ny
         into = np.minimum(self.vx * hit.nx + self.vy * hit.ny, 0.0)
@@ -127,7 +127,7 @@ class Person(Agent, symbol="APerson"):
 
 
 class Building(Agent, symbol="ABuilding"):
-    """Counts who is out, and says when all are."""
+    """Counts the people who are out, and reports when all are."""
 
     inside: int
     out: int = 0
@@ -147,7 +147,7 @@ class Building(Agent, symbol="ABuilding"):
 
 
 class Plan(Geometry):
-    """A geometric system in which a string means ways: where one can walk, and where it is out."""
+    """A geometric system in which a string is a floor plan: walkable cells and exits."""
 
     def PWalls(self, cells: np.ndarray) -> None:
         self.free = cells == 0
@@ -157,9 +157,9 @@ class Plan(Geometry):
 
 
 class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)):
-    """Tells everybody, wherever they stand, in which direction the nearest exit is.
+    """Sends each person the direction of the nearest exit.
 
-    The shortest ways are found once, on the cells of the plan.
+    The shortest paths are computed once, on the cells of the plan.
     """
 
     every = EVERY
@@ -167,7 +167,7 @@ class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)
     def joined(self, world: WorldInfo) -> None:
         self._bodies = Bodies(world.vocabulary)
         self._ahead: np.ndarray | None = None
-        self._told: tuple[Events, ...] = ()
+        self._signs: tuple[Events, ...] = ()
         self._shown, self._inside, self._seconds = -EVERY, 0, 0.0
 
     def show(self, view: View) -> None:
@@ -177,10 +177,11 @@ class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)
             self._ahead = two_steps_ahead(plan.free, plan.exits)
         bodies = self._bodies.volumes(view.skeleton, view.parts)
         people = np.flatnonzero(bodies.owners != "")
-        self._told = self._signs(bodies.points[bodies.first[people]], bodies.owners[people])
+        places = bodies.points[bodies.first[people]]
+        self._signs = self._directions(places, bodies.owners[people])
         self._shown, self._inside = view.frame, len(people)
 
-    def _signs(self, places: np.ndarray, who: np.ndarray) -> tuple[Events, ...]:
+    def _directions(self, places: np.ndarray, who: np.ndarray) -> tuple[Events, ...]:
         if not len(who):
             return ()
         cells = np.clip((places / CELL).astype(int), 0, np.array(self._ahead.shape[:2]) - 1)
@@ -192,7 +193,7 @@ class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)
     def generate(self, tick: Tick) -> Iterable[Events]:
         if self._inside:
             self._seconds = tick.time
-        return self._told if self._shown == tick.number - 1 else ()
+        return self._signs if self._shown == tick.number - 1 else ()
 
     def save(self) -> Mapping[str, float]:
         return {"seconds": self._seconds}
@@ -205,7 +206,7 @@ class Signs(Device, Generator, draws=("eBody",), coupled=True, events=("eSign",)
 
 
 def two_steps_ahead(free: np.ndarray, exits: np.ndarray) -> np.ndarray:
-    """Where to go from each cell, (rows, columns, 2) metres: the middle of the next but one."""
+    """The target from each cell, (rows, columns, 2) metres: the centre of the cell two steps on."""
     step: dict[tuple[int, int], tuple[int, int]] = {}
     queue = [(0.0, cell, cell) for cell in map(tuple, np.argwhere(exits).tolist())]
     while queue:
@@ -224,7 +225,7 @@ def two_steps_ahead(free: np.ndarray, exits: np.ndarray) -> np.ndarray:
 
 
 def around(cell: tuple[int, int], free: np.ndarray) -> Iterable[tuple[tuple[int, int], float]]:
-    """The cells beside one, and how far they are; across a corner only where nothing is cut."""
+    """The neighbours of a cell with their distances; diagonals must not cut a wall's corner."""
     x, y = cell
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
         there = x + dx, y + dy
@@ -244,7 +245,7 @@ vocabulary = Vocabulary.of(
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
-    """The building of a plan, with people anywhere in it, one in a cell."""
+    """The building of a plan, with people at random positions, at most one per cell."""
     lines = Path(options["plan"]).read_text(encoding="utf-8").splitlines()
     width, count = max(map(len, lines)), options["people"]
     signs = np.array([list(line.ljust(width)) for line in reversed(lines)]).T  # x, y

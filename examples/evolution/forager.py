@@ -1,8 +1,8 @@
 """Creatures whose eyes drive their wheels, after Braitenberg's Vehicles (1984), among berries.
 
-What they are stands in the scope of the egg that they come of: `TAim<angle=40>(PEye<left=1>)` is an
-eye that looks 40° to the left and lets the left wheel turn the faster, the more berries it sees. So
-a mutation of the string makes other creatures: with an eye more or less, elsewhere, or wired in
+Their body is the scope of the egg from which they hatch: `TAim<angle=40>(PEye<left=1>)` is an eye
+that looks 40° to the left and makes the left wheel turn faster the more berries it sees. A mutation
+of the string therefore creates other creatures, with more or fewer eyes, elsewhere, or wired in
 another way.
 """
 
@@ -42,12 +42,12 @@ from minerva_bus.semantics.plane import PlaneGeometry, Pose
 from minerva_bus.study.outcome import Outcome
 
 WIDTH, HEIGHT, BROOD = 24.0, 15.0, 6
-FASTEST = 0.4  # metres in a frame
-SHARPEST = 30.0  # degrees in a frame
-REACH = 0.7  # metres to what it can eat
-SIGHT = portable.cos(math.radians(35))  # an eye sees 35° to either side of where it looks
+FASTEST = 0.4  # metres per frame
+SHARPEST = 30.0  # degrees per frame
+REACH = 0.7  # metres within which a creature can eat
+SIGHT = portable.cos(math.radians(35))  # an eye sees 35° to either side of its direction
 
-# --- the words ------------------------------------------------------------------------------------
+# --- the vocabulary -------------------------------------------------------------------------------
 
 Corners = tuple[float, ...]
 PGround = Primitive("PGround", Line("xs", "ys", "#c9c2a5", 0.12), xs=Corners, ys=Corners)
@@ -70,7 +70,7 @@ eMeal = EventType("eMeal")
 
 
 class Egg(Agent, symbol="AEgg"):
-    """Six creatures hatch of it, here and there, all with the body that it holds."""
+    """Six creatures hatch from it at different positions, all with the body in its scope."""
 
     speed: float = 0.15
     births: int = 0
@@ -87,7 +87,7 @@ class Egg(Agent, symbol="AEgg"):
 
 
 class Creature(Agent, symbol="ACreature"):
-    """Goes as its eyes and wheels let it, and counts what it eats."""
+    """Driven by its eyes and wheels; counts the berries that it eats."""
 
     x: Metres
     y: Metres
@@ -117,7 +117,7 @@ class Creature(Agent, symbol="ACreature"):
 
 
 class Berry(Agent, symbol="ABerry"):
-    """Stands there until it is eaten."""
+    """Stays in place until it is eaten."""
 
     x: Metres
     y: Metres
@@ -133,17 +133,15 @@ class Berry(Agent, symbol="ABerry"):
 
 
 def eyes(body: Scene) -> list[dict[str, float]]:
-    """The eyes of a creature, as they stand in its scope from left to right."""
+    """The parameters of a creature's eyes, in the order of its scope."""
     return [dict(node.parameters) for opens, node in walk(body) if opens and node.symbol == "PEye"]
 
 
-# --- what they see and eat ------------------------------------------------------------------------
-
-MADE = ("eHatch", "eSeen", "eEaten")
+# --- light and food -------------------------------------------------------------------------------
 
 
 class Sight(PlaneGeometry):
-    """A geometric system in which a view is a list of who is where and looks whither."""
+    """A geometric system in which a view is a list of positions and viewing directions."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
@@ -165,7 +163,7 @@ class Sight(PlaneGeometry):
 class Light(
     Device, Generator, coupled=True, draws=("eLook",), events=("eHatch", "eSeen", "eEaten")
 ):
-    """Tells each creature how much light each eye gets, and what it has come to eat."""
+    """Notifies creatures of the light that their eyes receive, and berries that they are eaten."""
 
     every = 1
 
@@ -193,7 +191,7 @@ class Light(
 
 
 def brightness(eye: Pose, berries: Iterable[Pose]) -> float:
-    """How much light an eye gets from berries that it looks at: less with distance squared."""
+    """The light that an eye receives from visible berries; decreases with distance squared."""
     ahead_x, ahead_y = portable.cos(math.radians(eye.angle)), portable.sin(math.radians(eye.angle))
     light = 0.0
     for berry in berries:
@@ -205,11 +203,11 @@ def brightness(eye: Pose, berries: Iterable[Pose]) -> float:
 
 
 def distance(first: Pose, second: Pose) -> float:
-    """Metres between two places."""
+    """Distance in metres."""
     return portable.hypot(second.x - first.x, second.y - first.y)
 
 
-# --- the world, and what is good in it ------------------------------------------------------------
+# --- the world and the fitness --------------------------------------------------------------------
 
 vocabulary = Vocabulary.of(
     *(PGround, PBody, PBerry, PEye, TPlace, TAim, eLook, ePicture, eHatch, eSeen, eEaten, eMeal),
@@ -218,6 +216,6 @@ vocabulary = Vocabulary.of(
 
 
 def berries(outcome: Outcome) -> float:
-    """The berries that are eaten; that a body has an eye more costs one of them."""
+    """Number of berries eaten, minus one per eye of a body."""
     brood = [node for node in outcome.scene if node.symbol == "ACreature"]
     return sum(agent.state["eaten"] for agent in brood) - len(eyes(brood[0].scope))

@@ -1,7 +1,7 @@
-"""A flock: birds that steer by what they are told of their neighbours, and a hawk among them.
+"""A flock: birds that steer by events about their neighbours, and a hawk among them.
 
-What a bird is: its state, how it steers when it is told who is near, where it can be seen, and how
-it looks. Birds are written for all at once: `self.x` is an array with a number for each.
+A bird has a state, steers by its neighbours, and shows its position and its picture. The methods of
+birds process the whole population: `self.x` is an array with one number per bird.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from minerva_bus import (
 
 WIDTH, HEIGHT, CELL = 60.0, 36.0, 2.0
 
-# --- the words: what birds see of one another, what they look like, what they are told ------------
+# --- the vocabulary: what birds perceive, their pictures, the events ------------------------------
 
 PSpot = Primitive("PSpot", who=str, vx=float, vy=float, fear=Default(float, 0.0))
 PBird = Primitive("PBird", Disc("radius", "#37618e", heading=True), radius=Metres)
@@ -63,7 +63,7 @@ eNear = EventType(
 
 
 class Bird(Agent, symbol="ABird"):
-    """Flies with the others, not into them, and away from the hawk."""
+    """Flies with the others without colliding, and away from the hawk."""
 
     x: Metres
     y: Metres
@@ -72,7 +72,7 @@ class Bird(Agent, symbol="ABird"):
 
     @on("eNear", population=True)
     def steer(self, near: Event, moment: BatchContext) -> None:
-        flee = np.where(near.fear > 0, -0.3, 0.012)  # from the middle of those near, or towards it
+        flee = np.where(near.fear > 0, -0.3, 0.012)  # away from the neighbours, or towards them
         vx = self.vx + flee * near.dx + 0.03 * near.apart_x + 0.12 * near.vx
         vy = self.vy + flee * near.dy + 0.03 * near.apart_y + 0.12 * near.vy
         speed = np.maximum(portable.hypot(vx, vy), 0.01)
@@ -91,7 +91,7 @@ class Bird(Agent, symbol="ABird"):
 
 
 class Hawk(Agent, symbol="AHawk"):
-    """Flies to where most birds are; there is one, so it is written for one."""
+    """Flies to the centre of nearby birds; a single agent, so its attributes are plain numbers."""
 
     x: Metres
     y: Metres
@@ -122,7 +122,7 @@ vocabulary = Vocabulary.of(
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
-    """The sky, birds anywhere in it, and a hawk in the middle."""
+    """The sky, birds at random positions, and a hawk in the middle."""
     chance, count = np.random.default_rng(1), options["birds"]
     x, y = chance.uniform(0, WIDTH, count), chance.uniform(0, HEIGHT, count)
     turn = chance.uniform(0, 2 * np.pi, count)

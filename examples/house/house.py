@@ -1,4 +1,4 @@
-"""A house: each room has a sensor, a heater, and a thermostat that agrees with both by events."""
+"""A house: each room has a sensor, a heater, and a thermostat that connects them by events."""
 
 from minerva_bus import (
     Agent,
@@ -39,7 +39,7 @@ WALLS = PWalls(xs=(-3.0, 3.0, 3.0, -3.0, -3.0), ys=(-2.0, -2.0, 2.0, 2.0, -2.0))
 
 
 class Thermostat(Agent, symbol="AThermostat"):
-    """Heats a room, called like this agent, when it is too cold in it."""
+    """Controls the heater of the room that has this agent's id."""
 
     x: Metres = 0.0
     celsius: float = 20.0

@@ -1,6 +1,6 @@
-"""A meadow: rabbits graze and warn each other, foxes hunt; all of them are born, and die.
+"""A meadow: rabbits graze and warn each other, foxes hunt; all are born, and die.
 
-Nobody sees anybody. An animal makes a noise, an event whose condition says where it can be heard.
+No animal sees another. It makes a noise: an event whose condition limits where it is received.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from minerva_bus import (
 WIDTH, HEIGHT, CELL = 24.0, 15.0, 0.5
 GREENS = ("#ddd6a3", "#cdd295", "#bccc88", "#abc57c", "#9bbd71", "#8cb468", "#7faa60", "#749f59")
 
-# --- the words: primitives, a transformation, event types -----------------------------------------
+# --- the vocabulary: primitives, a transformation, event types ------------------------------------
 
 PGrass = Primitive("PGrass", Raster("cells", CELL, colors=tuple(enumerate(GREENS))), cells=Cells)
 PGrey = Primitive("PGrey", Disc("radius", "#7d6b5d"), radius=Metres)
@@ -81,7 +81,7 @@ FOX = (
 
 
 class Meadow(Agent, symbol="AMeadow"):
-    """The ground: how high the grass stands in each cell, from 0 to 7."""
+    """The ground: height of the grass in each cell, from 0 to 7."""
 
     grass: Cells = np.full((int(WIDTH / CELL), int(HEIGHT / CELL)), 2, np.int16)
 
@@ -104,7 +104,7 @@ class Meadow(Agent, symbol="AMeadow"):
 
 
 class Animal(Agent):
-    """What rabbits and foxes share."""
+    """Common state and behaviour of rabbits and foxes."""
 
     x: Metres
     y: Metres
@@ -127,7 +127,7 @@ class Animal(Agent):
         return portable.hypot(noise.x - self.x, noise.y - self.y)
 
     def nearby(self, reach: float) -> str:
-        """The condition of a noise: who hears it."""
+        """Condition of a noise that is received within `reach` metres along each axis."""
         return (
             f"x > {self.x - reach} and x < {self.x + reach}"
             f" and y > {self.y - reach} and y < {self.y + reach}"
@@ -140,7 +140,7 @@ class Animal(Agent):
 
 
 class Rabbit(Animal, symbol="ARabbit"):
-    """Hops and grazes; when it hears a fox, it warns the others and keeps still."""
+    """Hops and grazes; warns the others of a fox nearby, and keeps still."""
 
     fear: int = 0
 
@@ -184,10 +184,10 @@ class Rabbit(Animal, symbol="ARabbit"):
 
 
 class Fox(Animal, symbol="AFox"):
-    """Stalks the rabbit that it hears nearest; with another fox in earshot it does not breed."""
+    """Stalks the nearest rabbit that makes a noise; does not breed with another fox nearby."""
 
     company: int = 0
-    _prey: Event | None = None  # a name with _ is no state: it lasts for one frame
+    _prey: Event | None = None  # not state, because of the underscore: lasts for one frame
 
     @on("eMeal")
     def eat(self, meal: Event, moment: Context) -> None:
@@ -239,7 +239,7 @@ class Weather(Generator, events=("eRain",)):
 
     Args:
         year: frames from one spring to the next.
-        amount: the share of the meadow that a shower lets grow.
+        amount: fraction of the meadow that grows in a shower.
 
     """
 

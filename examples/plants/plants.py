@@ -1,8 +1,8 @@
 """Plants that grow by an L-system: buds rewrite themselves, and stop where there is no room.
 
-A bud is an agent whose rule says what it becomes, in Lindenmayer's notation: F a stem, X a bud, Y a
-weaker one, + and - turns, [ ] a branch. What stands behind a stem or a turn stands at its end, and
-so in its scope: the brackets of an L-system are those of the grammar.
+A bud is an agent with a rule for its replacement, in Lindenmayer's notation: F is a stem, X a bud,
+Y a weaker one, + and - turns, [ ] a branch. Whatever follows a stem or a turn is at its end and
+therefore in its scope: the brackets of an L-system are those of the grammar.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from minerva_bus import (
     view,
 )
 
-# --- the words ------------------------------------------------------------------------------------
+# --- the vocabulary -------------------------------------------------------------------------------
 
 WOOD = (
     ("PSprout", "#7f9f4d", 0.03),
@@ -66,13 +66,16 @@ eCollision = EventType("eCollision")
 eBody = EventType("eBody", visual=True)
 ePicture = EventType("ePicture", visual=True)
 
-AHEAD, ROOM = 0.6, 0.2  # of a bud's length: where it wants to grow, and how wide
+AHEAD, ROOM = (
+    0.6,
+    0.2,
+)  # centre and radius of the space for a bud, per length
 
 # --- the agents -----------------------------------------------------------------------------------
 
 
 class Stem(Agent, symbol="AStem"):
-    """Grows thicker; what is in its scope stands at its end."""
+    """Grows thicker; its scope is drawn at its end."""
 
     length: Metres
     age: int = 0
@@ -95,7 +98,7 @@ class Stem(Agent, symbol="AStem"):
 
 
 class Bud(Agent, symbol="ABud"):
-    """Becomes what its rule says, or a flower where something else is in its way."""
+    """Is replaced according to its rule, or by a flower if something is in its way."""
 
     rule: str
     fork: Degrees = 25.0
@@ -116,7 +119,7 @@ class Bud(Agent, symbol="ABud"):
         return self.become(list(self.rule), moment)
 
     def become(self, rule: list[str], moment: Context) -> Scene:
-        """The string of a rule up to its end, or to the end of its branch; it is used up."""
+        """The string of a rule up to its end or the end of its branch; consumes the rule."""
         made = EMPTY
         while rule and (sign := rule.pop(0)) != "]":
             if sign in "XY":
@@ -132,7 +135,7 @@ class Bud(Agent, symbol="ABud"):
         return made
 
     def heir(self, orders: int) -> Scene:
-        """A bud of so many orders higher: smaller, and nearer to its end."""
+        """A bud that is `orders` orders higher: smaller, and with fewer orders left."""
         return self.child(
             rule=self.rule,
             fork=self.fork,

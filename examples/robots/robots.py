@@ -1,4 +1,4 @@
-"""Who fetches what in the office: one errand for each robot, in its first frames."""
+"""Errands in the office: one per robot, in the first frames."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ ERRANDS: Final = {
 
 
 class Dispatcher(Generator, events=("eErrand",)):
-    """Tells each robot once what it is to bring where.
+    """Sends each robot one errand.
 
     Args:
-        every: frames from one robot's order to the next one's, so that the first is out of the way.
+        every: frames between the orders of two robots, so that the first is out of the way.
 
     """
 

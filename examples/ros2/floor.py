@@ -1,17 +1,17 @@
-"""A floor from a map_server map, and what a beam hits on it."""
+"""A floor from a map_server map, and the ranges of beams on it."""
 
 import numpy as np
 from ruamel.yaml import YAML
 
 
 class Floor:
-    """A map_server map: which cells are occupied, and how far it is to the next one."""
+    """A map_server map: occupied cells, and distances to them."""
 
     def __init__(self, path):
         options = YAML(typ="safe").load(path.read_text())
         image = read_pgm(path.parent / options["image"])
         dark = image / 255 if options["negate"] else 1 - image / 255
-        # What is not known to be free is a wall, too. [x, y], y upwards.
+        # Unknown cells are walls, too. Indexed [x, y], y upwards.
         self.walls = (dark >= options["free_thresh"])[::-1].T
         self.cell = options["resolution"]
         self.origin = options["origin"][:2]
@@ -19,7 +19,7 @@ class Floor:
         self.markers = options.get("markers", {})
 
     def ranges(self, x, y, angles, most):
-        """Metres from a place to the first wall in each direction, exactly; inf beyond `most`."""
+        """Exact distance in metres to the first wall in each direction; inf beyond `most`."""
         x0, y0 = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         reach = most / self.cell
@@ -38,7 +38,7 @@ class Floor:
         return np.where(hit, crossings, np.inf).min(axis=1) * self.cell
 
     def is_free(self, x, y, radius):
-        """Whether a disc stands on no wall."""
+        """True if a disc overlaps no wall."""
         row, column = (x - self.origin[0]) / self.cell, (y - self.origin[1]) / self.cell
         reach = radius / self.cell
         first, last = int(row - reach), int(row + reach) + 1
@@ -53,7 +53,7 @@ class Floor:
 
 
 def read_pgm(path):
-    """A binary PGM, by rows from the top."""
+    """A binary PGM as rows, top row first."""
     data = path.read_bytes()
     words, at = [], 0
     while len(words) < 4:

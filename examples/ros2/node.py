@@ -1,4 +1,4 @@
-"""A ROS 2 node without ROS: messages in CDR, on Zenoh as rmw_zenoh lays them out."""
+"""A ROS 2 node without ROS: CDR messages on Zenoh, in the layout of rmw_zenoh."""
 
 import json
 import math
@@ -60,7 +60,7 @@ class Ros:
         self.session = zenoh.open(config)
         self.domain = domain
         self.publishers = {}
-        self.kept = []
+        self.subscribers = []
 
     def key(self, topic, message, type_hash=None):
         package, kind, name = message.split("/")
@@ -84,9 +84,9 @@ class Ros:
         attachment = struct.pack("<qqB16s", number + 1, time.time_ns(), 16, topic.encode()[:16])
         publisher.put(bytes(store.serialize_cdr(value, message)), attachment=attachment)
 
-    def subscribe(self, topic, message, hear):
-        def heard(sample):
-            hear(store.deserialize_cdr(sample.payload.to_bytes(), message))
+    def subscribe(self, topic, message, receive):
+        def on_sample(sample):
+            receive(store.deserialize_cdr(sample.payload.to_bytes(), message))
 
         key = self.key(topic, message, "*")
-        self.kept.append(self.session.declare_subscriber(key, heard))
+        self.subscribers.append(self.session.declare_subscriber(key, on_sample))

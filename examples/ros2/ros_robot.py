@@ -1,15 +1,15 @@
-"""A simulated ROS 2 robot, in a process of its own: the node that a real robot would run.
+"""A simulated ROS 2 robot in its own process: the node that a real robot would run.
 
     python ros_robot.py --map office.yaml --start "1.4, 1.3, 90"
 
-It speaks rmw_zenoh: /scan, /odom, /detections and /tf_static out, /cmd_vel in, CDR on Zenoh. It
-is its own router, as `ros2 run rmw_zenoh_cpp rmw_zenohd` would be. It has two wheels, a floor
-from a map_server map, and knows nothing of any string; without a command for half a second it
-stops.
+It uses rmw_zenoh: publishes /scan, /odom, /detections and /tf_static, subscribes to /cmd_vel, with
+CDR on Zenoh. It is its own router, like `ros2 run rmw_zenoh_cpp rmw_zenohd`. It has two wheels and
+a floor from a map_server map, and is independent of Minerva Bus. Without a command for half a
+second it stops.
 
-With --clock it is a simulation that goes by /clock (use_sim_time): no time passes for it but what
-a clock tells. It answers each time with odometry, scan and detections of that time, and the
-velocity that counts from one time to the next is the TwistStamped with the first of both.
+With --clock it is a simulation driven by /clock (use_sim_time): its time advances only by Clock
+messages. It answers each of them with odometry, scan and detections of that time. The velocity
+between two times is the TwistStamped with the first of them.
 """
 
 import argparse
@@ -29,7 +29,7 @@ DEAD_MAN = 0.5
 
 @dataclass
 class Wheels:
-    """Where the robot is (metres, radians), and what its wheels do (per second)."""
+    """The robot's pose in metres and radians, and its velocities per second."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Wheels:
     turn: float = 0.0
 
     def roll(self, speed, turn, seconds, args, floor):
-        """Change the velocity as fast as the motors can, and drive an arc with it."""
+        """Change the velocity within the motors' limits, and drive an arc with it."""
         most, turned = args.acceleration * seconds, args.turn_acceleration * seconds
         self.speed += min(most, max(-most, speed - self.speed))
         self.turn += min(turned, max(-turned, turn - self.turn))
@@ -53,26 +53,26 @@ class Wheels:
             self.speed = 0.0
 
     def free(self, chord, heading, radius, floor):
-        """The part of a way, in metres, that nothing stands in."""
+        """The free length of a straight path in metres."""
 
-        def stands(far):
+        def collides(far):
             x, y = self.x + far * math.cos(heading), self.y + far * math.sin(heading)
             return not floor.is_free(x, y, radius)
 
         steps = max(1, math.ceil(abs(chord) / 0.01))
         ways = [chord * (number + 1) / steps for number in range(steps)]
-        touched = next((number for number, far in enumerate(ways) if stands(far)), None)
+        touched = next((number for number, far in enumerate(ways) if collides(far)), None)
         if touched is None:
             return chord
         free, stopped = (ways[touched - 1] if touched else 0.0), ways[touched]
         for _ in range(30):
             middle = (free + stopped) / 2
-            free, stopped = (free, middle) if stands(middle) else (middle, stopped)
+            free, stopped = (free, middle) if collides(middle) else (middle, stopped)
         return free
 
 
 class Robot:
-    """The node: it drives, measures and tells."""
+    """The node: drives, measures and publishes."""
 
     def __init__(self, args):
         self.args = args
@@ -91,34 +91,34 @@ class Robot:
         self.now, self.clock = None, None
         self.news = threading.Condition()
         if args.clock:
-            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", self.hear_stamped)
-            self.ros.subscribe("clock", "rosgraph_msgs/msg/Clock", self.hear_clock)
+            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/TwistStamped", self.on_stamped)
+            self.ros.subscribe("clock", "rosgraph_msgs/msg/Clock", self.on_clock)
         else:
-            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/Twist", self.hear)
+            self.ros.subscribe("cmd_vel", "geometry_msgs/msg/Twist", self.on_twist)
         self.ros.publish("tf_static", self.transforms())
 
-    def hear(self, twist):
+    def on_twist(self, twist):
         speed = max(-self.args.speed, min(self.args.speed, twist.linear.x))
         turn = math.radians(self.args.turn)
         self.wanted = speed, max(-turn, min(turn, twist.angular.z))
         self.wanted_at = time.monotonic()
 
-    def hear_stamped(self, message):
+    def on_stamped(self, message):
         with self.news:
-            self.hear(message.twist)
+            self.on_twist(message.twist)
             self.wanted_at = nanoseconds(message.header.stamp)
             self.news.notify()
 
-    def hear_clock(self, message):
+    def on_clock(self, message):
         with self.news:
             self.clock = nanoseconds(message.clock)
             self.news.notify()
 
     def run_by_clock(self, over):
-        """Go on to each new time, once the velocity for it is known, and tell how it is then."""
+        """Advance to each new time once its velocity is known, and publish the measurements."""
         while not over.is_set():
             with self.news:
-                if not self.news.wait_for(self.may_go_on, 0.1):
+                if not self.news.wait_for(self.can_advance, 0.1):
                     continue
                 until, self.clock = self.clock, None
                 wanted = self.wanted
@@ -131,14 +131,14 @@ class Robot:
             if self.args.trace:
                 self.trace()
 
-    def may_go_on(self):
-        """Whether there is a new time, and the velocity until then."""
+    def can_advance(self):
+        """True if a new time has arrived, and the velocity until then."""
         if self.clock is None or self.now is None or self.clock <= self.now:
             return self.clock is not None
         return self.wanted_at == self.now
 
     def run(self, over):
-        """Turn the wheels 100 times a second, tell odometry 50 times and scans 20 times."""
+        """Drive at 100 Hz; publish odometry at 50 Hz and scans at 20 Hz."""
         begun = before = time.monotonic()
         number = 0
         while not over.is_set():
@@ -166,7 +166,7 @@ class Robot:
         return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
     def odometry(self):
-        """From where it was switched on."""
+        """The pose relative to the start."""
         x0, y0, angle0 = self.start
         x, y = self.wheels.x - x0, self.wheels.y - y0
         cos, sin = math.cos(angle0), math.sin(angle0)
@@ -189,7 +189,7 @@ class Robot:
         )
 
     def scan(self):
-        """One turn of a laser that is mounted as on a TurtleBot 4, a quarter to the left."""
+        """A revolution of a laser mounted as on a TurtleBot 4, rotated by 90° to the left."""
         args = self.args
         step = 2 * math.pi / args.beams
         first = -step * (args.beams // 2)
@@ -278,14 +278,12 @@ def arguments():
     parser.add_argument("--fov", type=float, default=60.0, help="degrees of the camera")
     parser.add_argument("--sight", type=float, default=5.0, help="metres of the camera")
     parser.add_argument("--radius", type=float, default=0.18, help="metres")
-    parser.add_argument("--speed", type=float, default=1.0, help="metres per second at most")
-    parser.add_argument("--turn", type=float, default=180.0, help="degrees per second at most")
+    parser.add_argument("--speed", type=float, default=1.0, help="maximum in m/s")
+    parser.add_argument("--turn", type=float, default=180.0, help="maximum in degrees/s")
     parser.add_argument("--acceleration", type=float, default=2.0, help="m/s²")
     parser.add_argument("--turn-acceleration", type=float, default=20.0, help="rad/s²")
-    parser.add_argument("--clock", action="store_true", help="go by /clock, as a simulation does")
-    parser.add_argument(
-        "--trace", action="store_true", help="print where it is, ten times a second"
-    )
+    parser.add_argument("--clock", action="store_true", help="use /clock as the only time")
+    parser.add_argument("--trace", action="store_true", help="print the pose, ten times per second")
     return parser.parse_args()
 
 

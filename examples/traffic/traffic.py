@@ -1,8 +1,7 @@
-"""A crossing: drivers who miss the red light, speed and honk, and a town that has norms for them.
+"""A crossing: drivers who miss the red light, speed and honk, and a town with norms for them.
 
-Drivers see the light by events that they answer with a probability only, hear a horn where an
-event's condition holds, and are told by the street how far the car ahead is. What they may not do
-stands in traffic.toml.
+Drivers respond to the light with a probability, receive a horn where an event's condition holds,
+and learn the distance to the car ahead from the street. The norms are in traffic.toml.
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ from minerva_bus import (
 from minerva_bus.grammar.scene import FigureNode
 
 HALF, LINE, SPACE = 60.0, -8.0, 7.0
-"""Half of a lane, and where cars stop before the crossing, which is at 0; room that a car takes."""
+"""Half the length of a lane; where cars stop before the crossing at 0; spacing of cars. Metres."""
 
 BRAKES, GAS = 6.0, 3.0
 LANES = {"east": 0, "north": 90, "west": 180, "south": 270}
 
-# --- the words ------------------------------------------------------------------------------------
+# --- the vocabulary -------------------------------------------------------------------------------
 
 Points = tuple[float, ...]
 PRoad = Primitive("PRoad", Line("xs", "ys", "#c9ccd1", 9.0), xs=Points, ys=Points)
@@ -73,7 +72,7 @@ ePicture = EventType("ePicture", visual=True)
 
 
 class Lights(Agent, symbol="ALights"):
-    """Green for one road, then for the other; shown to the drivers once a second."""
+    """Green for one road, then for the other; sent to the drivers once per second."""
 
     x: Literal["green", "yellow", "red"] = "green"
     y: Literal["green", "yellow", "red"] = "red"
@@ -94,7 +93,7 @@ class Lights(Agent, symbol="ALights"):
 
 
 class Car(Agent, symbol="ACar"):
-    """A driver: `care` is the probability to notice the light, `wish` the speed that they like."""
+    """A driver: `care` is the probability of noticing the light, `wish` the preferred speed."""
 
     lane: Literal["east", "north", "west", "south"]
     axis: Literal["x", "y"]
@@ -146,7 +145,7 @@ class Car(Agent, symbol="ACar"):
             moment.emit(eHonk(condition=f'lane == "{self.lane}" and s > {self.s}'))
 
     def go(self, way: float) -> None:
-        """Along the lane, and from its end to its beginning."""
+        """Move along the lane; from its end, continue at its beginning."""
         self.s += way
         if self.s >= HALF:
             self.s -= 2 * HALF
@@ -162,7 +161,7 @@ class Car(Agent, symbol="ACar"):
 
 
 def braking(room: float, least: float = 0.0) -> float:
-    """The speed from which one can still brake to another within some metres."""
+    """The speed from which a car can brake to `least` within `room` metres."""
     return math.sqrt(max(0.0, least * least + 2 * BRAKES * room))
 
 
@@ -170,7 +169,7 @@ def braking(room: float, least: float = 0.0) -> float:
 
 
 class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), coupled=True):
-    """Sees where cars are: tells each how far the next one is, and whom it has run into."""
+    """Notifies each car of the distance to the next one, and of crashes."""
 
     every = 1
 
@@ -201,7 +200,7 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
             yield eCrash(receivers=pair)
 
     def meetings(self) -> Iterator[tuple[str, str]]:
-        """Pairs of cars on the crossing, of different roads, that touch each other."""
+        """Pairs of cars on the crossing that touch each other."""
         inside = [name for name, (_, s) in sorted(self.now.items()) if abs(s) < -LINE]
         for who, other in combinations(inside, 2):
             if portable.dist(place(*self.now[who]), place(*self.now[other])) < 3.0:
@@ -227,7 +226,7 @@ class Street(Generator, Device, events=("eAhead", "eCrash"), draws=("eWhere",), 
 
 
 def place(lane: str, s: float) -> tuple[float, float]:
-    """Where a car is in the plane."""
+    """Position of a car in the plane, in metres."""
     turn = math.radians(LANES[lane])
     return (
         s * portable.cos(turn) + 2.2 * portable.sin(turn),
@@ -244,7 +243,7 @@ vocabulary = Vocabulary.of(
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
-    """Two roads, the lights, and as many cars as are wanted, spread over the four lanes."""
+    """Two roads, the lights, and the cars, spread over the four lanes."""
     road, mark = PRoad((-HALF, HALF), (0, 0)), PMark((-HALF, HALF), (0, 0))
     roads = road + TTurn(90)(road) + mark + TTurn(90)(mark)
     bar = PBar((LINE, LINE), (-3.9, -0.6))

@@ -1,6 +1,6 @@
-"""A warehouse: a manager announces transports, carriers bid for them, the best bid carries.
+"""A warehouse: a manager announces transports, carriers bid for them, the best bidder carries.
 
-All they know of one another they say: a contract net of FIPA's (SC00029) for each transport.
+They exchange information only in messages: one FIPA contract net (SC00029) per transport.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from minerva_bus.acl import CONTRACT_NET, MESSAGES, Conversation, Talker
 from minerva_bus.grammar.scene import FigureNode
 
 WIDTH, HEIGHT, HOME, AISLE = 24.0, 9.0, 1.0, 0.8  # metres
-SPEED, FULL, CHARGED = 0.45, 100.0, 1.5  # metres in a frame; metres with a charge, or of it
-PATIENCE, PAUSE, MISHAPS = 6, 20, 0.05  # frames to bid in; from call to call; a box is not there
+SPEED, FULL, CHARGED = 0.45, 100.0, 1.5  # metres: per frame; per full charge; charged per frame
+PATIENCE, PAUSE, MISHAPS = 6, 20, 0.05  # frames for bids; between calls; probability of no box
 ROWS = {"A": 3.2, "B": 6.8}
 SHELVES = {f"{row}{n}": (3.0 * n + 1.0, y) for row, y in ROWS.items() for n in range(1, 6)}
 DOCKS = {"north": (22.0, 6.8), "south": (22.0, 3.2)}
 DESK = (1.0, 8.05)
 
-# --- the words: what is drawn, what is said -------------------------------------------------------
+# --- the vocabulary: pictures and messages --------------------------------------------------------
 
 Points = tuple[float, ...]
 PFloor = Primitive("PFloor", Line("xs", "ys", "#c9c2b8", 0.12), xs=Points, ys=Points)
@@ -67,12 +67,12 @@ ePicture = EventType("ePicture", visual=True)
 
 
 def way(points: list[tuple[float, float]]) -> float:
-    """How long the way through these points is, in metres."""
+    """Length of the path through these points in metres."""
     return sum(portable.dist(a, b) for a, b in pairwise(points))
 
 
 def route(x: float, y: float, to: tuple[float, float]) -> list[tuple[float, float]]:
-    """The points of the way to a place: out to the aisle, along it, and in."""
+    """The points of the path to a position: out to the aisle, along it, and in."""
     return [(x, y), to] if x == to[0] else [(x, y), (x, AISLE), (to[0], AISLE), to]
 
 
@@ -80,7 +80,7 @@ def route(x: float, y: float, to: tuple[float, float]) -> list[tuple[float, floa
 
 
 class Manager(Talker, symbol="AManager"):
-    """Announces one transport at a time, gives it to the best bid, and counts what is done."""
+    """Announces one transport at a time, awards it to the best bid, and counts completed ones."""
 
     carriers: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
@@ -89,7 +89,7 @@ class Manager(Talker, symbol="AManager"):
     @on("eOrder")
     def note(self, order: Event, moment: Context) -> None:
         job = str(PJob(order.source, order.target))
-        if read_job(job):  # What is not there cannot be fetched.
+        if read_job(job):  # unknown shelves and docks are ignored
             self.waiting += (job,)
 
     @on("eStep")
@@ -97,7 +97,7 @@ class Manager(Talker, symbol="AManager"):
         self.expire(moment)
         bids = self.conversations(CONTRACT_NET, state="proposed")
         if self.conversations(CONTRACT_NET, state="called"):
-            return  # Somebody has not answered yet.
+            return  # answers are missing
         if bids:
             best = min(bids, key=lambda bid: (float(bid.content), bid.peer))
             self.award(moment, bids, best, self.waiting[0], language="minerva")
@@ -113,7 +113,7 @@ class Manager(Talker, symbol="AManager"):
                 self.say(moment, talk, "not-understood", "expected a number")
             case "done":
                 self.done += 1
-            case "failed":  # Then somebody else may try.
+            case "failed":  # announce it again
                 self.waiting += (message.content,)
 
     @view("ePicture")
@@ -123,7 +123,7 @@ class Manager(Talker, symbol="AManager"):
 
 
 class Carrier(Talker, symbol="ACarrier"):
-    """Carries what it has a contract for, from shelf to dock; `battery` is metres it can go."""
+    """Fulfils its contract, from shelf to dock; `battery` is the remaining range in metres."""
 
     x: Metres
     y: Metres
@@ -155,12 +155,12 @@ class Carrier(Talker, symbol="ACarrier"):
 
     @property
     def contract(self) -> Conversation | None:
-        """What it has to do: it stands in its state, as all that it has agreed with others."""
+        """The accepted contract; part of the state, like all conversations."""
         return next(iter(self.conversations(CONTRACT_NET, state="accepted")), None)
 
     @property
     def goal(self) -> tuple[float, float]:
-        """Where it is going."""
+        """The current destination."""
         job = read_job(self.contract.content) if self.contract else None
         if job is None:
             return HOME, self.home
@@ -211,7 +211,7 @@ class Carrier(Talker, symbol="ACarrier"):
 
 
 def read_job(text: str) -> tuple[str, str] | None:
-    """Shelf and dock of a job, which is a string of the world's own language; None if it is not."""
+    """Shelf and dock of a job, a string of the world's own language; None if it is invalid."""
     try:
         (job,) = vocabulary.read(text)
     except (MinervaError, ValueError):
@@ -221,14 +221,14 @@ def read_job(text: str) -> tuple[str, str] | None:
     return (source, target) if source in SHELVES and target in DOCKS else None
 
 
-# --- who orders -----------------------------------------------------------------------------------
+# --- orders ---------------------------------------------------------------------------------------
 
 
 class Shop(Generator, events=("eOrder",)):
-    """Orders something by chance; people may, too.
+    """Random orders, and those of people.
 
     Args:
-        chance: of an order in a frame.
+        chance: probability of an order per frame.
 
     """
 
@@ -252,7 +252,7 @@ vocabulary = Vocabulary.of(
 
 
 def scene(options: dict[str, int]) -> Scene:
-    """The hall, its manager and so many carriers at their chargers."""
+    """The hall, its manager, and the carriers at their chargers."""
     xs, ys = (0.0, WIDTH, WIDTH, 0.0, 0.0), (0.0, 0.0, HEIGHT, HEIGHT, 0.0)
     hall = PFloor(xs, ys)
     for name, (x, y) in sorted(SHELVES.items()):
