@@ -1,8 +1,8 @@
 """`minerva`: the command line.
 
-Each command is the function `command` of the module in cli/commands that has its name; to add one,
-add a module and its name here. Those modules declare options and import nothing else at first,
-because `minerva --help` has to be fast.
+Each command is the function `command` of the module in cli/commands that has its name, with two
+`EXAMPLES`; to add one, add a module and its name here. Those modules declare options and import
+nothing else at first, because `minerva --help` has to be fast.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ import os
 import sys
 from importlib import import_module
 from inspect import signature
-from typing import Annotated, Final
+from itertools import chain
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
 from minerva_bus.cli.commands.keys import app as keys
 from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
@@ -24,27 +26,50 @@ from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
+GROUPS: Final = {
+    "Run": ("run", "check", "attach", "bridge"),
+    "Observe": ("list", "top", "logs", "echo", "metrics"),
+    "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
+    "Records": ("info", "replay", "seek", "diff", "plot", "conversation", "recover", "map"),
+    "Studies": ("sweep", "evolve"),
+    "Set up": ("new", "doctor", "keys", "version"),
+}
+"""The commands by topic, in the order of the help."""
+
+
+class _Commands(TyperGroup):
+    """Lists its commands by topic."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        width = max(map(len, self.commands))
+        for topic, names in GROUPS.items():
+            with formatter.section(topic):
+                limit = formatter.width - width - 6
+                formatter.write_dl(
+                    [(f"{n:{width}}", self.commands[n].get_short_help_str(limit)) for n in names]
+                )
+
+
 app = typer.Typer(
+    cls=_Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
-_COMMANDS: Final = (
-    *("run", "check", "attach", "bridge"),
-    *("list", "echo", "pub", "stop", "pause", "resume", "step", "rate", "restart", "drain"),
-    *("logs", "top", "metrics"),
-    *("info", "recover", "replay", "seek", "diff", "plot", "conversation", "map"),
-    *("evolve", "sweep", "new", "doctor", "version"),
-)
-"""In the order of the help."""
 
 
 def _add_commands() -> None:
-    for name in _COMMANDS:
-        command = import_module(f"minerva_bus.cli.commands.{name}").command
-        takes_more = "context" in signature(command).parameters
-        app.command(name, context_settings=OTHER_OPTIONS if takes_more else None)(command)
+    for name in chain.from_iterable(GROUPS.values()):
+        if name == "keys":
+            continue
+        module = import_module(f"minerva_bus.cli.commands.{name}")
+        takes_more = "context" in signature(module.command).parameters
+        app.command(
+            name,
+            context_settings=OTHER_OPTIONS if takes_more else None,
+            epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in module.EXAMPLES))),
+        )(module.command)
     app.add_typer(keys, name="keys")
 
 

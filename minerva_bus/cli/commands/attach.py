@@ -15,6 +15,11 @@ from minerva_bus.cli.options import (
 )
 from minerva_bus.cli.words import options_of
 
+EXAMPLES = (
+    "minerva attach svg --path now.svg",
+    "minerva attach garden:Snail --connect tls/host:7447 --keys keys --name hostA",
+)
+
 
 def command(
     context: typer.Context,
@@ -34,10 +39,10 @@ def command(
     keep_trying: KeepTrying = None,
     force: Force = False,
 ) -> None:
-    """Attach agents, a generator or a view to a running world, until Ctrl-C.
+    """Attach agents, a generator or a view to a running world.
 
-    Other options are passed to the service: `attach svg --every 5`. With --process they are
-    options of the world: `attach robot --process physics --map house.yaml`.
+    It stays until Ctrl-C. Other options are passed to the service: `attach svg --every 5`. With
+    --process they are options of the world: `attach robot --process physics --map house.yaml`.
     """
     from minerva_bus.cli.attaching import ConnectOptions, attach_member
 

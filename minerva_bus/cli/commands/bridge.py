@@ -15,6 +15,11 @@ from minerva_bus.cli.options import (
 )
 from minerva_bus.cli.words import options_of
 
+EXAMPLES = (
+    "minerva bridge rplidar /dev/ttyUSB0",
+    "minerva bridge carmen run.log --world robot",
+)
+
 
 def command(
     context: typer.Context,
@@ -34,9 +39,9 @@ def command(
     keep_trying: KeepTrying = None,
     force: Force = False,
 ) -> None:
-    """Connect real or recorded sensors to a running world, until Ctrl-C.
+    """Connect real or recorded sensors to a running world.
 
-    Other options are passed to the bridge: `bridge carmen LOG --speed 4`.
+    It stays until Ctrl-C. Other options are passed to the bridge: `bridge carmen LOG --speed 4`.
     """
     from minerva_bus.cli.attaching import ConnectOptions, bridge_source
 

@@ -12,6 +12,11 @@ from minerva_bus.cli.options import (
 )
 from minerva_bus.errors import MisuseError
 
+EXAMPLES = (
+    "minerva check garden.toml --determinism",
+    "minerva check scene.mnv --vocabulary garden:vocabulary",
+)
+
 
 def command(
     file: Annotated[Path, typer.Argument(help="A string (.mnv) or a world (.toml).")],
@@ -30,10 +35,10 @@ def command(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Check a string or a world file: exit code 0, or 1 with the error and its place.
+    """Check a string or a world file.
 
-    This runs the Python code that the world file or --vocabulary names. Use --no-code for files
-    from untrusted sources.
+    The exit code is 0, or 1 with the error and its place. This runs the Python code that the
+    world file or --vocabulary names. Use --no-code for files from untrusted sources.
     """
     if no_code and (determinism or vocabulary):
         raise MisuseError(f"--{'determinism' if determinism else 'vocabulary'} runs code")

@@ -14,6 +14,11 @@ from minerva_bus.cli.options import (
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva conversation talk.mcap",
+    "minerva conversation talk.mcap --output talk.mmd",
+)
+
 
 def command(
     file: Record,
@@ -26,7 +31,10 @@ def command(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Show the messages between agents as a sequence diagram (Mermaid)."""
+    """Draw the messages between agents as a sequence diagram.
+
+    Without --output it prints the diagram as Mermaid text.
+    """
     from minerva_bus.cli.conversing import show_conversation
 
     show_conversation(file, conversation, output, json)

@@ -13,13 +13,21 @@ from minerva_bus.cli.options import (
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva diff run.mcap other.mcap",
+    "minerva diff run.mcap other.mcap --json",
+)
+
 
 def command(
     a: Record,
     b: Annotated[Path, typer.Argument(help="Another record.")],
     json: Json = False,
 ) -> None:
-    """Show the first frame in which two runs differ; exit code 1 if there is one."""
+    """Show the first frame in which two runs differ.
+
+    The exit code is 1 if there is one.
+    """
     from minerva_bus.cli.recording import show_difference
 
     raise typer.Exit(show_difference(a, b, json))

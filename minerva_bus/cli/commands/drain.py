@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Keys, World
 
+EXAMPLES = (
+    "minerva drain hosts-1",
+    "minerva drain hosts-1 --world robot",
+)
+
 
 def command(
     member: Annotated[str, typer.Argument(help="A host of agents.")],
@@ -15,7 +20,10 @@ def command(
     connect: Connect = "",
     keys: Keys = "",
 ) -> None:
-    """Drain a host so that it can be stopped: its agents move to other hosts."""
+    """Move all agents of a host to other hosts.
+
+    The host can then be stopped without a pause of the world.
+    """
     from minerva_bus.cli.operating import drain_member
 
     drain_member(member, connect, world)

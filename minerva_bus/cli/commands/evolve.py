@@ -18,6 +18,11 @@ InProcess = Annotated[
     bool, typer.Option(help="Run each world in one process, without a bus: faster, same result.")
 ]
 
+EXAMPLES = (
+    "minerva evolve forager.toml --fitness forager:berries --generations 20",
+    "minerva evolve forager.toml --fitness forager:berries --mutable AEgg.speed=0:0.4",
+)
+
 
 def command(
     context: typer.Context,

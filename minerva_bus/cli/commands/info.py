@@ -13,6 +13,11 @@ from minerva_bus.cli.options import (
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva info run.mcap --check",
+    "minerva info run.mcap --frame 40 --string",
+)
+
 
 def command(
     file: Record,

@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Json, Keys, World
 
+EXAMPLES = (
+    "minerva logs --follow",
+    "minerva logs physics --json",
+)
+
 
 def command(
     member: Annotated[str, typer.Argument(help="Show only this member.")] = "",

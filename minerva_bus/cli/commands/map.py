@@ -11,6 +11,11 @@ from minerva_bus.cli.options import (
     Force,
 )
 
+EXAMPLES = (
+    "minerva map run.log",
+    "minerva map scans.mcap --output house.pgm --cell 0.1",
+)
+
 
 def command(
     file: Annotated[Path, typer.Argument(help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.")],
@@ -36,7 +41,10 @@ def command(
     ] = 0.0,
     force: Force = False,
 ) -> None:
-    """Draw the occupancy map of a recording: .pgm, .yaml and a picture."""
+    """Draw the occupancy map of a recording.
+
+    It writes a .pgm, a .yaml and a picture.
+    """
     from minerva_bus.cli.mapping import map_recording
 
     map_recording(file, output, cell, range_, from_, to, poses, time_offset)

@@ -10,6 +10,11 @@ from minerva_bus.cli.options import Connect, Keys, World, chosen
 
 Named = Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")]
 
+EXAMPLES = (
+    "minerva metrics",
+    "minerva metrics robot --listen 0.0.0.0:9464",
+)
+
 
 def command(
     name: Named = "",
@@ -18,7 +23,10 @@ def command(
     keys: Keys = "",
     world: World = "",
 ) -> None:
-    """Serve /metrics, /live and /ready of a running world, in a separate process."""
+    """Serve /metrics, /live and /ready of a running world.
+
+    The server is a separate process.
+    """
     from minerva_bus.cli.measuring import serve_metrics
 
     serve_metrics(listen, connect, chosen(name, world))

@@ -7,6 +7,11 @@ from typing import Annotated
 
 import typer
 
+EXAMPLES = (
+    "minerva new world my_yard",
+    "minerva new bridge wind_meter --in ~/projects",
+)
+
 
 def command(
     kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
@@ -15,7 +20,10 @@ def command(
         Path, typer.Option("--in", help="Parent folder; default: the current one.")
     ] = Path(),
 ) -> None:
-    """Scaffold a world, agent, service, geometry or bridge with tests."""
+    """Create a world, agent, service, geometry or bridge.
+
+    The new folder runs as it is and contains tests.
+    """
     from minerva_bus.cli.making import make_new
 
     make_new(kind, name, folder)

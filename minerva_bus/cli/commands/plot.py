@@ -13,6 +13,11 @@ from minerva_bus.cli.options import (
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva plot run.mcap",
+    "minerva plot run.mcap --output run.pdf",
+)
+
 
 def command(
     file: Record,

@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Json, Keys, World
 
+EXAMPLES = (
+    "minerva pub eObjective marker=kitchen",
+    "minerva pub eSpeed speed=30cm/s --to r1",
+)
+
 
 def command(
     type: Annotated[str, typer.Argument(help="The event's type, such as eObjective.")],

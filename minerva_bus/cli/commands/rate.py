@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Keys, World
 
+EXAMPLES = (
+    "minerva rate 20",
+    "minerva rate 0 --world robot",
+)
+
 
 def command(
     hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],

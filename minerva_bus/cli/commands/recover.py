@@ -14,6 +14,11 @@ from minerva_bus.cli.options import (
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva recover run.mcap",
+    "minerva recover run.mcap --output intact.mcap",
+)
+
 
 def command(
     file: Record,
@@ -24,7 +29,10 @@ def command(
     json: Json = False,
     force: Force = False,
 ) -> None:
-    """Copy the intact frames of a damaged record to a new one, and report what is lost."""
+    """Copy the intact frames of a damaged record to a new one.
+
+    It reports what is lost.
+    """
     from minerva_bus.cli.recording import recover_record
 
     recover_record(file, output, json)

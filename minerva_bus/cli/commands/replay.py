@@ -20,6 +20,11 @@ from minerva_bus.settings.overrides import Overrides
 
 Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
 
+EXAMPLES = (
+    "minerva replay run.mcap --view sprites --from 100",
+    "minerva replay run.mcap --recompute",
+)
+
 
 @grouped
 def command(
@@ -50,11 +55,12 @@ def command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Replay a record to any view; pause, step, rate and seek work as in a world.
+    """Replay a record to any view.
 
-    This runs the Python code of the world file that the record names. For a record from an
-    untrusted source use --no-code, which prints the events, agents and digest of each frame
-    (--json: also its string); info, diff and plot run no code either.
+    The commands pause, step, rate and seek work as in a world. This runs the Python code of the
+    world file that the record names. For a record from an untrusted source use --no-code, which
+    prints the events, agents and digest of each frame (--json: also its string); info, diff and
+    plot run no code either.
 
     --recompute shows nothing; its exit code is 0 if all frames are the same, otherwise 1. So is
     that of --swap, which runs in simulated time: the agents and the new member run again, all

@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Keys, World
 
+EXAMPLES = (
+    "minerva restart physics",
+    "minerva restart hosts-2 --world robot",
+)
+
 
 def command(
     member: Annotated[str, typer.Argument(help="A process of the world file.")],

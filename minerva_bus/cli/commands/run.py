@@ -18,6 +18,11 @@ from minerva_bus.cli.words import options_of
 from minerva_bus.errors import MinervaError
 from minerva_bus.settings.overrides import Overrides
 
+EXAMPLES = (
+    "minerva run robot --view web",
+    "minerva run garden.toml --frames 100 --seed 7 --record garden.mcap",
+)
+
 
 @grouped
 def command(

@@ -12,6 +12,11 @@ from minerva_bus.cli.options import (
     World,
 )
 
+EXAMPLES = (
+    "minerva seek 120",
+    "minerva seek 0 --world robot",
+)
+
 
 def command(
     frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],

@@ -8,6 +8,11 @@ import typer
 
 from minerva_bus.cli.options import Connect, Keys, World
 
+EXAMPLES = (
+    "minerva step",
+    "minerva step 10 --world robot",
+)
+
 
 def command(
     frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1,

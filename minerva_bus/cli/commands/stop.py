@@ -10,6 +10,11 @@ from minerva_bus.cli.options import Connect, Keys, World, chosen
 
 Named = Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")]
 
+EXAMPLES = (
+    "minerva stop",
+    "minerva stop robot",
+)
+
 
 def command(name: Named = "", connect: Connect = "", keys: Keys = "", world: World = "") -> None:
     """Stop a running world."""

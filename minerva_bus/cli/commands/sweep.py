@@ -18,6 +18,11 @@ InProcess = Annotated[
     bool, typer.Option(help="Run each world in one process, without a bus: faster, same result.")
 ]
 
+EXAMPLES = (
+    "minerva sweep flock.toml --set birds=100,300,1000 --output birds.csv",
+    "minerva sweep robot --set seed=1:20 --frames 2000 --plot seeds.png",
+)
+
 
 def command(
     context: typer.Context,
@@ -43,9 +48,9 @@ def command(
     quiet: Quiet = False,
     force: Force = False,
 ) -> None:
-    """Run a world with all combinations of options; rows already in the table are kept.
+    """Run a world with all combinations of options.
 
-    Other options of the world apply to all runs.
+    Rows that are already in the table are kept. Other options of the world apply to all runs.
     """
     from minerva_bus.cli.sweeping import sweep_world
     from minerva_bus.launch.console import Console

@@ -10,6 +10,11 @@ from minerva_bus.cli.options import Connect, Keys, World, chosen
 
 Named = Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")]
 
+EXAMPLES = (
+    "minerva top",
+    "minerva top robot --json",
+)
+
 
 def command(
     name: Named = "",
