@@ -1,14 +1,14 @@
-"""A view as a list of things, part by part: what has not changed is listed once.
+"""Incremental interpretation of views: a part that has not changed is not interpreted again.
 
-A geometric system whose actions add to a list can leave the walk along a view to `ByParts`: it
-knows whose part it is in, and goes again only over parts that are others than before.
+A geometric system whose actions append items to a list derives from `ItemGeometry`. `ByParts` runs
+it over one view after another and keeps the items of each part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import chain
-from typing import Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain, groupby
+from typing import Any, Generic, TypeVar
 
 from minerva_bus.grammar.columns import walk_pieces
 from minerva_bus.grammar.scene import AgentNode, FigureNode, Piece, Scene
@@ -17,33 +17,34 @@ from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
 
 _T = TypeVar("_T")
+_Batch = TypeVar("_Batch")
 
 
-class Lister(PlaneGeometry, Generic[_T]):
-    """A geometry of the plane whose actions add to `listed`.
+class ItemGeometry(PlaneGeometry, Generic[_T]):
+    """A geometry of the plane whose actions append to `items`.
 
-    `owner` is the fragment that the walk is in, `~` and a number for a part of a population, and
-    `kind` the kind of its agents; both are "" for what is static.
+    `owner` is the current fragment, whose name begins with `~` if it is a part of a population, and
+    `kind` the kind of its agents; both are "" in static parts.
     """
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
         self.owner = ""
         self.kind = ""
-        self.listed: list[_T] = []
+        self.items: list[_T] = []
 
 
 class ByParts(Generic[_T]):
-    """Lists one view after another."""
+    """The items of one view after another, cached by part."""
 
-    def __init__(self, lister: Lister[_T]) -> None:
-        self._lister = lister
+    def __init__(self, geometry: ItemGeometry[_T]) -> None:
+        self._geometry = geometry
         self._skeleton: Scene | None = None
         self._static: dict[int, list[_T]] = {}
         self._parts: dict[str, tuple[Scene, list[_T]]] = {}
 
-    def listed(self, skeleton: Scene, parts: Mapping[str, Scene]) -> list[_T]:
-        """What a view lists: its static skeleton, and in its slots what agents look like."""
+    def items(self, skeleton: Scene, parts: Mapping[str, Scene]) -> list[_T]:
+        """The items of a view in order: static ones, and those of the parts in its slots."""
         if skeleton is not self._skeleton:
             self._skeleton, self._static = skeleton, {}
             self._parts = {name: known for name, known in self._parts.items() if name in parts}
@@ -56,7 +57,7 @@ class ByParts(Generic[_T]):
         if piece.ids is None and not piece.still:
             return self._around(piece, parts)
         if at not in self._static:
-            self._static[at] = self._of("", "", Scene((piece,)))
+            self._static[at] = self._interpreted("", "", Scene((piece,)))
         return self._static[at]
 
     def _part(self, slot: AgentNode, part: Scene | None) -> list[_T]:
@@ -64,30 +65,44 @@ class ByParts(Generic[_T]):
             return []
         known = self._parts.get(slot.id)
         if known is None or known[0] is not part:
-            known = self._parts[slot.id] = part, self._of(slot.id, slot.symbol, part)
+            known = self._parts[slot.id] = part, self._interpreted(slot.id, slot.symbol, part)
         return known[1]
 
     def _around(self, piece: Piece, parts: Mapping[str, Scene]) -> list[_T]:
-        """A transformation with agents in its scope."""
-        lister = self._lister
-        lister.listed = []
-        for opens, node in walk_pieces(Scene((piece,)), lister.many):
+        """The items of a transformation with slots in its scope.
+
+        They are not cached by slot, because their poses depend on the transformation.
+        """
+        geometry = self._geometry
+        geometry.items = []
+        for opens, node in walk_pieces(Scene((piece,)), geometry.many):
             if isinstance(node, AgentNode):
                 if opens and node.id in parts:
-                    lister.owner, lister.kind = node.id, node.symbol
-                    interpret(parts[node.id], lister)
-                    lister.owner = lister.kind = ""
+                    geometry.owner, geometry.kind = node.id, node.symbol
+                    interpret(parts[node.id], geometry)
+                    geometry.owner = geometry.kind = ""
             elif isinstance(node, FigureNode):
-                lister.draw(node)
+                geometry.draw(node)
             elif opens:
-                lister.enter(node)
+                geometry.enter(node)
             else:
-                lister.leave(node)
-        return lister.listed
+                geometry.leave(node)
+        return geometry.items
 
-    def _of(self, owner: str, kind: str, scene: Scene) -> list[_T]:
-        lister = self._lister
-        lister.listed, lister.owner, lister.kind = [], owner, kind
-        interpret(scene, lister)
-        lister.owner = lister.kind = ""
-        return lister.listed
+    def _interpreted(self, owner: str, kind: str, scene: Scene) -> list[_T]:
+        geometry = self._geometry
+        geometry.items, geometry.owner, geometry.kind = [], owner, kind
+        interpret(scene, geometry)
+        geometry.owner = geometry.kind = ""
+        return geometry.items
+
+
+def batched(
+    items: Iterable[Any], single: type[Any], pack: Callable[[Sequence[Any]], _Batch]
+) -> list[_Batch]:
+    """The items in order, each run of neighbours of the class `single` packed as one batch."""
+    batches: list[_Batch] = []
+    for is_single, run in groupby(items, lambda item: isinstance(item, single)):
+        group = list(run)
+        batches += [pack(group)] if is_single else group
+    return batches

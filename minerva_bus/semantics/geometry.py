@@ -1,4 +1,4 @@
-"""Geometric systems G and the function φ that runs a string in one (equation 1)."""
+"""Geometric systems G and the function φ that interprets a string in one (equation 1)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from minerva_bus.grammar.scene import AgentNode, FigureNode, Scene, Transformati
 
 
 class Geometry:
-    """A geometric system G: what it does for a primitive (α), at "(" (β) and at ")" (δ).
+    """A geometric system G: its actions for a primitive (α), at "(" (β) and at ")" (δ).
 
-    A subclass has one method for each symbol that means something in it, named like the symbol
-    and called with the symbol's parameters. That of a transformation is a context manager, whose
-    halves are β and δ:
+    A subclass has a method for each symbol that has a meaning in it, with the name of the symbol
+    and its parameters as arguments. The method of a transformation is a context manager: β before
+    `yield`, δ after it.
 
         class Turtle(Geometry):
             def PStar(self, size): ...
@@ -26,14 +26,14 @@ class Geometry:
                 yield
                 self.x -= dist
 
-    A symbol without a method goes to `other_figure` or `other_transformation`, which do nothing:
-    in this system it has no meaning.
+    A symbol without a method is passed to `other_figure` or `other_transformation`, which do
+    nothing: in this system it has no meaning.
     """
 
     _open: list[AbstractContextManager[Any]]
 
     def __new__(cls, *_args: Any, **_kwargs: Any) -> Self:
-        """Ready for strings even where a subclass's constructor does not call this one's."""
+        """Set up the stack here, because subclasses need not call the base constructor."""
         geometry = super().__new__(cls)
         geometry._open = []
         return geometry
@@ -56,7 +56,7 @@ class Geometry:
         if not isinstance(scope, AbstractContextManager):
             raise MisuseError(
                 f"{type(self).__name__}.{transformation.symbol} must be a context manager"
-                " (@contextmanager: β before `yield`, δ behind it)"
+                " (@contextmanager: β before `yield`, δ after it)"
             )
         opened = cast("AbstractContextManager[Any]", scope)
         opened.__enter__()
@@ -67,9 +67,9 @@ class Geometry:
         self._open.pop().__exit__(None, None, None)
 
     def many(self, columns: Columns) -> bool:
-        """Draw many of one shape at once, if this system can; False: they come one by one.
+        """Interpret nodes of one shape at once; False passes them to the system one by one.
 
-        `columns` has a row for each: arrays of parameters, and in `scope` what is within each.
+        `columns` has a row per node: arrays of parameters, and in `scope` the contents of each.
         """
         return False
 
@@ -94,8 +94,8 @@ _NOTHING = _Nothing()
 def interpret(scene: Scene, geometry: Geometry) -> None:
     """φ : L(E) → G, equation 1: run a string of primitives and transformations.
 
-    Raises MisuseError where an agent is left in it: φ is defined for L(E) only. Whatever goes
-    wrong on the way, each β that was carried out gets its δ.
+    Raises MisuseError if the string contains an agent, because φ is defined for L(E) only. After
+    an error, δ still runs for each β that has run.
     """
     opened: list[TransformationNode] = []
     try:

@@ -1,8 +1,7 @@
-"""A view as a list of things to draw, in order: what windows, pages and sounds have in common.
+"""Display lists: a view as arrays of discs, lines, texts and matrices, in drawing order.
 
-A geometric system whose actions make neither pixels nor triangles but plain numbers: where each
-form stands, how large, in which colour, and which agent it belongs to. Drawing it is what is left
-to a particular system.
+The actions of this geometric system produce numbers instead of pixels or triangles: position, size,
+colour and owner of each form. Windows and web pages draw the display list.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene
 from minerva_bus.grammar.symbols import Primitive
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.by_parts import ByParts, Lister
+from minerva_bus.semantics.by_parts import ByParts, ItemGeometry, batched
 from minerva_bus.semantics.plane import raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Pose
 
@@ -30,10 +29,10 @@ Color: TypeAlias = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discs:
-    """n discs: places (m), angles (deg), radii (m), heights (m) of shape (n,), colours (n, 3).
+    """n discs: positions (m), angles (deg), radii (m), heights (m), each (n,); colours (n, 3).
 
-    `heading` tells which have a mark where they head. `owners` are the fragments that they belong
-    to, "" for what is static; `names` the first text among the parameters of each, or "".
+    `heading` selects those with a mark in the direction of their angle. `owners` are the names of
+    their fragments, "" for static ones; `names` the first text parameter of each, or "".
     """
 
     x: Floats
@@ -50,14 +49,14 @@ class Discs:
         return len(self.x)
 
     def agent(self, row: int) -> str:
-        """The agent that a disc belongs to: its fragment, or in a population what it is called."""
+        """The agent that owns a disc: its fragment, or the disc's name within a population."""
         owner = self.owners[row]
         return self.names[row] if owner.startswith("~") else owner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyline:
-    """A line through points of shape (n, 2), metres of the world."""
+    """A line through points of shape (n, 2), metres."""
 
     points: Floats
     form: Line
@@ -66,7 +65,7 @@ class Polyline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Texts:
-    """n texts at places of shape (n,), metres."""
+    """n texts at x and y, metres, each of shape (n,)."""
 
     x: Floats
     y: Floats
@@ -79,8 +78,8 @@ class Texts:
 class Tiles:
     """A matrix (rows, columns) as squares of `cell` metres; its corner (0, 0) is at the pose.
 
-    Rows go along the pose's x axis, columns along its y axis. A matrix that is the same object as
-    before has not changed.
+    Rows extend along the pose's x axis, columns along its y axis. A matrix that is the same object
+    as in the previous picture has not changed.
     """
 
     cells: NDArray[Any]
@@ -91,7 +90,7 @@ class Tiles:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Metres along the pose's axes."""
+        """Extent in metres along the pose's axes."""
         rows, columns = self.cells.shape
         return rows * self.cell, columns * self.cell
 
@@ -101,18 +100,18 @@ Item: TypeAlias = Discs | Polyline | Texts | Tiles
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """What a view draws, in the string's order."""
+    """The display list of a view, in the order of the string."""
 
     items: tuple[Item, ...] = ()
 
     def of(self, kind: type[Any]) -> list[Any]:
-        """The items of one kind."""
+        """The items of a class."""
         return [item for item in self.items if isinstance(item, kind)]
 
 
 @lru_cache(maxsize=1024)
 def rgb(color: str) -> Color:
-    """A colour #rrggbb or #rgb as numbers from 0 to 255; grey for anything else."""
+    """A colour `#rrggbb` or `#rgb` as numbers from 0 to 255; grey for any other text."""
     digits = color.removeprefix("#")
     digits = "".join(2 * digit for digit in digits) if len(digits) == 3 else digits
     try:
@@ -126,12 +125,12 @@ Row: TypeAlias = tuple[float, float, float, float, float, Color, bool, str, str]
 
 
 def _name_of(primitive: Primitive) -> str:
-    """The name of the first text among a primitive's parameters; "" where there is none."""
+    """The name of a primitive's first text parameter; "" if it has none."""
     return next((field.name for field in primitive.fields.all if field.type.kind == "text"), "")
 
 
-class _Lister(Lister[Row | Item]):
-    """φ of a view: lists what each form is, single discs as rows that are put together later."""
+class _PictureGeometry(ItemGeometry[Row | Item]):
+    """φ of a view: an item for each form; single discs are rows until they are batched."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
@@ -143,7 +142,7 @@ class _Lister(Lister[Row | Item]):
         parameters, at = figure.parameters, self.pose
         if isinstance(shape, Disc):
             name = self._names[figure.symbol]
-            self.listed.append(
+            self.items.append(
                 (
                     at.x,
                     at.y,
@@ -157,15 +156,15 @@ class _Lister(Lister[Row | Item]):
                 )
             )
         elif isinstance(shape, Line):
-            self.listed.append(Polyline(_points(shape, figure, at), shape, self.owner))
+            self.items.append(Polyline(_points(shape, figure, at), shape, self.owner))
         elif isinstance(shape, Raster):
-            self.listed.append(_tiles(shape, figure, at, self.owner))
+            self.items.append(_tiles(shape, figure, at, self.owner))
         else:
             here = np.array([at.x]), np.array([at.y])
-            self.listed.append(Texts(*here, (str(parameters[shape.text]),), shape, self.owner))
+            self.items.append(Texts(*here, (str(parameters[shape.text]),), shape, self.owner))
 
     def many(self, columns: Columns) -> bool:
-        """Many of one shape at once: transformations that lead to a disc or a text."""
+        """Interpret columns of transformations around a disc or a text at once."""
         levels = list(columns.levels())
         inner = levels[-1]
         primitive = self.vocabulary.primitives.get(inner.symbol)
@@ -179,10 +178,10 @@ class _Lister(Lister[Row | Item]):
         x, y, angle = self.poses(levels[:-1], columns.count)
         if isinstance(shape, Label):
             texts = tuple(map(str, inner.column(shape.text)))
-            self.listed.append(Texts(x, y, texts, shape, self.owner))
+            self.items.append(Texts(x, y, texts, shape, self.owner))
             return True
         name, n = self._names[inner.symbol], columns.count
-        self.listed.append(
+        self.items.append(
             Discs(
                 x,
                 y,
@@ -191,15 +190,15 @@ class _Lister(Lister[Row | Item]):
                 np.full(n, shape.height),
                 np.tile(np.array(rgb(shape.color), np.uint8), (n, 1)),
                 np.full(n, shape.heading),
-                cast("Sequence[str]", inner.column(name)) if name else _Same("", n),
-                _Same(self.owner, n),
+                cast("Sequence[str]", inner.column(name)) if name else _RepeatedText("", n),
+                _RepeatedText(self.owner, n),
             )
         )
         return True
 
 
-class _Same(Sequence[str]):
-    """One text, n times."""
+class _RepeatedText(Sequence[str]):
+    """A sequence of n equal texts; a list of a million would cost memory in every frame."""
 
     def __init__(self, text: str, count: int) -> None:
         self._text, self._count = text, count
@@ -209,7 +208,7 @@ class _Same(Sequence[str]):
 
     def __getitem__(self, at: Any) -> Any:
         if isinstance(at, slice):
-            return _Same(self._text, len(range(*at.indices(self._count))))
+            return _RepeatedText(self._text, len(range(*at.indices(self._count))))
         return self._text
 
 
@@ -229,34 +228,18 @@ def _tiles(raster: Raster, figure: FigureNode, at: Pose, owner: str) -> Tiles:
 
 
 class Lists:
-    """Makes the picture of one view after another; what has not changed is listed once."""
+    """Converts one view after another to a picture; unchanged parts are converted once."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
-        self._views = ByParts(_Lister(vocabulary))
+        self._views = ByParts(_PictureGeometry(vocabulary))
 
     def picture(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Picture:
-        """The picture of a view: its static skeleton, and in its slots what agents look like."""
-        return Picture(tuple(_together(self._views.listed(skeleton, parts))))
+        """The picture of a view: its static skeleton, and its parts in their slots."""
+        items: list[Item] = batched(self._views.items(skeleton, parts), tuple, _discs)
+        return Picture(tuple(items))
 
 
-def _together(listed: list[Row | Item]) -> list[Item]:
-    """Rows of discs as arrays, and neighbouring discs as one batch."""
-    items: list[Item] = []
-    rows: list[Row] = []
-    for value in listed:
-        if isinstance(value, tuple):
-            rows.append(value)
-            continue
-        if rows:
-            items.append(_discs(rows))
-            rows = []
-        items.append(value)
-    if rows:
-        items.append(_discs(rows))
-    return items
-
-
-def _discs(rows: list[Row]) -> Discs:
+def _discs(rows: Sequence[Row]) -> Item:
     x, y, angle, radius, height, color, heading, names, owners = zip(*rows, strict=True)
     return Discs(
         np.array(x, np.float64),

@@ -1,16 +1,16 @@
-"""A geometric system of bounding volumes: what a string draws, how large, and whose (section 5).
+"""A geometric system of bounding volumes: position, extent and owner of each figure (section 5).
 
 "It would use the implementation of the functions α, β and δ to calculate the bounding box of the
-elements." Here β and δ move a pose about, α puts a convex volume where a primitive's shape is:
+elements." Here β and δ move a pose, and α places convex volumes for a primitive's shape:
 
     Disc     a disc
-    Line     for each two points that follow one another all within half its width of their segment
-    Raster   boxes round the cells of its last colour, where it has a height: these stand
-    Label    nothing
+    Line     for each pair of neighbouring points, all within half its width of the segment
+    Raster   boxes around the cells of its last colour if it has a height: these are solid
+    Label    none
 
-What is drawn belongs to the agent whose view it is. A figure that carries a text `who`, by itself
-or by a transformation around it, belongs to the agent of that name: within populations, where views
-are in columns, and among agents in the scope of others, nothing else could tell.
+The owner of a volume is the agent whose view it is. If a figure, or a transformation around it, has
+a text parameter `who`, the owner is the agent with that id. Parts of populations need it, because
+their views are in columns, and so do agents in the scope of others.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from minerva_bus.grammar.columns import Columns
 from minerva_bus.grammar.forms import Disc, Label, Line, Raster, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, TransformationNode
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.semantics.by_parts import ByParts, Lister
+from minerva_bus.semantics.by_parts import ByParts, ItemGeometry, batched
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import Floats, outline, raster_corner, resolve, resolve_all
 from minerva_bus.semantics.poses import Point, Pose
@@ -39,17 +39,17 @@ Texts: TypeAlias = NDArray[np.object_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volumes:
-    """n convex volumes in the order of the string: all within a radius of their cores.
+    """n convex volumes in the order of the string: all points within a radius of a core.
 
-    A core is the hull of a few points: one of a disc, two of a segment, three and more of a
-    polygon, counter-clockwise.
+    A core is the convex hull of a few points: one for a disc, two for a segment, three or more
+    for a polygon, counter-clockwise.
 
     Attributes:
         points: (m, 2) metres, the points of all cores, one core after another.
-        first: (n + 1,) where each core begins in them, and the end.
+        first: (n + 1,) index of the first point of each core, and the number of points.
         radius: (n,) metres.
         owners: (n,) ids of agents; "" for scenery.
-        kinds: (n,) the kinds of these agents, those of the outermost; "" for scenery.
+        kinds: (n,) kinds of the outermost agents that own them; "" for scenery.
         symbols: (n,) the primitives.
 
     """
@@ -66,16 +66,16 @@ class Volumes:
 
     @property
     def sizes(self) -> Ints:
-        """How many points each core has; shape (n,)."""
+        """Number of points of each core; shape (n,)."""
         return np.diff(self.first)
 
     def cores(self, rows: Ints) -> Floats:
-        """The points of some cores that have k points each; shape (len(rows), k, 2)."""
+        """The points of cores that have k points each; shape (len(rows), k, 2)."""
         size = int(self.first[rows[0] + 1] - self.first[rows[0]]) if len(rows) else 1
         return self.points[self.first[rows][:, None] + np.arange(size)]
 
     def boxes(self) -> tuple[Floats, Floats]:
-        """The lower left and the upper right corners of upright boxes around; shape (n, 2) each."""
+        """Lower left and upper right corners of the bounding boxes; shape (n, 2) each."""
         if not len(self):
             return np.zeros((0, 2)), np.zeros((0, 2))
         margin = self.radius[:, None]
@@ -85,8 +85,8 @@ class Volumes:
 
 
 @dataclass(frozen=True, slots=True)
-class _One:
-    """A volume by itself."""
+class _Volume:
+    """A single volume."""
 
     core: tuple[Point, ...]
     radius: float
@@ -95,10 +95,10 @@ class _One:
     symbol: str
 
 
-class BoundingVolumes(Lister["_One | Volumes"]):
-    """φ of a view: the volume of each shape. See the module.
+class BoundingVolumes(ItemGeometry["_Volume | Volumes"]):
+    """φ of a view: the volumes of each shape; see the module.
 
-    `who` is what the parameter is called that says whose a figure is.
+    `who` is the name of the parameter with the id of a figure's owner.
     """
 
     def __init__(self, vocabulary: Vocabulary, who: str = "who") -> None:
@@ -119,11 +119,11 @@ class BoundingVolumes(Lister["_One | Volumes"]):
         if not cores:
             return
         owner = self._owner(_text(figure.parameters, self._who) or self._innermost(), figure.symbol)
-        new = [_One(core, radius, owner, self.kind, figure.symbol) for core in cores]
-        self.listed += new
+        new = [_Volume(core, radius, owner, self.kind, figure.symbol) for core in cores]
+        self.items += new
 
     def many(self, columns: Columns) -> bool:
-        """Many of one shape at once: transformations that lead to a disc."""
+        """Interpret columns of transformations around a disc at once."""
         levels = list(columns.levels())
         inner, count = levels[-1], columns.count
         primitive = self.vocabulary.primitives.get(inner.symbol)
@@ -131,7 +131,7 @@ class BoundingVolumes(Lister["_One | Volumes"]):
         if not isinstance(shape, Disc):
             return not isinstance(shape, Line | Raster)
         x, y, _ = self.poses(levels[:-1], count)
-        self.listed.append(
+        self.items.append(
             Volumes(
                 np.column_stack((x, y)),
                 np.arange(count + 1),
@@ -152,44 +152,43 @@ class BoundingVolumes(Lister["_One | Volumes"]):
         return _same(self._owner(self._innermost(), levels[-1].symbol), count)
 
     def _innermost(self) -> str:
-        """Who a transformation around this place says that it belongs to, or ""."""
+        """The owner that the innermost transformation with an owner names, or ""."""
         return self._named[-1] if self._named else ""
 
     def _owner(self, named: str, symbol: str) -> str:
         if not named and self.owner.startswith("~"):
             raise MisuseError(
-                f"{symbol}, by which agents of the population {self.kind} are shown, does not say"
-                f" whose it is; give it, or a transformation around it, a text {self._who} with"
-                " the agent's id"
+                f"{symbol} in the view of the population {self.kind} has no owner; give it, or a"
+                f" transformation around it, a text parameter {self._who} with the agent's id"
             )
         return named or self.owner
 
 
 class Bodies:
-    """Finds the volumes of one view after another; parts that have not changed are kept."""
+    """Converts one view after another to volumes; unchanged parts are converted once."""
 
     def __init__(self, vocabulary: Vocabulary, who: str = "who") -> None:
         self._views = ByParts(BoundingVolumes(vocabulary, who))
 
     def volumes(self, skeleton: Scene, parts: Mapping[str, Scene]) -> Volumes:
-        """The volumes of a view: of its static skeleton, and in its slots of agents.
+        """The volumes of a view: of its static skeleton, and of its parts in their slots.
 
-        Raises MisuseError where a figure of a population does not say whose it is.
+        Raises MisuseError if a figure of a population has no owner.
         """
-        return _together(self._views.listed(skeleton, parts))
+        return _together(self._views.items(skeleton, parts))
 
 
 def volumes(scene: Scene, vocabulary: Vocabulary, who: str = "who") -> Volumes:
     """The volumes of a string of L(E), in its order."""
     geometry = BoundingVolumes(vocabulary, who)
     interpret(scene, geometry)
-    return _together(geometry.listed)
+    return _together(geometry.items)
 
 
 def _cores(
     shape: Shape, parameters: Mapping[str, Any], at: Pose
 ) -> tuple[list[tuple[Point, ...]], float]:
-    """The cores of a shape's volumes, and the radius around them."""
+    """The cores of a shape's volumes, and their radius."""
     if isinstance(shape, Raster):
         return _boxes(shape, parameters, at) if shape.height > 0 else [], 0.0
     if isinstance(shape, Label):
@@ -220,24 +219,13 @@ def _same(text: str, count: int) -> Texts:
     return np.full(count, text, object)
 
 
-def _together(listed: Sequence[_One | Volumes]) -> Volumes:
-    """All in one, in order."""
-    parts: list[Volumes] = []
-    single: list[_One] = []
-    for value in listed:
-        if isinstance(value, _One):
-            single.append(value)
-            continue
-        if single:
-            parts.append(_packed(single))
-            single = []
-        parts.append(value)
-    if single or not parts:
-        parts.append(_packed(single))
+def _together(items: Sequence[_Volume | Volumes]) -> Volumes:
+    """All volumes as one batch, in order."""
+    parts: list[Volumes] = batched(items, _Volume, _packed) or [_packed(())]
     return parts[0] if len(parts) == 1 else _concatenated(parts)
 
 
-def _packed(volumes: Sequence[_One]) -> Volumes:
+def _packed(volumes: Sequence[_Volume]) -> Volumes:
     points = [point for volume in volumes for point in volume.core]
     sizes = [len(volume.core) for volume in volumes]
     return Volumes(
@@ -251,10 +239,10 @@ def _packed(volumes: Sequence[_One]) -> Volumes:
 
 
 def _objects(texts: Iterable[str]) -> Texts:
-    listed = list(texts)
-    made = np.empty(len(listed), object)
-    made[:] = listed
-    return made
+    objects = list(texts)
+    array = np.empty(len(objects), object)
+    array[:] = objects
+    return array
 
 
 def _concatenated(parts: Sequence[Volumes]) -> Volumes:

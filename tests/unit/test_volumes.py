@@ -115,25 +115,25 @@ def test_a_population_must_name_the_agent_of_each_figure() -> None:
     assert some.owners.tolist() == ["a", "b", "c"]
     assert some.points[:, 1].tolist() == [0, 1, 2]
     for nameless in (TMove(x, x)(PDisc(1.0)), PDisc(1.0)):
-        with pytest.raises(MisuseError, match="PDisc, by which agents of the population AFox"):
+        with pytest.raises(MisuseError, match=r"PDisc in the view of .* AFox has no owner"):
             bodies.volumes(slot("~0"), {"~0": nameless})
 
 
-def test_parts_that_stay_are_not_gone_over_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_parts_are_not_interpreted_again(monkeypatch: pytest.MonkeyPatch) -> None:
     bodies, skeleton = Bodies(VOCABULARY), slot("f") + slot("g")
     parts = {"f": PBody("f"), "g": PBody("g")}
     bodies.volumes(skeleton, parts)
-    gone_over: list[str] = []
-    lister = bodies._views._lister
-    shape = lister.shape
+    interpreted: list[str] = []
+    geometry = bodies._views._geometry
+    place = geometry.shape
     monkeypatch.setattr(
-        lister,
+        geometry,
         "shape",
-        lambda one, figure: (gone_over.append(figure.parameters["who"]), shape(one, figure)),
+        lambda shape, figure: (interpreted.append(figure.parameters["who"]), place(shape, figure)),
     )
     parts = parts | {"g": TMove(1.0, 1.0)(PBody("g"))}
     assert bodies.volumes(skeleton, parts).points[:, 0].tolist() == [0, 1]
-    assert gone_over == ["g"]
+    assert interpreted == ["g"]
 
 
 angles = st.integers(-720, 720).map(float)
