@@ -12,6 +12,9 @@ agents too, one a cell, that know when they are grown again. Young ones cannot b
 step of their birth, which they can in Mesa.
 """
 
+# A `self` of these methods is a population.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -129,7 +132,7 @@ def live_on(flock: Any, food: Any, moment: BatchContext, gives: float, breed: fl
 # --- the lattice ---
 
 Cells = NDArray[np.int64]
-Truths = NDArray[np.bool_]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +141,7 @@ class Shown:
 
     sheep: Ids
     at: Cells
-    weak: Truths
+    weak: Bools
     """Which sheep starve in this step unless they eat."""
     wolves: Ids
     hunting_at: Cells
@@ -215,12 +218,12 @@ def shown(scene: Scene) -> Shown:
 
 
 def allotted(
-    at: Cells, around: Cells, shut: Truths, food: NDArray[Any], chance: np.random.Generator
-) -> tuple[Cells, Truths]:
+    at: Cells, around: Cells, shut: Bools, food: NDArray[Any], chance: np.random.Generator
+) -> tuple[Cells, Bools]:
     """Where each animal goes and whether it gets food there; `food` is how much a cell has.
 
     It goes to a cell around its own that is not shut and has food left, to any that is not shut
-    where none has, and stays where all are. Who comes too late for the food chooses anew.
+    where none has, and stays where all are. One whose food is taken chooses again.
     """
     food = food.copy()
     cell, fed = at.copy(), np.zeros(len(at), np.bool_)
@@ -240,7 +243,7 @@ def allotted(
     return cell, fed
 
 
-def any_of(choices: Truths, chance: np.random.Generator) -> tuple[Cells, Truths]:
+def any_of(choices: Bools, chance: np.random.Generator) -> tuple[Cells, Bools]:
     """A true row of each column, any of them; and whether there is one. `some` has four rows."""
     upto = choices.view(np.int8).copy()
     for row in range(1, len(upto)):
@@ -252,7 +255,7 @@ def any_of(choices: Truths, chance: np.random.Generator) -> tuple[Cells, Truths]
     return counts, upto[-1] > 0
 
 
-def first_come(goes: Cells, food: NDArray[Any]) -> Truths:
+def first_come(goes: Cells, food: NDArray[Any]) -> Bools:
     """Who is early enough for the food of the cell that it goes to."""
     food, served = food.copy(), np.zeros(len(goes), np.bool_)
     first = np.empty(len(food), np.intp)

@@ -1,5 +1,8 @@
 """The interaction protocols: what agents say, what they hear, and what they don't understand."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportPossiblyUnboundVariable=false
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -167,7 +170,7 @@ def test_an_act_that_is_not_allowed_is_answered_and_ends_it():
         ),
     ],
 )
-def test_what_belongs_nowhere_is_not_understood(parameters, why):
+def test_an_act_outside_a_protocol_is_not_understood(parameters, why):
     two = Two()
     two.pass_on(eMessage("agree", sender="a", receivers=["b"], **parameters))
     (answer,) = two.waiting
@@ -211,13 +214,13 @@ def test_messages_without_a_protocol_are_the_agents_own_business():
     assert two.waiting == []
 
 
-def test_who_speaks_to_all_does_not_hear_itself():
+def test_a_broadcast_does_not_reach_its_sender():
     two = Two()
     two.pass_on(eMessage("inform", sender="a"))
     assert (two.notes("a"), two.notes("b")) == ((), ("inform -",))
 
 
-def test_our_own_agents_are_told_what_they_do_wrong():
+def test_own_agents_receive_not_understood():
     two = Two()
     two.open(CONTRACT_NET)
     two.pass_on()
@@ -295,7 +298,7 @@ messages = st.builds(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.lists(messages, max_size=4), max_size=6))
-def test_nothing_that_is_said_breaks_an_agent(frames):
+def test_no_message_breaks_an_agent(frames):
     two = Two()
     two.open(CONTRACT_NET, reply_by=3)
     for events in frames:
@@ -347,7 +350,7 @@ def test_every_state_leads_to_an_end(protocol):
 # --- agents outside -------------------------------------------------------------------------------
 
 
-def test_who_is_outside_keeps_what_it_was_told_in_a_frame():
+def test_an_outside_agent_keeps_the_messages_of_a_frame():
     scene = Outside("o").string
     told = [eMessage("inform", str(n), sender="a", receivers=["o"]) for n in range(2)]
     scene = evolve(scene, [*told, eMessage("inform", sender="o")], [Outside], Frame(4)).scene

@@ -1,5 +1,8 @@
 """`minerva conversation`: what a record's agents have said to one another, as a diagram."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false
+
 import io
 import json
 import os
@@ -132,7 +135,7 @@ def test_mermaid_into_a_file(record, tmp_path):
     assert output.read_text(encoding="utf-8").startswith("sequenceDiagram\n")
 
 
-def test_a_record_in_which_nobody_speaks(record):
+def test_a_record_without_messages(record):
     with pytest.raises(RecordError, match="no agent says anything"):
         show_conversation(record([(0, eStep())]), "", None, False)
 

@@ -1,5 +1,8 @@
 """Logs of CARMEN: what their lines say, what skipped, and a real one."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import gzip
 import math
 from collections import Counter
@@ -64,7 +67,7 @@ def test_a_front_laser_is_a_scan_and_before_it_the_corrected_pose(tmp_path):
     assert pose.stamp == scan.stamp == scan.reading.time == 7.25
 
 
-def test_a_parameter_says_how_far_ahead_the_laser_sits(tmp_path):
+def test_a_parameter_gives_the_offset_of_the_laser(tmp_path):
     lines = ["PARAM robot_frontlaser_offset 0.5 host 0", flaser([1.0], (1.0, 2.0, math.pi / 2))]
     said, _ = log_of(tmp_path, *lines)
     scan, pose = only(said, "scan"), only(said, "pose")
@@ -80,7 +83,7 @@ def test_a_mount_that_is_given_overrides_it(tmp_path):
     assert (pose.x, pose.y, pose.angle) == pytest.approx((1.0, 2.25, -180.0))
 
 
-def test_a_robot_laser_says_all_of_itself(tmp_path):
+def test_a_robot_laser_message_describes_itself(tmp_path):
     line = robot_laser([1.0, 25.0, 3.0], (1.0, 2.2, math.pi), (1.0, 2.0, math.pi / 2), most=20.0)
     said, passed = log_of(tmp_path, line)
     scan, pose = only(said, "scan"), only(said, "pose")
@@ -96,7 +99,7 @@ def test_a_raw_laser_does_not_know_where_it_is(tmp_path):
     assert (scan.reading.first, scan.reading.step) == pytest.approx((-90.0, 90.0))
 
 
-def test_what_the_wheels_say(tmp_path):
+def test_wheel_odometry(tmp_path):
     (said,), _ = log_of(tmp_path, odom(1.0, 2.0, math.pi / 2, 0.5, math.pi, time=3.0))
     assert said.topic == "odometry"
     assert said.reading == Odometry("r1", 1.0, 2.0, 90.0, 0.5, 180.0, 3.0)
@@ -133,7 +136,7 @@ def test_a_correction_among_the_odometry_is_counted_and_passed_over(tmp_path):
         ("\x00\x7f\x01 1 2", "not a CARMEN message"),
     ],
 )
-def test_garbage_is_passed_over_and_its_first_line_told(tmp_path, line, why):
+def test_garbage_is_skipped_and_its_first_line_reported(tmp_path, line, why):
     said, passed = log_of(tmp_path, "# a log", odom(), line, odom(), line)
     assert len(said) == 2
     (first, _) = passed.of("lines passed over")
@@ -193,7 +196,7 @@ def test_a_wrong_range(tmp_path):
         Carmen(str(tmp_path / "some.log"), range_max=-1.0)
 
 
-def test_each_round_begins_anew(tmp_path):
+def test_each_round_is_independent(tmp_path):
     """What a parameter has said in one round does not count at the start of the next."""
     log = CarmenLog(
         write(tmp_path / "a.log", flaser([1.0]), "PARAM robot_frontlaser_offset 0.5 h 0"), Passed()

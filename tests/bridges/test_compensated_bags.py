@@ -80,7 +80,7 @@ def test_a_bag_is_played_with_sharp_walls(tmp_path, step, late):
     assert running.counted("scans not corrected") == 0
 
 
-def test_a_bag_without_odometry_says_that_its_scans_are_not_corrected(tmp_path, capsys):
+def test_a_bag_without_odometry_reports_uncorrected_scans(tmp_path, capsys):
     scans, running = played(bag(tmp_path, odometry=False))
     assert running.counted("scans not corrected") == len(scans) > 3
     assert "not corrected for the robot's motion: no odometry covers" in capsys.readouterr().out
@@ -97,7 +97,7 @@ def test_a_map_of_a_bag_has_thin_walls(tmp_path, capsys, poses):
     assert "not corrected" not in capsys.readouterr().err
 
 
-def test_a_map_says_which_scans_it_cannot_correct(tmp_path, capsys):
+def test_a_map_names_the_scans_it_cannot_correct(tmp_path, capsys):
     path = bag(tmp_path, late=1.5)
     map_recording(path, tmp_path / "map.pgm", 0.05, 0.0, 0.0, None, "odometry")
     said = capsys.readouterr().err
@@ -110,7 +110,7 @@ class Session:
 
 
 @pytest.mark.parametrize("late", [0.0, 0.2])
-def test_a_ros_2_robot_is_heard_with_sharp_walls(late):
+def test_a_ros_2_robot_gives_a_map_with_sharp_walls(late):
     """Messages as they come: a scan after its last beam, odometry 50 times a second."""
     store = types.messages()
     bridge = Ros2("tcp/127.0.0.1:1", mount="0, 0, 0", time_offset=-late)

@@ -74,7 +74,7 @@ def _odometry(at, time):
     return Odometry("r1", at.x, at.y, at.angle, 0.0, 0.0, time)
 
 
-def test_a_scan_that_comes_before_the_odometry_of_its_last_beams_waits_for_it():
+def test_a_scan_waits_for_the_odometry_of_its_last_beams():
     place = partial(place_at, speed=0.0, turn=90.0)
     scan = Recorded(1.01, "scan", swept(1.0, 360, 1.0, 0.2 / 360, place))
     wheels = [Recorded(t, "odometry", _odometry(place(t), t)) for t in (0.9, 1.0, 1.1, 1.2, 1.3)]
@@ -109,7 +109,7 @@ def test_odometry_that_jumps_moves_no_wall():
     assert (scan.path, uncorrected) == ((), 1)
 
 
-def test_scans_whose_beams_are_of_one_time_are_left_as_they_are():
+def test_scans_with_simultaneous_beams_stay_unchanged():
     scan = Scan("r1", np.ones(9, np.float32), 0.0, 1.0, 8.0, 1.0)
     recorded = Recorded(1.0, "scan", scan)
     assert Compensator().add(recorded) == [recorded]
@@ -163,7 +163,7 @@ def test_a_scan_of_an_older_record_has_no_beam_times():
     assert (scan.beam_time, scan.path) == (0.0, ())
 
 
-def test_a_scan_told_from_elsewhere_keeps_its_walls():
+def test_a_scan_from_another_pose_keeps_its_walls():
     """What `ros2_robot` does to a scan of a robot that is not where the string has it."""
     place, shift = partial(place_at, speed=0.5, turn=90.0), Pose(0.3, -0.2, 25.0)
     (scan, *_), _ = scans_of(drive(place, mount=(0.2, 0.1, 30.0)))

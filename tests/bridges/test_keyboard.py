@@ -1,5 +1,8 @@
 """The bridge to a terminal's keys, over a pseudo terminal."""
 
+# The values of these tests have narrower types than their declarations, or come from a path.
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+
 import os
 import pty
 import sys
@@ -69,7 +72,7 @@ def typed(desk, text, **options):
         desk.type(text)
         count = len(list(KeyDecoder().named(text.encode())))
         runs.wait_for(
-            lambda: runs.counted("events") + runs.counted("other keys") == count, "keys are heard"
+            lambda: runs.counted("events") + runs.counted("other keys") == count, "keys arrive"
         )
     return runs.emitted
 
@@ -79,7 +82,7 @@ def test_arrows_change_the_speed_within_bounds(desk):
     assert speeds == [0.4, 0.8, 1.0, 0.6]
 
 
-def test_arrows_begin_where_they_are_told_to(desk):
+def test_arrows_begin_at_the_given_offset(desk):
     assert typed(desk, "\x1b[B", begin=0.8) == [eSpeed(0.7)]
 
 
@@ -103,11 +106,11 @@ def test_other_keys_are_counted(desk):
     made = keyboard(desk)
     with Running(made) as runs:
         desk.type("x\x1b[5~\x1b")
-        runs.wait_for(lambda: runs.counted("other keys") == 3, "keys are heard")
+        runs.wait_for(lambda: runs.counted("other keys") == 3, "keys arrive")
     assert runs.emitted == []
 
 
-def test_it_makes_what_its_options_say():
+def test_it_follows_its_options():
     assert Keyboard().generates() == ("eSpeed",)
     assert Keyboard(markers=["a"]).generates() == ("eObjective", "eSpeed")
     assert Keyboard(slide="", keymap={"a": "eStop"}).generates() == ("eStop",)
@@ -119,7 +122,7 @@ def test_the_terminal_is_left_as_it_was(desk):
     assert not desk.echoes
     with Running(made) as runs:
         desk.type("\x1b[A")
-        runs.wait_for(lambda: runs.emitted, "it is heard")
+        runs.wait_for(lambda: runs.emitted, "it arrives")
     assert desk.mode == before
     made.close()
     assert desk.mode == before
@@ -133,7 +136,7 @@ def test_a_terminal_that_goes_away_is_the_end(desk, capsys):
     assert "the keyboard has ended" in capsys.readouterr().out
 
 
-def test_without_a_terminal_it_says_where_there_is_one(tmp_path):
+def test_a_missing_terminal_is_reported_with_alternatives(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(
         MinervaError, match=r"is not a terminal .*attach the keyboard from a terminal"
@@ -226,7 +229,7 @@ def test_attached_to_a_world_from_a_terminal(desk, tmp_path):
         patiently(lambda: not desk.echoes, "it listens to the terminal")
         desk.type("\x1b[A\x1b[A\x1b[A")
         with world.client() as asked:
-            patiently(lambda: "speed=0.3" in asked.ask("scene")["scene"], "the order is heard")
+            patiently(lambda: "speed=0.3" in asked.ask("scene")["scene"], "the order arrives")
         desk.type("\x03")
         _, status = os.waitpid(pid, 0)
     assert os.waitstatus_to_exitcode(status) == 0

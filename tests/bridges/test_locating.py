@@ -114,7 +114,7 @@ def test_errors_as_they_are_and_laid_over_one_another():
     assert errors.aligned == pytest.approx([0.0] * 3, abs=1e-9)
 
 
-def test_the_command_says_how_far_off_it_was(tmp_path, capsys):
+def test_the_command_reports_the_deviation(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     path = drive(tmp_path / "a.log", slip=3.0)
     map_recording(path, tmp_path / "a.pgm", 0.05, 0.0, 0.0, None, "matched")

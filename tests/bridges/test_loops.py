@@ -68,7 +68,7 @@ def test_a_loop_is_closed(lap):
     assert (end[0] > 1.0, end[1] < 0.35, closed.closures > 2) == (True, True, True)
 
 
-def test_walls_that_are_drawn_twice_are_told(lap):
+def test_walls_drawn_twice_are_reported(lap):
     scans, true, drifted = lap
     assert doubling_notes(scans, true, "published") == []
     (line,) = doubling_notes(scans, drifted, "odometry")
@@ -77,7 +77,7 @@ def test_walls_that_are_drawn_twice_are_told(lap):
     assert doubling_notes(scans, closed_loops(scans, drifted, silently).places, "matched") == []
 
 
-def test_who_does_not_come_back_has_no_loops(lap):
+def test_a_path_that_does_not_return_has_no_loops(lap):
     scans, true, _ = lap
     closed = closed_loops(scans[:40], true[:40], silently)
     assert (closed.places, closed.closures) == (true[:40], 0)
@@ -107,7 +107,7 @@ def test_a_closure_that_contradicts_the_others_is_turned_off():
     assert np.abs(after - poses).max() < 0.05
 
 
-def test_a_map_says_that_loops_were_closed_and_walls_are_single():
+def test_a_map_reports_closed_loops_and_has_single_walls():
     readings = recorded(Block(16.0, 12.0))
     parts = []
     made = draw_map(lambda: Tape(readings), MapChoice(cell=0.1, poses="matched"), parts.append)
@@ -118,7 +118,7 @@ def test_a_map_says_that_loops_were_closed_and_walls_are_single():
     assert parts == sorted(parts)
 
 
-def test_without_scipy_it_says_what_to_install(monkeypatch):
+def test_missing_scipy_names_the_extra(monkeypatch):
     monkeypatch.delitem(sys.modules, "minerva_agents.robot.loops", raising=False)
     monkeypatch.setitem(sys.modules, "scipy", None)
     monkeypatch.setitem(sys.modules, "minerva_agents.robot.closures", None)

@@ -1,5 +1,8 @@
 """`minerva map`: maps drawn from recordings, the same as the robot itself would draw."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import math
 import re
 import sys
@@ -148,7 +151,7 @@ def test_where_nothing_is_near_the_place_is_not_known():
     assert isinstance(next(posed_scans([scanned(1.0)])), Unposed)
 
 
-def test_what_the_recording_says_of_the_scan_itself_counts_more():
+def test_the_scans_own_metadata_take_precedence():
     told = Recorded(1.0, "pose", Odometry("r1", 7.0, 0.0, 5.0, 0.0, 0.0, 1.0))
     assert places(wheels(1.0), told, scanned(1.0), scanned(1.0), wheels(1.0)) == [
         (7.0, 5.0),
@@ -244,7 +247,7 @@ def test_north_is_up_in_the_picture(tmp_path):
 @pytest.mark.parametrize(
     ("into", "why"), [("map.png", "ends in .pgm"), ("nowhere/map.pgm", "does not exist")]
 )
-def test_files_that_cannot_be_written_are_told_before_the_work(tmp_path, into, why):
+def test_unwritable_files_are_reported_before_the_work(tmp_path, into, why):
     with pytest.raises(MisuseError, match=why):
         draw(lambda: pytest.fail("opened"), tmp_path / into, MapChoice(), lambda part: None)
 
@@ -264,7 +267,7 @@ def command(file, output=None, cell=0.05, farthest=0.0, begin=0.0, end=None):
     map_recording(file, output, cell, farthest, begin, end)
 
 
-def test_the_command_makes_three_files_and_says_so(tmp_path, some, capsys):
+def test_the_command_creates_three_files_and_lists_them(tmp_path, some, capsys):
     some.write_text("FLASER garbage\n" + some.read_text())
     command(some, tmp_path / "map.pgm")
     said = capsys.readouterr().err
@@ -295,7 +298,7 @@ def test_what_is_no_recording(tmp_path, name, why):
 
 
 @needs_demo
-def test_a_bag_of_scans_alone_says_what_it_lacks(tmp_path):
+def test_a_bag_with_scans_only_names_the_missing_topics(tmp_path):
     pytest.importorskip("rosbags")
     with pytest.raises(RecordingError, match="the recording gives no pose for any of its 360"):
         command(DEMO, tmp_path / "map.pgm")
@@ -325,7 +328,7 @@ def intel():
 
 
 @needs_intel
-def test_the_work_is_told_as_it_goes(intel):
+def test_progress_is_reported(intel):
     _, parts = intel
     assert parts == sorted(parts)
     assert (parts[0] < 0.1, parts[-1]) == (True, 1.0)
@@ -345,7 +348,7 @@ def test_the_building_is_as_large_as_it_is_and_its_walls_are_thin(intel):
 
 
 @needs_intel
-def test_who_drove_there_stood_on_free_ground(intel):
+def test_a_recorded_robot_is_on_free_ground(intel):
     made, _ = intel
     known = made.map
     codes = np.array([known.cells[known.cell_at(x, y)] for x, y in made.way.tolist()])

@@ -1,5 +1,8 @@
 """The MQTT bridge at a real broker: in, out, TLS, loss and return, garbage, floods."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOperatorIssue=false
+
 import shutil
 import socket
 import subprocess
@@ -92,7 +95,7 @@ def test_retained_messages_count_if_they_shall(broker):
         assert (eTemperature(7.0, receivers=["hall"]) in heard) is counts
 
 
-def test_garbage_is_counted_and_said_once(broker, capfd):
+def test_garbage_is_counted_and_reported_once(broker, capfd):
     service = bridge(broker)
     with running(service) as heard, broker.client() as client:
         ready(service, client, heard)
@@ -112,7 +115,7 @@ def test_garbage_is_counted_and_said_once(broker, capfd):
     assert capfd.readouterr().out.count("garbage\n") == 1
 
 
-def test_a_flood_is_heard_whole(broker):
+def test_a_flood_is_received_completely(broker):
     service = bridge(broker, most=0)
     with running(service) as heard, broker.client() as client:
         ready(service, client, heard)
@@ -137,7 +140,7 @@ def test_a_flood_above_what_is_allowed_waits_and_drops(broker, monkeypatch):
         assert counted["dropped"] > 4000
 
 
-def test_a_broker_that_dies_and_comes_back(broker, capfd):
+def test_a_broker_that_dies_and_returns(broker, capfd):
     service = bridge(broker, publish=OUT)
     with running(service) as heard:
         with broker.client("home/#") as client:
@@ -159,7 +162,7 @@ def test_a_broker_that_dies_and_comes_back(broker, capfd):
     assert f"mqtt: the broker 127.0.0.1:{broker.port} is back\n" in said
 
 
-def test_what_shall_be_is_published_anew_to_a_broker_that_has_forgotten(broker):
+def test_retained_messages_are_published_again_to_a_restarted_broker(broker):
     service = bridge(broker, topics={}, publish={"PHeater": OUT["PHeater"] | {"retain": True}})
     show(service, 'TRoom<room="bath">(PHeater<on=true, power=1>)')
     with running(service):
@@ -216,7 +219,7 @@ def test_a_transformation_names_what_is_in_it_and_no_more(broker):
         assert {m[0] for m in client.heard} <= {f"home/{room}/heater/set" for room in "abc"}
 
 
-def test_it_says_whether_it_is_there(broker):
+def test_it_reports_whether_it_is_present(broker):
     service = bridge(broker, status="minerva/status")
     with broker.client("minerva/status") as client:
         with running(service):
@@ -326,13 +329,13 @@ def test_tls(certificates):
 # --- no broker ------------------------------------------------------------------------------------
 
 
-def test_nobody_listens(broker):
+def test_no_listener(broker):
     broker.kill()
     with pytest.raises(SourceError, match=f"127.0.0.1:{broker.port}: .*refused"):
         bridge(broker).open()
 
 
-def test_somebody_who_is_no_broker():
+def test_a_server_that_is_not_a_broker():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
 
@@ -349,7 +352,7 @@ def test_somebody_who_is_no_broker():
         thread.join(PATIENCE)
 
 
-def test_somebody_who_says_nothing(monkeypatch):
+def test_a_server_that_never_answers(monkeypatch):
     monkeypatch.setattr("minerva_services.bridges.mqtt.connection.GREETED_WITHIN", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]

@@ -1,5 +1,8 @@
 """The bridge to receivers that speak NMEA 0183, over a cable that can be pulled."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
+
 from functools import reduce
 from operator import xor
 
@@ -18,7 +21,7 @@ from minerva_services.sensors.serial_line import LineSplitter
 
 
 def said(body):
-    """A sentence with its checksum, which is counted here anew."""
+    """A sentence with its checksum, computed here independently."""
     return f"${body}*{reduce(xor, body.encode()):02X}"
 
 
@@ -60,7 +63,7 @@ def test_south_and_west_are_negative(cable):
     assert (found.latitude, found.longitude) == (pytest.approx(-33.868667), -70.5)
 
 
-def test_rmc_counts_until_gga_comes(cable):
+def test_rmc_counts_until_gga_arrives(cable):
     report, found = positions(cable, rmc("115959.50"), gga(), rmc(), rmc())
     assert [one.time for one in found] == [43199.5, 43200.0]
     assert (found[0].altitude, found[0].accuracy) == (None, None)
@@ -81,7 +84,7 @@ def test_what_a_sentence_does_not_have_is_unknown(cable, fields, altitude, accur
     assert (position.altitude, position.accuracy) == (altitude, accuracy)
 
 
-def test_what_says_no_position_is_counted_by_why(cable):
+def test_sentences_without_a_position_are_counted_by_reason(cable):
     report, found = positions(
         cable,
         gga(quality=0),
@@ -109,7 +112,7 @@ def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cab
     assert [one.time for one in found] == [86399.0, 86401.0, 86400.5, 90000.0]
 
 
-def test_a_sentence_may_come_in_parts_and_amid_another(cable):
+def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
     with Running(Nmea(port=str(cable.path))) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         for byte in (gga()[20:] + "\r\n" + gga()[:30] + gga() + "\r\n").encode():

@@ -1,5 +1,9 @@
 """Recorded sensors in worlds: beside simulated ones, in one process and on the bus, and killed."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
 import importlib.util
 import os
 import signal
@@ -58,7 +62,7 @@ def world_in(folder, members=REPLAYED, name="replayed"):
 
 
 def lasers_of_each_frame(file, readings=()):
-    """The eLaser events of each frame; before the i-th the i-th of the readings is heard."""
+    """The eLaser events of each frame; before the i-th, the i-th of the readings arrives."""
     algorithm, frames = FrameAlgorithm(file.world), []
 
     def told(instruction):
@@ -76,7 +80,7 @@ def lasers_of_each_frame(file, readings=()):
     return frames, algorithm.scene
 
 
-def test_a_simulated_and_a_replayed_laser_are_heard_at_the_same_time(tmp_path, monkeypatch):
+def test_a_simulated_and_a_replayed_laser_run_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     file = read_world_file(world_in(tmp_path), Overrides(frames=FRAMES))
     (log,) = [one.participant().service for one in file.processes if one.name == "log"]

@@ -117,7 +117,7 @@ class Body:
         return events, published
 
 
-def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
+def test_it_drives_and_publishes_its_scan_at_its_believed_pose():
     with network() as (endpoint, _):
         net = Ros2Network(endpoint, "dds", namespace="bot1")
         options = {"layout": "dds", "namespace": "bot1", "stamped": True, "detections": ""}
@@ -140,7 +140,7 @@ def test_it_drives_and_tells_its_scan_as_from_where_it_is_believed_to_be():
     assert base.told[-1] == STILL
 
 
-def test_where_odometry_lies_on_the_map_is_told():
+def test_the_pose_of_odometry_on_the_map_is_published():
     with network() as (endpoint, _):
         heard = []
         with Base(Ros2Network(endpoint)) as base, Body(endpoint, map_frame="map") as body:
@@ -216,7 +216,7 @@ def test_wrong_options(options, problem):
         Ros2Robot("tcp/127.0.0.1:1", **options)
 
 
-def test_without_rosbags_a_line_says_what_to_install(monkeypatch):
+def test_missing_rosbags_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[ros\]'"):
         types.MessageTypes()

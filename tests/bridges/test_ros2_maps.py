@@ -1,5 +1,8 @@
 """Maps that a ROS 2 robot has made, as events of a world."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 
@@ -35,7 +38,7 @@ def grid(data=TOLD, width=3, height=2, cell=0.05, turned=0.0):
     )
 
 
-def test_a_map_comes_to_one_who_is_late():
+def test_a_late_subscriber_receives_the_map():
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint), "slam")
         slam = session.publisher("map", types.GRID, lasting=True)
@@ -53,7 +56,7 @@ def test_a_map_comes_to_one_who_is_late():
     assert event.angle == pytest.approx(90.0)
 
 
-def test_what_goes_out_as_a_map_comes_in_as_the_same():
+def test_a_map_survives_a_round_trip():
     cells = np.array([[0, 1, 9], [1, 9, 0]], np.int16)
     told = grid(occupancy(cells), width=2, height=3)
     assert np.array_equal(grid_of(told).cells, cells)
@@ -73,6 +76,6 @@ def test_what_is_no_map(options, why):
         grid_of(grid(**options))
 
 
-def test_a_world_without_such_an_event_is_told():
+def test_a_world_without_such_an_event_is_reported():
     with pytest.raises(MisuseError, match="has no event type eMap"):
         Ros2("tcp/h:1", map="map").joined(WorldInfo("w", Vocabulary.of(eLaser), 0, 0.1))

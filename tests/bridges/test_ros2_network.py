@@ -1,5 +1,8 @@
 """Topics over a real Zenoh router: scans in, garbage counted, a network that goes and comes."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOperatorIssue=false, reportOptionalMemberAccess=false
+
 import threading
 
 import numpy as np
@@ -83,7 +86,7 @@ class Heard:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_scan_comes_with_its_mount(layout):
+def test_a_scan_has_its_mount(layout):
     with network() as (endpoint, _):
         session = Ros2Session(Ros2Network(endpoint, layout), "robot")
         lasting = session.publisher("/tf_static", types.TRANSFORMS, lasting=True)
@@ -116,7 +119,7 @@ def test_garbage_and_what_has_no_place_are_counted():
         session.close()
 
 
-def test_a_network_that_is_not_there_yet_and_one_that_comes_back(capsys):
+def test_a_network_that_appears_late_or_returns(capsys):
     endpoint = free_endpoint()
     with Heard(Ros2(endpoint, mount="0, 0, 0")) as heard:
         eventually(lambda: "no ROS 2 network" in capsys.readouterr().out, "it says so")

@@ -3,6 +3,9 @@
 It runs in a process of its own, with a home of its own, for it likes to set git up.
 """
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalMemberAccess=false
+
 import json
 import os
 import select
@@ -73,7 +76,7 @@ def script(what, body):
     return TWIST.format(what=what, hash=messages().hash(types.TWIST)) + body
 
 
-def test_the_judge_hears_our_velocities(oracle):
+def test_the_judge_receives_our_velocities(oracle):
     with network() as (endpoint, hub):
         judge = oracle(script("ROS2Subscriber", HEARS), endpoint)
         session = Ros2Session(Ros2Network(endpoint), "motors")
@@ -85,7 +88,7 @@ def test_the_judge_hears_our_velocities(oracle):
 
         eventually(there, "the judge has subscribed")
 
-        def heard():  # A token may be there before its subscription: say it until it is heard.
+        def heard():  # A token may exist before its subscription: publish until it is received.
             motors.put(messages().twist(0.5, 90.0))
             return select.select([judge.stdout], [], [], 0.2)[0]
 
@@ -94,7 +97,7 @@ def test_the_judge_hears_our_velocities(oracle):
         session.close()
 
 
-def test_we_hear_the_judges_velocities(oracle):
+def test_we_receive_the_judges_velocities(oracle):
     with network() as (endpoint, _):
         oracle(script("ROS2Publisher", SAYS), endpoint)
         session = Ros2Session(Ros2Network(endpoint), "robot")

@@ -47,7 +47,7 @@ def test_a_world_that_is_too_slow_has_no_wait_at_all():
     assert rhythm.begin(0.1, 100.30) == pytest.approx(0.05)
 
 
-def test_after_a_rest_the_rhythm_begins_anew():
+def test_after_a_rest_the_rhythm_restarts():
     rhythm = FramePacer()
     rhythm.begin(0.1, 100.0)
     assert rhythm.begin(0.1, 160.0) == pytest.approx(0.1)
@@ -222,7 +222,7 @@ def test_turns_and_moves_within_a_place_are_commands():
     }
 
 
-def test_commands_begin_anew_within_a_place():
+def test_command_numbers_restart_within_a_place():
     scene = TMove(9.0)(TPlace(0.0, 0.0, 0.0)(TMove(0.5)(PRobot("r1", 0.2))))
     assert commands(scene) == {"r1": DriveCommand(0.0, 0.5)}
 
@@ -247,7 +247,7 @@ def test_poses_between_two():
     assert not track.covers(12.5)
 
 
-def test_a_clock_that_is_set_back_begins_anew():
+def test_a_clock_that_is_set_back_restarts():
     track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(1000.0, Pose(0.0, 0.0, 0.0))
     assert not track.add(3.0, Pose(0.1, 0.0, 0.0))
@@ -345,7 +345,7 @@ def test_a_frame_takes_as_long_as_the_motors_need():
     assert wheels.now - before == pytest.approx(0.5, abs=0.02)
 
 
-def test_what_a_wall_stops_is_told():
+def test_a_stop_at_a_wall_is_reported():
     wheels = Wheels()
     wheels.wall = 0.4
     assert wheels.carry_out(DriveCommand(0.0, 1.0)) is State.BLOCKED
@@ -354,7 +354,7 @@ def test_what_a_wall_stops_is_told():
     assert wheels.driver.goal.x == pytest.approx(wheels.pose.x)
 
 
-def test_a_robot_that_nobody_commands_stops_and_is_left_alone():
+def test_a_robot_without_commands_stops_and_receives_none():
     wheels = Wheels()
     wheels.driver.begin(DriveCommand(0.0, 5.0), 0.1, wheels.now)
     told = [wheels.step() for _ in range(300)]
@@ -386,7 +386,7 @@ def test_a_robot_whose_odometry_is_silent_stops_and_goes_on_after_it():
     assert abs(wheels.missing().x) < 0.11
 
 
-def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
+def test_odometry_that_restarts_elsewhere_moves_no_robot():
     wheels = Wheels()
     wheels.carry_out(DriveCommand(0.0, 0.5))
     for _ in range(10):
@@ -400,7 +400,7 @@ def test_odometry_that_begins_anew_elsewhere_moves_no_robot():
     )
 
 
-def test_a_robot_that_was_switched_on_anew_while_it_was_out_of_sight_stands():
+def test_a_robot_restarted_while_unreachable_stands():
     wheels = Wheels()
     for _ in range(10):
         wheels.carry_out(DriveCommand(0.0, 0.5))
@@ -427,7 +427,7 @@ def test_a_goal_of_a_predecessor_is_driven_to():
     assert driver.jumps == 0
 
 
-def test_odometry_that_turns_at_once_has_begun_anew():
+def test_odometry_that_jumps_has_restarted():
     track = OdometryTrack(fastest=1.0, turning=90.0)
     track.add(0.0, Pose(0.0, 0.0, 90.0))
     assert not track.add(0.1, Pose(0.0, 0.0, 100.0))
@@ -441,7 +441,7 @@ def test_wrong_limits(name):
         MotorLimits(**(values | {name: 0.0}))
 
 
-def test_mounts_are_what_they_say():
+def test_mounts_are_as_declared():
     assert mount_of(" 0.1, 0, 90") == Mount(0.1, 0.0, 90.0)
     assert mount_of("") is None
     assert SensorMount(Mount()) == SensorMount(Mount(), flipped=False)

@@ -1,5 +1,8 @@
 """The bridge to an RPLIDAR, over a cable that can be pulled, against an emulator of its protocol."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import errno
 from itertools import islice
 
@@ -86,7 +89,7 @@ def test_where_it_is_mounted_goes_with_the_scans(cable):
 
 @pytest.mark.parametrize("mode", ["express", "standard"])
 @pytest.mark.parametrize("part", [1, 7])
-def test_bytes_may_come_in_any_parts(cable, mode, part):
+def test_bytes_may_arrive_in_any_parts(cable, mode, part):
     with Emulator(cable, part=part), Running(bridge(cable, mode=mode)) as runs:
         assert off(runs.readings(1)[0]) < 0.06
         assert runs.counted("damaged packets") == 0
@@ -141,7 +144,7 @@ def test_a_lidar_in_error_is_reset_once_and_goes_on(cable):
         assert runs.bridge.report()["health"] == "warning 0x8001"
 
 
-def test_a_lidar_that_stays_in_error_is_told(cable, capsys):
+def test_a_persistent_lidar_error_is_reported(cable, capsys):
     with Emulator(cable, healths=(2,)), Running(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "its error is told")
         assert "is in protection mode (error 0x8001)" in runs.state
@@ -164,7 +167,7 @@ def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
     assert "no answer" in dumb
 
 
-def test_what_is_no_lidar_is_told(cable, monkeypatch):
+def test_a_device_that_is_no_lidar_is_reported(cable, monkeypatch):
     monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWERS_WITHIN", 0.2)
     with Running(bridge(cable)) as runs:
 
@@ -274,7 +277,7 @@ def test_of_several_samples_for_a_beam_the_nearest_hit_counts():
     assert ranges(turn, 360)[0] == 2.0
 
 
-def test_what_comes_before_the_first_turn_is_left_out_and_endless_turns_are_given_up():
+def test_a_partial_first_turn_is_dropped_and_endless_turns_are_aborted():
     counts, stream = Counts(), fed(StandardPackets(Counts()), b"".join(islice(samples(), 800)))
     whole = list(RevolutionBuffer(counts).add(stream))
     assert [len(turn.angles) for turn in whole] == [360, 360]

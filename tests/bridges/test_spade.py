@@ -1,5 +1,8 @@
 """The SPADE bridge: its parts, and a conversation with a real SPADE agent in another process."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalIterable=false, reportOptionalMemberAccess=false
+
 import json
 import os
 import queue
@@ -151,14 +154,14 @@ def told(frame, sender="clerk", to="alice"):
     return TOutside(to)(PMail(frame, sender, performative="inform"))
 
 
-def test_what_was_told_goes_out_once(monkeypatch):
+def test_an_event_is_forwarded_once(monkeypatch):
     bridge = joined(monkeypatch)
     for frame, since in ((7, 4), (8, 7), (8, 7), (8, 7), (9, 7), (10, 7), (11, 10), (15, 12)):
         bridge.show(View(frame, "eMail", told(since)))
     assert bridge.report()["sent"] == 3
 
 
-def test_who_has_no_address_is_said_and_counted(monkeypatch, capsys):
+def test_a_message_without_address_is_reported_and_counted(monkeypatch, capsys):
     bridge = joined(monkeypatch)
     bridge.show(View(1, "eMail", told(0, sender="boss")))
     bridge.show(View(2, "eMail", told(1, sender="boss")))
@@ -166,7 +169,7 @@ def test_who_has_no_address_is_said_and_counted(monkeypatch, capsys):
     assert capsys.readouterr().out.count("#boss has no account") == 1
 
 
-def test_only_those_who_stand_in_the_string_are_heard(monkeypatch):
+def test_only_agents_in_the_string_send(monkeypatch):
     bridge = joined(monkeypatch)
     letter = service.XmppMessage(
         "eve@localhost", "clerk@localhost", "", "", {"performative": "inform"}
@@ -280,7 +283,7 @@ def test_a_contract_net_with_a_spade_agent(rig, tmp_path, monkeypatch):
     assert Outside.kind.name in str(string)
 
 
-def test_a_server_that_is_not_there_is_said_and_tried_again(monkeypatch):
+def test_a_missing_server_is_reported_and_tried_again(monkeypatch):
     pytest.importorskip("spade", reason="needs SPADE: pip install 'minerva-bus[spade]'")
     with socket.create_server(("localhost", 0)) as taken:
         port = taken.getsockname()[1]

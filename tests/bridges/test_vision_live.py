@@ -1,5 +1,8 @@
 """Streams and cameras that come, stop, come back, or never were there."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportIncompatibleMethodOverride=false
+
 import threading
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -77,7 +80,7 @@ def running(service):
         assert not thread.is_alive()
 
 
-def test_a_stream_that_stops_and_comes_back(capfd):
+def test_a_stream_that_stops_and_resumes(capfd):
     with camera() as server:
         port = server.server_port
         service = vision(f"http://ann:secret@127.0.0.1:{port}/stream.mjpg")

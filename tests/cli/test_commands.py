@@ -1,5 +1,8 @@
 """The command line on good, wrong and strange input: an answer, an exit code, never a traceback."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+
 import json
 import signal
 import sys
@@ -237,7 +240,7 @@ def test_a_world_is_checked_and_run(minerva, home):
     assert "share: 0.50" in out
 
 
-def test_what_json_says_is_json(minerva, home):
+def test_json_output_is_json(minerva, home):
     """Also where a member reports a figure that JSON has no word for: it is left out."""
 
     def no_constants(name):

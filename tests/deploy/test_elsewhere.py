@@ -1,5 +1,8 @@
 """A world whose members are started by others, watched over HTTP and by its log lines."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalSubscript=false
+
 import json
 import re
 import signal
@@ -62,7 +65,7 @@ def got(url, path):
         return refused.code, refused.read().decode()
 
 
-def test_a_world_waits_for_who_is_started_elsewhere_and_goes_on_with_its_successor(world, url):
+def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, url):
     assert got(url, "live")[0] == 200
     eventually(lambda: "waits for walkers to join" in got(url, "ready")[1], "only for them")
     assert got(url, "ready")[0] == 503
@@ -100,7 +103,7 @@ def test_a_world_waits_for_who_is_started_elsewhere_and_goes_on_with_its_success
     assert json.loads("\n".join(world.output))["ended"] == "terminated"
 
 
-def test_the_coordinator_alone_waits_for_everybody(tmp_path):
+def test_a_coordinator_only_run_waits_for_all_members(tmp_path):
     path = write_world(tmp_path, MEMBERS)
     file = read_world_file(path, Overrides(coordinator_only=True))
     assert [one.elsewhere for one in file.processes] == [True, True]
@@ -128,7 +131,7 @@ def test_a_process_that_the_file_does_not_have_cannot_be_attached(tmp_path):
         ("[placement]\nAWalker = { nigh = 'x' }", "nigh is unknown"),
     ],
 )
-def test_what_is_wrong_in_a_world_file_is_said_with_its_place(tmp_path, text, problem):
+def test_an_error_in_a_world_file_has_its_position(tmp_path, text, problem):
     path = write_world(tmp_path, f"{MEMBERS}\n{text}\n")
     found = here(tmp_path, "check", path)
     assert found.returncode == 1

@@ -1,5 +1,8 @@
 """The meadow: its agents without a bus, the whole world in one process, and over the bus."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAssignmentType=false
+
 from __future__ import annotations
 
 import json
@@ -85,7 +88,7 @@ def test_a_well_fed_rabbit_has_young():
     assert state(scene, "r")["energy"] == state(scene, "r:1")["energy"] == pytest.approx(9.97)
 
 
-def test_the_meadow_answers_the_one_who_grazes():
+def test_the_meadow_answers_the_grazing_rabbit():
     meadow = vocabulary.read("AMeadow#m")
     evolved = evolve(meadow, [eGraze(3.2, 4.9, sender="r")], [Meadow])
     (answer,) = evolved.emitted["m"]
@@ -101,7 +104,7 @@ def test_rain_lets_grass_grow_to_its_height_and_no_higher():
     assert (state(scene, "m")["grass"] == 7).all()  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_only_those_nearby_are_warned_and_nobody_warns_twice():
+def test_only_nearby_rabbits_are_warned_and_only_once():
     scene = vocabulary.read("ARabbit#near<x=1, y=1> · ARabbit#far<x=20, y=1>")
     prowl = eProwl(2.0, 1.0, condition="x > -1 and x < 5 and y > -2 and y < 4")
     evolved = evolve(scene, [prowl, prowl], [Rabbit])
@@ -192,7 +195,7 @@ def test_they_live_die_and_talk():
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", range(3))
-def test_nobody_dies_out_and_nobody_overruns_the_meadow(seed: int):
+def test_no_kind_dies_out_or_overruns_the_meadow(seed: int):
     for population in Run(seed).frames(1000):
         assert 0 < population["ARabbit"] < 300
         assert 0 < population["AFox"] < 20

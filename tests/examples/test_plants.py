@@ -1,5 +1,8 @@
 """Plants: rules that rewrite, brackets that are scopes, and room that is found by events."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import re
@@ -56,7 +59,7 @@ def shape(string: Any) -> str:
         ("F", "AStem#b:1"),
     ],
 )
-def test_a_bud_becomes_what_its_rule_says(rule: str, becomes: str):
+def test_a_bud_becomes_the_result_of_its_rule(rule: str, becomes: str):
     assert shape(grown(bud(rule))) == becomes
 
 
@@ -99,7 +102,7 @@ def test_stems_grow_thicker_and_leaves_fall():
     assert old == "PTrunk · TForward"
 
 
-def test_room_is_shown_with_whose_it_is():
+def test_capacity_is_shown_with_its_host():
     shown = visualize(grown(bud("F[+X]")), [eBody()], KINDS)
     who = [node.parameters["who"] for _, node in walk(shown) if isinstance(node, FigureNode)]
     assert who == ["b:2", "b:1"]

@@ -43,7 +43,7 @@ read = FAMILY_VOCABULARY.read
 # --- members ---------------------------------------------------------------------------------
 
 
-def test_who_left_is_listed_until_many_others_have():
+def test_departed_members_are_listed_up_to_a_limit():
     members = Members(["home"])
 
     def comes(name):
@@ -101,7 +101,7 @@ def test_the_drawing_of_the_table_has_all_states():
     assert Path(member_table.__file__).exists()
 
 
-def test_members_are_sorted_whoever_came_first():
+def test_members_are_sorted_by_name_not_arrival():
     members = Members(["z", "m"])
     for name in ("q", "a"):
         member = members.get(name)
@@ -122,13 +122,13 @@ KINDS = tuple(cls.kind for cls in FAMILY)
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",), every=2), "cannot be the source of eMark"),
     (Hello("m", PROTOCOL_VERSION, draws=("eMark",)), ""),
 ])  # fmt: skip
-def test_who_may_join(hello, reason):
+def test_permission_to_join(hello, reason):
     found = incompatibility(hello, FAMILY_VOCABULARY)
     assert reason in found
     assert bool(found) is bool(reason)
 
 
-def test_an_objection_says_which_type_differs_and_how():
+def test_an_objection_names_the_type_and_the_difference():
     kind = KINDS[0]
     name = kind.fields.names[0]
     first = replace(kind.fields.all[0], type=Type("text", words=("other",)), default=None)
@@ -152,7 +152,7 @@ def test_an_objection_says_which_type_differs_and_how():
         (True, "stop", "", "the world stops in 29 s"),
     ],
 )
-def test_what_is_said_of_who_does_not_answer_is_what_happens(guest, then, on_failure, said):
+def test_the_announced_policy_for_a_silent_member_is_applied(guest, then, on_failure, said):
     own = {} if guest else {"m": on_failure}
     waits = Waits(Deadlines(Patience(1.0, 30.0, then), on_failure=own))
     waits.update("step", True, ["m"], 0.0)
@@ -198,7 +198,7 @@ def test_frames_are_due_in_rhythm():
     assert [round(pace.due(now), 6) for now in (5.0, 5.01, 5.15, 5.2)] == [5.0, 5.1, 5.2, 5.3]
 
 
-def test_after_a_late_frame_the_rhythm_starts_anew():
+def test_after_a_late_frame_the_rhythm_restarts():
     pace = Pace(10.0)
     assert [pace.due(now) for now in (5.0, 7.0, 7.0)] == [5.0, 7.0, 7.1]
 
@@ -236,7 +236,7 @@ def test_a_string_taken_apart_and_put_together_is_the_same(w):
 
 @law
 @given(family_strings(), family_strings(), st.randoms())
-def test_replacing_is_the_same_as_writing_it_anew(w, other, chance):
+def test_replacing_equals_writing_the_whole_file(w, other, chance):
     composition = Composition(w)
     free = [
         node for node in other if not (isinstance(node, AgentNode) or list(agents(scene_of(node))))

@@ -1,5 +1,9 @@
 """Columns are another way to hold a string, and a population another way to write agents."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
+
 from __future__ import annotations
 
 from contextlib import contextmanager
@@ -383,7 +387,7 @@ def test_each_event_counts_once_in_columns_as_well(data):
     st.lists(st.floats(0.1, 10) | st.floats(1e-6, 1e6), min_size=1, max_size=6),
 )
 @example(200, [1e6, 1.0])
-def test_shares_are_all_of_it_and_nobody_s_is_empty(rows, weights):
+def test_shares_cover_everything_and_none_is_empty(rows, weights):
     found = shares(rows, weights)
     assert sum(found) == rows
     assert len(found) == len(weights)

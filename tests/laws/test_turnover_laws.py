@@ -1,5 +1,9 @@
 """Births and deaths in columns: what travels instead of all of them makes exactly the new string."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false, reportReturnType=false
+
 from __future__ import annotations
 
 from collections import Counter
@@ -169,7 +173,7 @@ def test_a_record_has_the_patch_alone(generation):
 
 
 @given(st.lists(generations(), min_size=1, max_size=3))
-def test_a_string_in_parts_knows_who_is_new(parts):
+def test_a_string_in_parts_finds_newborns(parts):
     """An id that another part has already is refused, and no other."""
     old = [one.with_columns(one.columns) for one, _, _ in parts]
     ids = [Ids.of([f"p{n}-{one}" for one in part.ids]) for n, part in enumerate(old)]
@@ -212,7 +216,7 @@ HUNT = Vocabulary.of(PDot, Prey, eBite, eSpring, eShow)
 
 
 @given(st.lists(st.tuples(st.sampled_from([eBite, eSpring]), st.sets(st.integers(0, 7)))))
-def test_what_a_host_says_of_its_views_adds_up_to_them(frames):
+def test_deltas_of_views_add_up_to_the_views(frames):
     """Also where nobody who is left looks otherwise than before."""
     host = Host("h", {"APrey": Prey})
     host.take(m.Fragments({"~APrey.1": Prey.many("p", 9)}))
@@ -245,7 +249,7 @@ def test_ids_are_found_even_where_hashes_are_the_same(texts, data):
 
 
 @given(st.integers(1, 3000), st.integers(0, 99))
-def test_all_of_many_are_found_and_nobody_else(count, seed):
+def test_all_neighbours_are_found_and_no_others(count, seed):
     ids = Ids.of([f"{n % 7}:{n}" for n in np.random.default_rng(seed).permutation(count).tolist()])
     others = Ids.of([f"{n % 7}:{n}" for n in range(count + 9)])
     rows = ids.rows_of(others)
@@ -334,12 +338,12 @@ def wrong(place, value):
         (6, [["f"], 0, 1], "ids are"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_births_and_deaths_is_said(place, value, said):
+def test_errors_of_births_and_deaths_are_reported(place, value, said):
     with pytest.raises((ProtocolError, SceneError, Unfit), match=said):
         patched(from_scratch(SHOAL), READER.columns.patch(wrong(place, value)))
 
 
-def test_no_patch_kills_everybody():
+def test_no_patch_removes_all_rows():
     nobody = ["patch", 3, ["AFish"], [], ext(b"b\0\1\2"), ext(b"b"), None]
     with pytest.raises(ProtocolError, match="whole number from 1"):
         READER.columns.patch(nobody)

@@ -1,5 +1,9 @@
 """The cursor has the state before any frame, and its inputs lead to the frames that follow."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
 import json
 from dataclasses import replace
 
@@ -72,7 +76,7 @@ def shared(tmp_path_factory):
     return folder, summary(here(folder, *words))
 
 
-def test_inputs_tell_who_sent_an_event(shared):
+def test_inputs_name_the_sender_of_an_event(shared):
     folder, _ = shared
     with Record(folder / "run.mcap") as record:
         cursor = Cursor(record, inputs=True)

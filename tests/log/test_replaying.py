@@ -1,5 +1,8 @@
 """A record is played again: the views are those of the run, wherever it is begun or moved to."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 from functools import cache, partial
 
 import pytest
@@ -137,7 +140,7 @@ def test_there_is_nothing_beyond_its_end(tmp_path):
         projector.cursor.seek(61)
 
 
-def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):
+def test_a_device_that_joins_at_rest_receives_the_view(tmp_path):
     projector = Projector("meadow", tmp_path, seen=False)
     projector.play(5)
     seen = Seen("meadow")
@@ -146,7 +149,7 @@ def test_who_joins_while_it_rests_sees_where_it_stands(tmp_path):
     assert seen.shown == [(5, dict(lived("meadow")[0])[5])]
 
 
-def test_it_rests_for_as_long_as_somebody_looks(tmp_path):
+def test_it_rests_while_an_observer_is_present(tmp_path):
     projector = Projector("meadow", tmp_path, stay=True)
     projector.play()
     assert projector.runner.ended is None
@@ -155,7 +158,7 @@ def test_it_rests_for_as_long_as_somebody_looks(tmp_path):
     assert projector.runner.ended.reason == OVER
 
 
-def test_it_does_not_rest_for_nobody(tmp_path):
+def test_it_does_not_rest_without_observers(tmp_path):
     projector = Projector("meadow", tmp_path, stay=True, seen=False)
     projector.play()
     assert projector.runner.ended.reason == OVER
@@ -172,7 +175,7 @@ def test_it_takes_no_orders(tmp_path):
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_all_frames_come_out_the_same(name, tmp_path):
+def test_all_frames_are_reconstructed(name, tmp_path):
     file, frames = happened(name)
     told = []
     with record_of(bytes_of(name), tmp_path) as record:

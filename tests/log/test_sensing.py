@@ -177,7 +177,7 @@ def test_the_flush_interval_is_reported(tmp_path):
         (("--record", "a.mcap", "--flush", "inf"), "--flush must be a number of seconds from 0"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line(tmp_path, words, problem):
+def test_invalid_input_is_reported_in_one_line(tmp_path, words, problem):
     done = here(tmp_path, "run", write_world(tmp_path), *words)
     assert done.returncode == 2
     assert problem in done.stderr

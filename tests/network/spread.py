@@ -1,5 +1,8 @@
 """A world spread over hosts, for tests: one runs it, each of the others one member."""
 
+# The values of these tests have narrower types than their declarations, or come from a path.
+# pyright: reportMissingImports=false
+
 import json
 import shutil
 import sys
@@ -78,7 +81,7 @@ class Spread:
         )
 
     def restarts(self, name):
-        """Start a member anew that has ended, as systemd does."""
+        """Restart a member that has ended, as systemd does."""
         self.runs[name].ends()
         self.runs[name].__exit__()
         self.attach(name)

@@ -14,7 +14,7 @@ from minerva_bus.wire.epochs import stamped
 from minerva_bus.wire.keys import Keys
 
 
-def test_a_member_that_can_be_seen_before_it_hears_is_greeted_all_the_same(tmp_path):
+def test_a_member_visible_before_it_subscribes_is_greeted(tmp_path):
     path = write_world(tmp_path, MEMBERS, frames=0, rate=20)
     keys, heard = Keys(path.stem), []
     with World(path) as world:

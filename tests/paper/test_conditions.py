@@ -1,5 +1,8 @@
 """e^d_c of 3.2: an event is carried out only by agents that fulfil its condition."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -131,7 +134,7 @@ def test_only_agents_that_fulfil_it_carry_it_out():
     assert "#b<energy=15," in evolved(w, eHit(10, condition="energy > 2"))
 
 
-def test_the_condition_is_of_the_agent_as_it_is_when_the_event_comes():
+def test_the_condition_is_about_the_agent_when_it_processes_the_event():
     one = eHit(10, condition="energy < 10")
     assert "energy=11" in evolved("AFox#a<energy=1>", one, one)
 
@@ -168,7 +171,7 @@ def test_a_condition_that_no_agent_can_fulfil_is_refused(condition, message, col
         VOCABULARY.check_any(eHit(np.array([1, 2]), condition=condition))
 
 
-def test_it_is_about_those_who_respond_to_the_event():
+def test_it_concerns_kinds_that_respond_to_the_event():
     class Dog(Agent, symbol="ADog"):
         teeth: int = 0
 

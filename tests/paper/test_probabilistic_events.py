@@ -1,5 +1,8 @@
 """a^{d,h} of section 5: an agent that answers events of a type with a probability only."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,7 +105,7 @@ def test_it_may_be_an_attribute_and_ends_are_certain(shy, expected):
         assert state["shy"] == shy - 0.25 * expected
 
 
-def test_the_probability_is_of_the_agent_as_it_is_when_the_event_comes():
+def test_the_probability_is_that_of_the_agent_when_it_processes_the_event():
     """Every answered call makes the next less likely: from 0.25 there is never a second."""
     w = VOCABULARY.read("AFox#f<shy=0.25>")
     found = {
@@ -174,7 +177,7 @@ def test_one_by_one_is_all_at_once(frame):
 
 
 @given(frames(), st.data())
-def test_it_does_not_depend_on_who_is_evolved_where(frame, data):
+def test_it_does_not_depend_on_placement(frame, data):
     w, events, moment = frame
     part = w.pieces[0]
     at = data.draw(st.integers(0, part.count))
@@ -193,21 +196,21 @@ def test_the_kind_has_its_chances():
     assert (One.kind.chance("eNear"), Certain.kind.chance("eNear")) == (0.3, 1.0)
 
 
-def test_an_overriding_method_keeps_the_probability_unless_it_is_marked_anew():
+def test_an_overriding_method_keeps_the_probability_unless_marked_again():
     class Kept(One, symbol="AKept"):
         def near(self, near, moment):
             self.met += 2
 
-    class Anew(One, symbol="AAnew"):
+    class Marked(One, symbol="AMarked"):
         @on("eNear")
         def near(self, near, moment):
             self.met += 2
 
     assert Kept.kind.chance("eNear") == 0.3
-    assert Anew.kind.chance("eNear") == 1.0
+    assert Marked.kind.chance("eNear") == 1.0
 
 
-def test_a_vocabulary_tells_them():
+def test_a_vocabulary_has_them():
     plain = plain_vocabulary(VOCABULARY)
     assert plain["kinds"][0][2] == [["eCall", "shy"], ["eNear", 0.3]]
     assert read_vocabulary(plain).kinds == VOCABULARY.kinds

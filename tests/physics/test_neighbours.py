@@ -162,7 +162,7 @@ def test_a_place_a_hair_before_the_edge_of_a_torus_is_near_the_other_edge() -> N
     assert len(events) == 2
 
 
-def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_scipy_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy.spatial", None)
     with pytest.raises(MisuseError, match=r"pip install 'minerva-bus\[neighbours\]'"):
         Neighbours(radius=1.0)

@@ -1,5 +1,9 @@
 """Maps: what map_server files mean, what is refused and how, places on them, the office plan."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
+# pyright: reportOptionalSubscript=false
+
 import importlib.util
 import json
 import math
@@ -464,7 +468,7 @@ def test_components_are_what_paths_join(seed, wide, high):
             assert component[row, column] == joined
 
 
-def test_where_nothing_fits_is_said():
+def test_a_lack_of_space_is_reported():
     with pytest.raises(MapError, match=r"radius 5 m fits nowhere on the map of 12 x 6 cells"):
         free_component(TWO_ROOMS, 5)
     for at in ((0.05, 0.05), (-1.0, 0.0), (0.85, 0.15)):
@@ -491,7 +495,7 @@ def test_spread_is_named_far_apart_and_deterministic():
     check_spread(floor, markers, floor.start, 0.2)
 
 
-def test_spread_says_when_there_is_no_more_room():
+def test_spread_reports_when_space_is_full():
     start = roomiest(TWO_ROOMS, 0.05)
     with pytest.raises(MapError, match=r"there is room for \d+ places .* of 100"):
         spread(TWO_ROOMS, 100, 0.05, start)

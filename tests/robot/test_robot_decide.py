@@ -1,5 +1,8 @@
 """λ for eDecide, 4.2.3 and 4.2.5: pose, action, and the two ways to decide."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportPossiblyUnboundVariable=false
+
 import math
 
 import numpy as np
@@ -86,7 +89,7 @@ def test_off_its_grid_it_is_lost_and_stays():
 # --- moves --------------------------------------------------------------------------------------
 
 
-def test_an_action_says_its_move():
+def test_an_action_gives_its_move():
     for move in (STAY, Move(10.0, 0.0), Move(-20.0, 0.3), Move(0.0, 0.1)):
         assert move_of(action_of(move, "r", 0.18)) == move
     assert move_of(EMPTY) == STAY
@@ -185,7 +188,7 @@ def test_a_plan_is_kept_until_something_turns_up_on_it():
     assert after(later.string, eDecide()).way != now.way
 
 
-def test_it_says_once_that_it_is_there():
+def test_it_announces_itself_once():
     scene = seeking(with_marker(floor(), 24, 20))
     assert emitted(scene, eDecide())[0].marker == "kitchen"
     assert emitted(scene, eDecide())[0].type == eReached.name

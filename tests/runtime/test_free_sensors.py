@@ -1,5 +1,8 @@
 """Sensors that run freely: what comes counts once, as their listeners want, and is counted."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false
+
 import threading
 
 import numpy as np
@@ -103,7 +106,7 @@ service = "yard:Reader"
 """
 
 
-def test_what_a_free_sensor_says_counts_and_what_is_dropped_is_seen(tmp_path):
+def test_readings_of_a_free_sensor_count_and_drops_are_reported(tmp_path):
     with (
         World(write_world(tmp_path, MEMBERS, frames=0, rate=10)) as world,
         world.client() as asked,
@@ -122,7 +125,7 @@ def test_what_a_free_sensor_says_counts_and_what_is_dropped_is_seen(tmp_path):
         assert newest["read"] < reader["read"]
 
 
-def test_who_is_faster_than_the_bus_waits_and_is_let_go_at_the_end():
+def test_a_publisher_faster_than_the_bus_waits_and_is_released_at_the_end():
     said, stop = [], threading.Event()
     outlet = Outlet(said.append, stop)
 

@@ -1,5 +1,8 @@
 """How a world ends: by its rules, by a person, in any phase; and what its members report."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 import pytest
 from pond import Add, Counter, Mother, Screen, counters, eCroak, eDone, expect, host, service
 
@@ -54,7 +57,7 @@ class Quitter(Counter, symbol="ACounter"):
             moment.emit(eDone() if self.n == 7 else eCroak(0.5))
 
 
-def test_agents_that_give_up_end_a_world_too_and_it_says_why():
+def test_agents_that_give_up_end_a_world_with_their_reasons():
     bus = counters(
         "ACounter#a<n=5> · ACounter#b<n=2>", until="eDone", give_up="eCroak",
         members={"host": host("host", Quitter)},
@@ -155,7 +158,7 @@ def test_a_person_may_end_it_in_any_phase(phase):
     assert bus.ended.reason == wanted
 
 
-def test_what_comes_after_the_end_is_ignored():
+def test_messages_after_the_end_are_ignored():
     bus = counters(frames=1)
     bus.start()
     bus.run()
@@ -201,7 +204,7 @@ def test_figures_of_guests_count_and_those_of_the_dead_do_not():
     assert bus.ended.figures == {"adders": 2, "added": 31}
 
 
-def test_a_report_counts_once_and_only_from_who_takes_part():
+def test_a_report_counts_once_and_from_members_only():
     bus = counters(frames=1)
     bus.start()
     bus.settle()
@@ -238,7 +241,7 @@ def test_one_that_dies_with_its_report_unsaid_does_not_hold_the_end_up():
     )
 
 
-def test_one_that_says_nothing_is_not_waited_for_for_ever():
+def test_a_silent_member_is_not_awaited_for_ever():
     """The clock at the rim says when it has been long enough."""
     bus = counters(frames=1)
     bus.start()
@@ -254,7 +257,7 @@ def test_one_that_says_nothing_is_not_waited_for_for_ever():
     assert bus.ended.reason == "the frames are over"
 
 
-def test_a_world_without_anybody_ends_at_once():
+def test_a_world_without_agents_ends_at_once():
     bus = counters(members={"add": service("add", Add)}, expected=[])
     bus.handle(s.End("never mind"))
     assert bus.ended.reason == "never mind"

@@ -1,5 +1,8 @@
 """Members that come: before the start, late, while the world runs, twice, or wrongly."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 from dataclasses import replace
 
 import pytest
@@ -58,7 +61,7 @@ def test_all_are_there_before_the_first_frame():
     )
 
 
-def test_the_first_frame_waits_for_all_whom_the_world_file_names():
+def test_the_first_frame_waits_for_all_members_of_the_world_file():
     bus = counters()
     bus.appear("add")
     bus.settle()
@@ -328,7 +331,7 @@ def test_a_hello_out_of_turn_is_ignored():
     )
 
 
-def test_a_member_that_appears_while_the_world_ends_is_told_so():
+def test_a_member_that_appears_during_shutdown_is_notified():
     bus = counters()
     bus.start()
     bus.settle()
@@ -340,7 +343,7 @@ def test_a_member_that_appears_while_the_world_ends_is_told_so():
     assert "late" not in bus.alive
 
 
-def test_the_welcome_says_all_that_a_member_must_know():
+def test_the_welcome_has_all_that_a_member_needs():
     bus = counters(seed=3, dt=0.5, name="garden")
     bus.start()
     bus.run(2)

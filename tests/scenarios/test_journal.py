@@ -1,5 +1,8 @@
 """Journals: what they have is what there was, whatever was cut off; and one coordinator writes one."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
+
 from dataclasses import replace
 
 import pytest
@@ -61,7 +64,7 @@ def test_what_a_journal_has_is_what_there_was(tmp_path, name):
 
 
 @both
-def test_written_anew_it_goes_on_from_there(tmp_path, name, monkeypatch):
+def test_a_rewritten_journal_continues_from_its_keyframe(tmp_path, name, monkeypatch):
     monkeypatch.setattr(j, "MIN_REWRITE_BYTES", 1)
     monkeypatch.setattr(j, "REWRITE_RATIO", 0)
     written = Written(tmp_path / "w.journal", name)
@@ -76,7 +79,7 @@ def test_written_anew_it_goes_on_from_there(tmp_path, name, monkeypatch):
 
 
 @both
-def test_whoever_goes_on_from_a_journal_written_anew_goes_on_to_the_same_strings(tmp_path, name):
+def test_a_successor_from_a_rewritten_journal_gives_the_same_strings(tmp_path, name):
     """Views too: what hosts say of them next is a patch of what they have shown."""
     for frames in range(1, 7):
         written = Written(tmp_path / f"{frames}.journal", name)
@@ -126,7 +129,7 @@ def test_a_bit_that_is_wrong_ends_it_there(tmp_path):
 @given(
     st.sampled_from(["flip", "zero", "cut", "append"]), st.floats(0, 1), st.integers(1, 300)
 )  # fmt: skip
-def test_any_damage_costs_no_frame_before_it_and_is_said(six_frames, how, where, much):
+def test_damage_costs_no_earlier_frame_and_is_reported(six_frames, how, where, much):
     written, ends = six_frames
     data = written.path.read_bytes()
     at = int(where * (len(data) - 1))
@@ -163,7 +166,7 @@ def six_frames(tmp_path_factory):
     return written, ends
 
 
-def test_whoever_is_followed_writes_no_more(tmp_path):
+def test_a_succeeded_coordinator_stops_writing(tmp_path):
     first = Written(tmp_path / "w.journal", "pond")
     first.bus.frame()
     second = Written(tmp_path / "w.journal", "pond", epoch=8)

@@ -1,5 +1,9 @@
 """Worlds under `policy = "literal"`: the letter of equation 3, wherever fragments are evolved."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
 from dataclasses import replace
 from functools import partial
 from random import Random
@@ -218,7 +222,7 @@ def test_without_events_no_agent_is_left(hosts):
     assert bus.ended.reason == "the string is empty"
 
 
-def test_without_events_figures_stay_and_so_do_agents_that_nobody_evolves():
+def test_without_events_figures_stay_and_so_do_agents_without_a_host():
     scene = "PDot<x=1> · TAt<x=2>(ACounter#a · PDot<x=3>) · ALily#l(ACounter#b)"
     bus = bus_of(scene, [[], []], {"host": (Counter,)})
     bus.run()
@@ -383,7 +387,7 @@ def test_the_coordinator_is_killed_at_any_step():
         assert killed(after)[0] == whole, f"killed after step {after}"
 
 
-def test_hosts_that_die_and_come_back_change_nothing():
+def test_hosts_that_die_and_return_change_nothing():
     script = [[eAdd(1), eAdd(2)], [eAdd(3)], [eAdd(4), eAdd(5)]]
     hosts = {"h": (Mother, Counter), "i": (Counter,)}
     whole = ran("AMother#a · ACounter#b · ACounter#c", script, hosts).digests

@@ -1,5 +1,8 @@
 """Norms, enforced while the world runs (section 1): who may do what, where, and how often."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 from dataclasses import replace
 from itertools import pairwise
 
@@ -59,7 +62,7 @@ def happened(frames, event_type, sender=None):
 # --- norms on events ---
 
 
-def test_a_refused_event_reaches_nobody():
+def test_a_rejected_event_has_no_receivers():
     w = "ARunner#a · ARunner#b"
     without, _, _ = live(w, ())
     loud = Norm("loud", on=("eShout",), when="event.loud > 1.5")
@@ -75,7 +78,7 @@ def test_a_refused_event_reaches_nobody():
     assert heard[0] > heard[1]
 
 
-def test_it_is_about_the_sender_as_it_is_when_the_event_would_be_told():
+def test_it_uses_the_senders_state_at_delivery():
     w = "ARunner#slow<speed=-9> · ARunner#fast<speed=9>"
     frames, _, _ = live(w, (Norm("n", on=("eShout",), when="speed > 5"),), frames=3)
     senders = {one.sender for events, _ in frames for one in events if one.type == "eShout"}
@@ -124,7 +127,7 @@ def test_how_often_is_each_ones_own():
 # --- norms on what agents become ---
 
 
-def test_a_refused_agent_stands_still_and_is_not_heard():
+def test_a_rejected_agent_stands_still_and_sends_nothing():
     w = "ARunner#a<speed=30> · ARunner#b<speed=-9>"
     frames, _, figures = live(w, (Norm("limit", when="speed > 20"),), frames=5)
     assert states(frames[-1][1])["a"] == states(VOCABULARY.read(w))["a"]
@@ -149,7 +152,7 @@ def test_another_agents_state_counts_too():
     assert [xs[n] != xs[n + 1] for n in range(9)] == lights[:9]
 
 
-def test_an_agent_that_is_gone_says_nothing_of_anybody():
+def test_a_deleted_agent_has_no_state_for_conditions():
     norm = Norm("red", ("ARunner",), when="#light.green == false")
     frames, _, _ = live("ARunner#a", (norm,), frames=2)
     assert states(frames[-1][1])["a"]["x"]
@@ -194,7 +197,7 @@ def test_the_first_norm_that_refuses_leaves_nothing_for_the_others():
     assert live("ARunner#a<speed=30>", norms, frames=1)[2] == {"norm_one": 1, "norm_two": 1}
 
 
-def test_it_is_said_once():
+def test_it_is_reported_once():
     members = {"runners": host("runners", *KINDS), "steps": service("steps", Steps)}
     bus = MemoryBus(street("ARunner#a<speed=30>", (Norm("limit", when="speed > 20"),)), members)
     bus.start()
@@ -333,7 +336,7 @@ def test_a_norm_for_people_covers_what_a_generator_takes():
     assert ordered(passes, [eShout(2.0), eShout(4.0)], (own,))[0] == ["eShout<loud=4>"]
 
 
-def test_a_norm_for_people_covers_keys_and_whoever_is_attached():
+def test_a_norm_for_people_covers_keys_and_attached_members():
     keys = {"keys": service("keys", Keys)}
     told = [("keys", eShout(1.0)), ("keys", eShout(9.0))]
     assert ordered(keys, [], emitted=told)[0] == ["eShout<loud=1>"]
@@ -348,7 +351,7 @@ def test_a_norm_for_people_covers_keys_and_whoever_is_attached():
 
 
 def test_what_people_may_not_send_is_known_to_a_coordinator_that_goes_on():
-    """It judges orders and keys anew, though nobody is there yet who took them."""
+    """It judges orders and keys again, although no generator that took them is present."""
     members = {"passes": service("passes", Passes), "keys": service("keys", Keys)}
     _, bus = ordered(members, [eShout(4.0), eShout(5.5)], emitted=[("keys", eShout(7.0))])
     before = bus.algorithm

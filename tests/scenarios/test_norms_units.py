@@ -1,5 +1,8 @@
 """Who is judged, and who is sanctioned, where an agent is within another or has just been born."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOperatorIssue=false, reportOptionalMemberAccess=false
+
 from street import FINE, eFine
 from test_norms import happened, live, states
 
@@ -24,7 +27,7 @@ def test_an_agent_within_another_is_sanctioned_itself():
     assert fined(frames) == [[], ["b"], ["b"]]
 
 
-def test_all_within_an_agent_are_judged_whoever_is_not_concerned():
+def test_all_agents_within_an_agent_are_judged():
     """An agent of another kind, or one that has not changed, stands before those who have."""
     runners = Norm("fast", ("ARunner",), when="speed > 20", then=Then.COUNT)
     w = "APasser#p(ALight#light · ARunner#a<speed=30> · ARunner#b<speed=30>)"
@@ -42,7 +45,7 @@ def test_for_a_newborn_its_parent_is_sanctioned():
     assert {who for of in fined(frames) for who in of} == {"a"}
 
 
-def test_only_events_of_those_who_are_refused_are_lost():
+def test_only_events_of_rejected_agents_are_lost():
     """Among many of whom some breed, those who did nothing shout on."""
     w = " · ".join(f"ARunner#r{n}<speed={-9 - n}>" for n in range(40))
     norm = Norm("calm", when="was.speed > -20", most=0)

@@ -1,5 +1,8 @@
 """What becomes of the string: births, deaths, shapes that change, and fragments on their way."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 import pytest
 from pond import (
     VOCABULARY,
@@ -26,7 +29,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.testing.memory_bus import MemoryBus
 
 
-def test_a_newborn_meets_its_first_events_in_the_next_frame():
+def test_a_newborn_receives_its_first_events_in_the_next_frame():
     bus = counters("AMother#m", members={"host": host("host", Counter, Mother)}, frames=3)
     bus.start()
     bus.settle()

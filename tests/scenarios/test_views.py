@@ -1,5 +1,8 @@
 """Views: visual events, devices that are their own source, coupled ones, and observers that miss."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 from dataclasses import replace
 
 import numpy as np
@@ -252,7 +255,7 @@ def test_an_observer_that_missed_views_asks_for_a_whole_one(lost):
     assert shown(bus)[-1].startswith(f"{lost + 2}:")
 
 
-def test_a_view_that_comes_twice_or_late_is_not_shown_again():
+def test_a_repeated_or_late_view_is_not_shown_again():
     bus = counters("ACounter#a", members={"screen": service("screen", Screen)})
     bus.start()
     bus.run(3)
@@ -275,7 +278,7 @@ def test_a_resync_for_what_was_never_shown_or_by_a_stranger_is_ignored():
     assert len(bus.records) == 2
 
 
-def test_the_last_string_is_shown_when_a_world_has_come_to_its_end():
+def test_the_last_string_is_shown_at_the_end():
     bus = counters("ACounter#a", members={"screen": service("screen", lambda: Screen(5))}, frames=3)
     bus.start()
     screen = bus.alive["screen"].service

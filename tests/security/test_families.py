@@ -1,5 +1,8 @@
 """One certificate for any number of members: hosts-a, hosts-b ... come in by that of hosts-*."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+
 import json
 import signal
 
@@ -46,7 +49,7 @@ COMMON_NAMES = STARTS | STARTS.map(lambda start: f"{start}-*")
 
 
 @given(COMMON_NAMES, COMMON_NAMES, st.text("ab-", max_size=6))
-def test_names_overlap_where_somebody_could_come_in_by_both(one, other, member):
+def test_names_overlap_if_a_member_matches_both(one, other, member):
     """Zenoh's own opinion of key expressions is the judge."""
     chunks = [zenoh.KeyExpr(name.replace("*", "$*")) for name in (one, other)]
     assert overlap(one, other) == overlap(other, one) == chunks[0].intersects(chunks[1])
@@ -55,7 +58,7 @@ def test_names_overlap_where_somebody_could_come_in_by_both(one, other, member):
 
 
 @given(st.sets(COMMON_NAMES, max_size=4), st.text("ab-", min_size=1, max_size=6))
-def test_whose_a_name_is_has_one_answer_and_what_was_revoked_goes_first(names, member):
+def test_a_name_has_one_owner_and_revocation_takes_precedence(names, member):
     rights = {name: Rights(name, frozenset({"agent"}), revoked="b" in name) for name in names}
     found = [one for name, one in rights.items() if covers(name, member)]
     held = rights_of(member, rights)
@@ -112,7 +115,7 @@ def folder(tmp_path_factory):
         (("coordinator", "--role", "coordinator", "--family", "--renew"), "not a family"),
     ],
 )
-def test_a_family_is_issued_where_its_names_are_nobody_s(folder, words, said):
+def test_a_family_is_issued_only_for_free_names(folder, words, said):
     before = folder.stamp()
     done = here(folder.folder.parent, "keys", "issue", *words)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -145,7 +148,7 @@ def test_one_of_a_family_shows_the_family_s_certificate_under_its_own_name(folde
         folder.credentials("other")
 
 
-def test_a_folder_in_which_a_name_is_two_s_lets_nobody_in(folder, tmp_path):
+def test_a_folder_with_an_ambiguous_name_admits_no_member(folder, tmp_path):
     keys = Keys(tmp_path / "keys")
     keys.init()
     keys.issue("a-b", Wanted(("view",)))
@@ -212,7 +215,7 @@ def test_two_of_a_family_attach_and_evolve_agents_and_one_leaves(world, door, ke
         goes_on(world)
 
 
-def test_who_is_none_of_the_family_does_not_come_in_by_its_certificate(world, door, keys):
+def test_a_family_certificate_admits_members_of_the_family_only(world, door, keys):
     with attach(world, door, "other") as run:
         assert run.ends() == 2
         assert "is of the family hosts-*: other is none of it (--name hosts-other)" in run.text
@@ -240,7 +243,7 @@ def test_who_is_none_of_the_family_does_not_come_in_by_its_certificate(world, do
     goes_on(world)
 
 
-def test_who_is_in_no_family_is_none_of_it(world, door, keys):
+def test_a_name_outside_a_family_does_not_match(world, door, keys):
     """A certificate whose name merely begins alike."""
     with (
         open_client("inside", world.endpoint()) as inside,
@@ -276,7 +279,7 @@ def test_one_of_a_family_is_refused_by_its_own_name(
     assert refused(world, name) > before
 
 
-def test_who_only_asks_needs_no_name(world, door):
+def test_a_query_needs_no_name(world, door):
     who = ("--connect", door, "--world", world.name, "--keys", "keys/hosts.pem")
     told = here(world.folder, "list", "--json", *who)
     assert "steps" in [one["member"] for one in json.loads(told.stdout)["members"]], told.stderr
@@ -295,7 +298,7 @@ def test_a_family_gives_no_orders_that_its_role_does_not_include(world, door, ke
     ):
         asked.ask("stop")
     assert refused(world, "hosts-f") == 1
-    assert "hosts-f │ asked in vain" not in world.text  # Of a family it is said once.
+    assert "hosts-f │ asked in vain" not in world.text  # Reported once per family.
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ class Clock:
         return self.now
 
 
-def test_a_second_s_worth_may_come_at_once_and_then_as_it_fills_up():
+def test_a_burst_of_one_second_is_allowed_and_then_the_rate():
     clock = Clock()
     gate = AdmissionRules(Limits(messages=10, bytes=1000), clock=clock)
     assert [gate.has_room("a", 1) for _ in range(12)] == [True] * 10 + [False] * 2
@@ -41,7 +41,7 @@ def test_bytes_count_as_well():
     assert gate.has_room("a", 900)
 
 
-def test_it_is_said_once_and_counted_each_time():
+def test_it_is_reported_once_and_counted_each_time():
     gate = AdmissionRules(Limits(messages=1), clock=Clock())
     assert gate.has_room("a", 1)
     said = [gate.too_much("a") for _ in range(3) if not gate.has_room("a", 1)]
@@ -83,7 +83,7 @@ def test_without_certificates_all_may_do_all():
 
 
 @pytest.mark.parametrize("name", ["a$*", "*", "", "a b", "\x1b[2J", "ä", "-a", "a" * 65])
-def test_who_has_no_name_is_a_stranger(name):
+def test_a_client_without_name_is_a_stranger(name):
     said = []
     guard = Admission(Keys("w"), Limits(), ListenConfig(), lambda *told: said.append(told))
     assert guard.keeps_out(name)
@@ -121,7 +121,7 @@ FOX = Rights("fox", frozenset({"agent"}))
 OWL = Rights("owl", frozenset({"view"}))
 
 
-def test_whose_certificate_is_gone_counts_as_revoked_and_not_as_unknown():
+def test_a_deleted_certificate_counts_as_revoked_not_unknown():
     folder = Folder(FOX, OWL)
     guard, _ = guarded(folder)
     assert guard.look(LOOK_EVERY) == []
@@ -134,7 +134,7 @@ def test_whose_certificate_is_gone_counts_as_revoked_and_not_as_unknown():
     assert guard.rules.shut_out("owl") == ""
 
 
-def test_keys_that_cannot_be_read_for_a_moment_let_nobody_in_who_was_out():
+def test_temporarily_unreadable_keys_admit_no_rejected_member():
     folder = Folder(FOX, Rights("owl", frozenset({"view"}), revoked=True))
     guard, said = guarded(folder)
     folder.readable = False
@@ -166,7 +166,7 @@ def test_hellos_count_for_one_and_for_all():
     assert [gate.has_hello(one) for one in "bbcd"] == [True, True, True, False]
 
 
-def test_who_has_taken_too_much_time_is_not_heard_until_it_has_passed():
+def test_a_member_over_its_time_allowance_is_ignored_for_a_while():
     clock = Clock()
     gate = AdmissionRules(Limits(seconds=0.5), clock=clock)
     gate.spent("a", 0.75)

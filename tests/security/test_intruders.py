@@ -4,6 +4,9 @@ What is tried is refused, said with a name and a reason, and counted; and no fra
 for it.
 """
 
+# The values of these tests have narrower types than their declarations, or come from a path.
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+
 import socket
 import ssl
 import sys
@@ -111,9 +114,7 @@ def knock(door, folder=None, name="", trust=None):
         ("foreign", "sensor", "DECRYPT_ERROR|UNKNOWN_CA", "of another authority"),
     ],
 )
-def test_without_a_certificate_that_counts_no_link_comes_about(
-    world, door, folder, name, alert, said
-):
+def test_no_link_without_a_valid_certificate(world, door, folder, name, alert, said):
     before = refused(world, "strangers")
     with pytest.raises(ssl.SSLError) as error:
         knock(door, folder and world.folder / folder, name)
@@ -129,7 +130,7 @@ def test_plain_tcp_at_the_secured_door_is_no_way_in(world, door):
     world.says("strangers │ somebody was not let in", "did not speak TLS")
 
 
-def test_who_was_revoked_is_cut_off_and_hears_nothing(world, door, keys):
+def test_a_revoked_member_is_cut_off_and_receives_nothing(world, door, keys):
     with pytest.raises(KeysError, match="the certificate of revoked is revoked"):
         keys.credentials("revoked")
     with open_client("revoked", door, own=stolen(keys.folder, "revoked")) as session:
@@ -142,7 +143,7 @@ def test_who_was_revoked_is_cut_off_and_hears_nothing(world, door, keys):
     assert max(open_files) < 150
 
 
-def test_who_is_revoked_while_it_takes_part_takes_part_no_more(world, door, keys):
+def test_revoking_removes_a_running_member(world, door, keys):
     own = keys.credentials("fallen")
     with (
         Joined(world, door, own, yard.Noise()) as joined,
@@ -158,7 +159,7 @@ def test_who_is_revoked_while_it_takes_part_takes_part_no_more(world, door, keys
         assert refused(world, "fallen") > 0
 
 
-def test_who_was_issued_a_certificate_since_waits_for_the_next_start(world, door, keys):
+def test_a_certificate_issued_later_is_valid_after_the_next_start(world, door, keys):
     keys.issue("newcomer", Wanted(("operator",)))
     with (
         pytest.raises(BusError, match="it does not let newcomer in, whose certificate"),
@@ -168,7 +169,7 @@ def test_who_was_issued_a_certificate_since_waits_for_the_next_start(world, door
     world.says("newcomer │ has come from tls/", "issued after the world began")
 
 
-def test_a_command_by_a_certificate_that_is_not_let_in_says_so_and_ends(world, door, keys):
+def test_a_command_with_a_rejected_certificate_reports_it_and_exits(world, door, keys):
     keys.issue("later", Wanted(("operator",)))
     asked = minerva(world.folder, "list", "--connect", door, "--keys", keys.folder / "later.pem")
     assert asked.returncode == 2
@@ -206,7 +207,7 @@ def test_a_member_speaks_on_its_own_keys_only(world, door, keys, inside):
     goes_on(world)
 
 
-def test_who_is_confined_to_topics_publishes_on_these_only(world, door, keys, inside):
+def test_a_member_confined_to_topics_publishes_on_these_only(world, door, keys, inside):
     base = f"minerva/{world.name}/topic"
     heard, kept = listen(inside, f"{base}/**")
     with open_client("quiet", door, own=keys.credentials("quiet")) as session:
@@ -217,7 +218,7 @@ def test_who_is_confined_to_topics_publishes_on_these_only(world, door, keys, in
     kept.undeclare()
 
 
-def test_who_listens_to_everything_hears_nothing(world, door, keys):
+def test_a_subscription_to_everything_receives_nothing(world, door, keys):
     """Its own keys it can hear: another session with the same certificate does."""
     own = keys.credentials("sensor")
     with open_client("sensor", door, own=own) as spy, open_client("sensor", door, own=own) as good:
@@ -243,7 +244,7 @@ def test_who_listens_to_everything_hears_nothing(world, door, keys):
         ("narrow", None, (yard.Walker,), "is for the agents AFragile, not for AWalker"),
     ],
 )
-def test_who_says_to_be_more_than_its_certificate_is_refused(
+def test_a_hello_beyond_the_certificate_is_rejected(
     world, door, keys, name, service, agents, reason
 ):
     before = refused(world, name)
@@ -268,7 +269,7 @@ class Liar(MemberProcess):
         self._truthfully(message)
 
 
-def test_who_answers_for_another_s_agents_is_shut_out(world, door, keys):
+def test_a_reply_for_agents_of_another_host_is_rejected(world, door, keys):
     with Joined(world, door, keys.credentials("host"), agents=(yard.Walker,), kind=Liar) as joined:
         assert "it answered for #" in joined.ends()
     world.says("host │ broke the protocol: it answered for #", "not its own")
@@ -276,7 +277,7 @@ def test_who_answers_for_another_s_agents_is_shut_out(world, door, keys):
     goes_on(world)
 
 
-def test_what_was_said_in_an_old_frame_counts_no_more(world, door, keys):
+def test_messages_of_an_old_frame_are_ignored(world, door, keys):
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
         late = world.members()["sensor"]["late"]
@@ -299,7 +300,7 @@ def test_a_figure_that_is_no_number_is_refused(world, door, keys, kind):
     goes_on(world)
 
 
-def test_what_a_member_says_of_itself_steers_nobody_s_terminal(world, door, keys):
+def test_output_of_members_cannot_control_a_terminal(world, door, keys):
     with Joined(world, door, keys.credentials("sensor"), yard.Noise()) as joined:
         present(world, "sensor")
         joined.member.link.send(m.MemberMetrics("sensor", {"note": "\x1b[2Jhi"}))
@@ -371,7 +372,7 @@ def test_orders_are_an_operator_s(world, door, keys):
 
 
 @pytest.mark.parametrize("key", ["control", "control/ann", "control/watcher", "ask/ann"])
-def test_nobody_asks_in_another_s_name(world, door, keys, key):
+def test_a_query_in_another_name_is_rejected(world, door, keys, key):
     with open_client("watcher", door, own=keys.credentials("watcher")) as session:
         for name in (world.name, "*"):
             answers = session.get(f"minerva/{name}/{key}", payload=b"\x81\xa3ask\xa6status",

@@ -1,5 +1,9 @@
 """Where there are several networks: a client, a router between, the world behind it."""
 
+# The values of these tests have narrower types than their declarations, or come from a path.
+# pyright: reportAttributeAccessIssue=false, reportMissingImports=false
+# pyright: reportOptionalMemberAccess=false
+
 import json
 import sys
 from pathlib import Path
@@ -41,7 +45,7 @@ def chain(tmp_path_factory):
             yield world, place, keys
 
 
-def test_members_and_people_come_in_through_a_router(chain):
+def test_members_and_people_connect_through_a_router(chain):
     world, place, keys = chain
     noise, screen = keys.credentials("sensor"), keys.credentials("screen")
     with (
@@ -86,7 +90,7 @@ def test_the_router_holds_the_world_s_rules(chain):
     goes_on(world)
 
 
-def test_a_family_comes_in_through_a_router_and_is_out_when_it_is_revoked(chain):
+def test_a_family_joins_through_a_router_until_it_is_revoked(chain):
     """Their links are the router's, which are not cut."""
     world, place, keys = chain
     names = ("hosts-a", "hosts-b")
@@ -103,7 +107,7 @@ def test_a_family_comes_in_through_a_router_and_is_out_when_it_is_revoked(chain)
     goes_on(world)
 
 
-def test_the_commands_come_in_through_it_too(chain):
+def test_commands_connect_through_it_too(chain):
     world, place, _ = chain
     who = ("--connect", place, "--world", world.name, "--keys")
     with Run(world.folder, "attach", "yard:Noise", *who, "keys", "--name", "sensor") as attached:

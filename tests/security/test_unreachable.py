@@ -1,5 +1,8 @@
 """What cannot be reached is said at once, with what to check."""
 
+# The values of these tests have narrower types than their declarations, or come from a path.
+# pyright: reportMissingImports=false
+
 import socket
 import sys
 from datetime import timedelta
@@ -53,7 +56,7 @@ def silent():
         yield server.getsockname()[1]
 
 
-def test_who_belongs_gets_in(hub, keys):
+def test_a_member_with_a_certificate_joins(hub, keys):
     with open_client("sensor", hub, own=keys.credentials("sensor")) as session:
         assert [str(one) for one in session.info.routers_zid()]
 
@@ -78,7 +81,7 @@ def test_an_unknown_host_and_a_closed_port(keys, kind):
     assert f"nothing listens at port {port} of 127.0.0.1" in told(f"{kind}/127.0.0.1:{port}", own)
 
 
-def test_who_never_answers(keys, silent):
+def test_an_endpoint_that_never_answers(keys, silent):
     assert "nobody answers at tcp/127.0.0.1" in told(f"tcp/127.0.0.1:{silent}")
     own = keys.credentials("sensor")
     assert "does not speak TLS; is it a tcp/ endpoint?" in told(f"tls/127.0.0.1:{silent}", own)
@@ -94,7 +97,7 @@ def test_a_certificate_that_the_world_does_not_take(hub, keys):
     assert "it refuses TLS: your certificate has expired" in told(hub, old)
 
 
-def test_a_world_whose_certificate_one_does_not_take(hub, keys):
+def test_a_member_rejects_a_world_with_an_untrusted_certificate(hub, keys):
     foreign = Keys(keys.folder.parent / "foreign").credentials("sensor")
     assert "its certificate is not of your authority" in told(hub, foreign)
     port = hub.rpartition(":")[2]
@@ -128,7 +131,7 @@ def test_an_address_of_another_machine_cannot_be_listened_at(host):
         (b"frame 3: a line of somebody else's\n", ""),
     ],
 )  # fmt: skip
-def test_what_zenoh_s_log_says_of_it(log, reason):
+def test_zenoh_s_log_lines_about_it(log, reason):
     assert reason_in(log) == reason
 
 

@@ -1,5 +1,8 @@
 """The physics world by itself: views in, readings and collisions out."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportPossiblyUnboundVariable=false
+
 import json
 from typing import Any
 
@@ -130,7 +133,7 @@ def test_walls_are_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert scan.ranges[45] == 4
 
 
-def test_markers_come_and_go() -> None:
+def test_markers_appear_and_disappear() -> None:
     service = joined(Physics())
     for frame, place in ((0, 3.0), (1, 3.5)):
         show(service, frame, robot(), marker("m", place, 2.0))
@@ -182,7 +185,7 @@ def test_beams_are_even_over_the_field_of_view(beams: int, fov: float, angles: l
     assert len(scan.ranges) == beams
 
 
-def test_a_wall_stops_a_move_and_tells_the_robot_how_much_is_missing() -> None:
+def test_a_wall_stops_a_move_and_the_robot_learns_the_shortfall() -> None:
     service = joined(Physics())
     show(service, 0, robot("r", dist=2.5), robot("s", y=1.0, dist=0.5))
     _, (collision,) = run(service)
@@ -209,7 +212,7 @@ def test_without_noise_nothing_is_drawn() -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(NOISY))
-def test_each_kind_of_noise_comes_from_the_tick_and_changes_what_it_says(kind: str) -> None:
+def test_each_kind_of_noise_is_drawn_from_the_tick_and_changes_the_readings(kind: str) -> None:
     def measured(seed: int, **options: float) -> tuple[Any, ...]:
         service = joined(Physics(**options))  # type: ignore[arg-type]
         show(service, 0, robot(turn=5, dist=0.1), marker("m", 3.5, 2.0))
@@ -283,7 +286,7 @@ def test_a_successor_that_was_shown_nothing_yet_measures_nothing() -> None:
     assert (moment.published, events) == ([], [])
 
 
-def test_joining_another_world_begins_anew() -> None:
+def test_joining_another_world_starts_over() -> None:
     service = joined(Physics())
     show(service, 0, robot(dist=0.5))
     run(service)
@@ -336,7 +339,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None
         Physics(**options)
 
 
-def test_a_world_whose_collisions_are_something_else_is_refused() -> None:
+def test_a_world_with_another_event_type_for_collisions_is_rejected() -> None:
     with pytest.raises(MinervaError, match="physics: eCollision has no shortfall"):
         joined(Physics(), world_with(EventType("eCollision", speed=float)))
 

@@ -1,5 +1,9 @@
 """`minerva sweep`: all combinations, once each, whatever happens in between."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
+# pyright: reportOptionalMemberAccess=false
+
 import csv
 import json
 import os
@@ -88,7 +92,7 @@ def test_what_is_no_grid_is_refused_in_one_line(settings, problem):
     assert "\n" not in str(raised.value)
 
 
-def test_combinations_say_options_settings_and_the_seed():
+def test_combinations_name_options_settings_and_the_seed():
     grid = parse_grid(["wood=oak,elm", "buds.processes=2", "seed=0:2"])
     assert list(grid) == [
         ("oak", "2", "0"), ("oak", "2", "1"), ("elm", "2", "0"), ("elm", "2", "1"),

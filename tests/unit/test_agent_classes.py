@@ -1,5 +1,8 @@
 """Classes of agents: what they declare, and what they must not."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAssignmentType=false, reportAttributeAccessIssue=false
+
 from typing import ClassVar
 
 import numpy as np
@@ -257,7 +260,7 @@ def test_mixins_need_no_symbol():
     assert evolve(EMPTY, [eHit()], [Plain]).scene == EMPTY
 
 
-def test_kinds_whose_defaults_are_matrices_can_be_compared():
+def test_kinds_with_matrix_defaults_can_be_compared():
     def kind(cells):
         return Field.of("grids", Default(tuple[Cells, ...], (np.array(cells, np.int16),)))
 
@@ -305,7 +308,7 @@ DEEDS = {
     ("events", "2 events from 3 agents"),
     ("returned", r"returns nothing: self.die\(mask\)"),
 ])  # fmt: skip
-def test_what_a_population_does_wrong_is_said_with_agent_event_and_frame(deed, said):
+def test_an_error_in_a_population_names_agent_event_and_frame(deed, said):
     many = Herdsman.many("a", 3, x=np.array([1.0, 2.0, 3.0]))
     with pytest.raises(ActivityError, match=said) as found:
         evolve(many, [eDo(deed)], [Herdsman])

@@ -1,5 +1,8 @@
 """The locks of requirements/ agree with pyproject.toml, and tools/dependencies.py says what is known."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalMemberAccess=false
+
 import importlib.metadata
 import json
 import os
@@ -177,7 +180,7 @@ def test_packages_that_a_source_does_not_know_are_named(monkeypatch, capsys):
     assert "Not in pypi, so UNKNOWN: a" in capsys.readouterr().out
 
 
-def test_the_command_reports_licences_and_that_nobody_could_be_asked():
+def test_the_command_reports_licences_and_unreachable_sources():
     """With a proxy that is not there, no source can be reached."""
     pytest.importorskip("pip_audit")
     pytest.importorskip("piplicenses")

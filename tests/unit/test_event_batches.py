@@ -1,5 +1,8 @@
 """Methods of one agent that take all events of a type in one call."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -109,7 +112,7 @@ def test_a_batch_is_its_events_in_order(batch, single, items):
 
 
 @pytest.mark.parametrize("shape", [lambda scene: scene, one_by_one])
-def test_all_events_of_a_type_come_in_one_call(shape):
+def test_all_events_of_a_type_arrive_in_one_call(shape):
     events = [scan(["a0", "a1", "a0"], [1.0, 2.0, 3.0]), eHit(4.0), eHit(5.0, receivers=("a0",))]
     result = evolve(shape(Batch.many("a", 2)), events, [Batch]).scene
     assert [node.state["calls"] for node in result] == [1, 1]
@@ -122,7 +125,7 @@ def test_an_agent_with_other_than_scalars_gets_batches_too():
     assert result.nodes[0].state["path"] == (1.0, 3.0, 4.0, -1.0)
 
 
-def test_events_of_different_forms_come_in_order_in_several_calls():
+def test_events_of_different_forms_arrive_in_order_in_several_calls():
     sent = eHit(2.0, sender="b", receivers=("g",))
     result = evolve(Grid("g").string, [eHit(1.0), sent], [Grid]).scene
     assert result.nodes[0].state["path"] == (1.0, -1.0, 2.0, -1.0)
@@ -154,7 +157,7 @@ def test_an_override_without_a_mark_gets_single_events():
     assert totals(Plain, Plain("a").string, [scan(["a", "a"], [1.0, 2.0])]) == [3.0]
 
 
-def test_an_event_without_a_datum_says_which_it_has():
+def test_a_missing_datum_lists_those_of_the_event():
     batch = EventBatch(scan(["a"], [1.0]))
     with pytest.raises(AttributeError, match="eHit has no angle; it has dist"):
         _ = batch.angle

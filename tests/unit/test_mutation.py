@@ -1,5 +1,9 @@
 """Mutations: what may change, within which bounds, and what each operator does."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false
+# pyright: reportOptionalMemberAccess=false, reportUnhashable=false
+
 from typing import Literal
 
 import numpy as np
@@ -100,7 +104,7 @@ def test_where_nothing_may_change_nothing_does():
     assert mutants(Mutator(targets("TAim/TAim")), 3) == [BUGS] * 3
 
 
-def test_targets_of_nothing_are_told_apart_from_those_of_what_may_come():
+def test_unknown_targets_are_distinguished_from_future_ones():
     texts = (
         "#b.legs",
         "#c",
@@ -141,7 +145,7 @@ def test_what_is_no_target_is_refused_in_one_line(text, problem):
 # --- operators ---
 
 
-def test_perturb_changes_one_parameter_and_says_so():
+def test_perturb_changes_one_parameter_and_names_it():
     made = one(op.perturb, "PEye.left=0:1")
     assert made.how.startswith("PEye.left 0 → ")
     assert sum(value != 0.0 for value in values(made.scene, "PEye", "left")) == 1

@@ -1,5 +1,8 @@
 """What is drawn, and where."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+
 import numpy as np
 import pytest
 from opengl_world import (
@@ -101,7 +104,7 @@ def test_what_shines_through_tints_floor_and_wall_tops():
         assert (difference[0] - difference[2] > 15) == changes
 
 
-def test_a_matrix_that_changes_is_drawn_anew_and_one_that_does_not_is_kept():
+def test_only_a_changed_matrix_is_drawn_again():
     painter, before = drawn(floor())
     known = painter._scene._floors._shown
     painter.draw(Sight(picture(floor())))
@@ -172,7 +175,7 @@ def test_beams_and_the_selected_agent_are_shown():
     assert changed[ring[1] - 2 : ring[1] + 3, ring[0] - 2 : ring[0] + 3].any()
 
 
-def test_who_is_followed_is_in_the_middle():
+def test_the_followed_agent_is_in_the_middle():
     scene = floor() + TPut(9.0, 2.0)(PRobot("r1", 0.3))
     shown = picture(scene)
     (discs,) = shown.of(Discs)
@@ -182,7 +185,7 @@ def test_who_is_followed_is_in_the_middle():
     assert at(painter, 9.0, 2.0, 0.0) == pytest.approx([450, 300], abs=1)
 
 
-def test_the_mouse_turns_moves_and_comes_nearer():
+def test_the_mouse_rotates_pans_and_zooms():
     painter, before = drawn(floor())
     place = painter.camera.ground(700, 200, 900, 600)
     painter.zoom(3, (700, 200))
@@ -205,7 +208,7 @@ def test_another_size_shows_the_whole_world_too():
     assert 0 < at(painter, 0.0, 0.0, 0.0)[0] < at(painter, 12.0, 8.0, 0.0)[0] < 500
 
 
-def test_what_comes_later_lies_over_what_comes_before():
+def test_later_figures_cover_earlier_ones():
     scene = floor() + TPut(6.0, 4.0)(PRobot("r1", 0.4)) + TPut(6.1, 4.0)(PRobot("r2", 0.2))
     heights = instances(picture(scene).of(Discs))["size"][:, 1]
     assert heights[1] > heights[0]

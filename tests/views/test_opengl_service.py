@@ -31,7 +31,7 @@ def test_options_that_make_no_sense_are_refused_in_one_line(options, words):
     assert "\n" not in str(caught.value)
 
 
-def test_without_a_display_it_says_what_to_do(monkeypatch):
+def test_a_missing_display_is_reported_with_a_remedy(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     if sys.platform not in ("win32", "darwin"):

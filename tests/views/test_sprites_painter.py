@@ -1,5 +1,9 @@
 """What lists of forms look like: the right colours at the right places."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalSubscript=false
+
 import math
 
 import numpy as np
@@ -48,7 +52,7 @@ def near(color, wanted, tolerance=14):
 
 @settings(max_examples=12)
 @given(st.floats(1.6, 7.0), st.floats(0.6, 4.4), st.floats(-360, 360))
-def test_a_robot_is_where_its_pose_says(x, y, angle):
+def test_a_robot_is_at_its_pose(x, y, angle):
     painter, pixels = drawn(floor() + TPut(x, y, angle)(PRobot("r1", 0.3)))
     right, down = painter.camera.to_screen(x, y)
     found = middle_of(pixels, ROBOT)
@@ -121,7 +125,7 @@ def test_what_was_moved_by_hand_stays_until_all_is_to_be_seen():
     assert (painter.pixels() == first).all()
 
 
-def test_a_matrix_in_the_place_of_one_that_is_gone_is_drawn_anew():
+def test_a_matrix_that_replaces_another_is_drawn_again():
     ground, (old,), (new,) = (
         MatrixLayer(),
         *(picture(one).of(Tiles) for one in (floor(), floor(20, 9))),

@@ -1,5 +1,8 @@
 """The device without a window: which files it writes, and what it says when it cannot."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalSubscript=false
+
 import io
 
 import numpy as np
@@ -93,13 +96,13 @@ def test_a_video_misses_no_frame(tmp_path):
         ({"path": "/proc/none/a.png"}, "cannot write"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_line(options, words):
+def test_invalid_input_is_reported_in_one_line(options, words):
     with pytest.raises(MinervaError, match=words) as caught:
         Sprites(**{"path": "a.png", **options}).joined(WORLD)
     assert "\n" not in str(caught.value)
 
 
-def test_without_a_display_it_says_what_to_do(monkeypatch):
+def test_a_missing_display_is_reported_with_a_remedy(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(MinervaError, match=r"path=FILE\.png"):

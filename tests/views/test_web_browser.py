@@ -1,5 +1,9 @@
 """A real browser at the page of a real run: it sees the world, and its orders arrive there."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalIterable=false
+# pyright: reportOptionalMemberAccess=false
+
 import json
 import math
 import os
@@ -201,7 +205,7 @@ def test_the_slider_sets_the_speed_and_follows_it(page, building):
     building.has("eSpeed<speed=0.85> to #r2")
 
 
-def test_two_browsers_see_the_same_and_one_that_dies_disturbs_nobody(page, building, chromium):
+def test_two_browsers_show_the_same_and_are_independent(page, building, chromium):
     other = chromium()
     second = other.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     second.set_default_timeout(1000 * PATIENCE)
@@ -226,7 +230,7 @@ def test_pause_step_and_resume(page, building):
     eventually(lambda: building.status().frame > frame + 2, "does not go on")
 
 
-def test_the_end_is_on_the_page_and_comes_soon(page, building):
+def test_the_end_is_on_the_page_soon(page, building):
     os.kill(building.process.pid, signal.SIGINT)
     building.process.wait(PATIENCE)
     page.get_by_text("the world has ended").first.wait_for()

@@ -1,5 +1,8 @@
 """What people do at a page becomes events and orders; what the world refuses is one line."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportAttributeAccessIssue=false
+
 import time
 
 import numpy as np
@@ -51,7 +54,7 @@ class Room:
         return {one.label: one for one in handles if type(one).__name__ == f"Gui{kind}Handle"}
 
     def options(self, label):
-        """What can be chosen: nothing while a form is taken away and made anew."""
+        """What can be chosen: nothing while a form is removed and created again."""
         return getattr(self.inputs("Dropdown").get(label), "options", ())
 
     def says(self):
@@ -115,7 +118,7 @@ def test_a_click_selects_an_agent_and_sends_a_text(room):
     assert [str(one) for one in room.operator.told] == ['eGo<place="bar"> to #c']
 
 
-def test_who_does_not_listen_gets_nothing_and_the_page_says_so(room):
+def test_a_robot_that_accepts_no_orders_gets_none_and_the_page_shows_it(room):
     room.open()
     room.desk.select("p")
     room.desk.order("eGo", {"place": "inn"})
@@ -154,7 +157,7 @@ def test_pace(room):
     eventually(lambda: room.operator.told == ["pause", "step", "resume", 30.0])
 
 
-def test_the_head_says_how_the_world_is_doing(room):
+def test_the_header_shows_the_state_of_the_world(room):
     room.open()
     eventually(lambda: "frame 7 · 0.7 s · 9.5 of 10 frames/s" in room.panel._head.content)
     eventually(lambda: room.panel._rate.value == 10.0)

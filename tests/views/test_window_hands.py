@@ -1,5 +1,8 @@
 """From clicks and keys to what a world is told, whatever its words."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
+
 import pytest
 from window_world import BUGS, WORDS, Ledger, shown_by, status
 
@@ -57,7 +60,7 @@ def test_or_to_the_agent_that_is_selected():
     assert shown_by(made.click(Hit(label="attic"))).told == ['order eGo<place="attic">']
 
 
-def test_a_click_means_nothing_where_nobody_takes_orders():
+def test_a_click_has_no_effect_without_a_generator_for_orders():
     made = hands("eRain")
     assert made.click(Hit(label="kitchen")) is None
     assert made.click_aside(Hit(label="kitchen")) is None
@@ -124,7 +127,7 @@ def test_following():
     assert not nobody.follows
 
 
-def test_the_help_tells_what_this_world_takes():
+def test_the_help_lists_the_options_of_this_world():
     lines = dict(hands().help)
     assert lines["space"] == "pause, go on"
     assert lines["click a label"] == "eGo"

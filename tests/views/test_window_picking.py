@@ -1,5 +1,8 @@
 """What is under the mouse."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportOptionalMemberAccess=false
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,7 +34,7 @@ def test_a_label_is_picked_where_no_agent_is():
     assert pick(BUGS, flat, [SIGN, later], (75, 70)) == Hit(label="hall")
 
 
-def test_what_belongs_to_nobody_hides_nobody():
+def test_scenery_without_an_owner_hides_no_agent():
     tree = discs((0.0, 0.0), owners=[""])
     bug = discs((0.2, 0.0), owners=["b7"])
     assert pick(Picture((bug, tree)), flat, [], (100, 100)) == Hit(agent="b7")

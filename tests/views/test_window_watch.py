@@ -1,5 +1,9 @@
 """The thread that asks a world how it is doing and does deeds."""
 
+# The values of these tests have narrower types than their declarations.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
 import threading
 import time
 
@@ -31,7 +35,7 @@ def test_it_asks_again_and_again():
     assert ledger.asked == asked
 
 
-def test_deeds_are_done_in_their_order_and_told():
+def test_handlers_run_in_order_and_are_reported():
     ledger = Ledger()
     watch = WorldMonitor(ledger, every=60.0)
     watch.do(PauseAction())
@@ -66,7 +70,7 @@ def test_it_is_busy_until_the_status_is_from_after_the_deed():
     watch.close()
 
 
-def test_a_world_that_does_not_answer_is_told_of_and_asked_again():
+def test_an_unresponsive_world_is_reported_and_asked_again():
     ledger = Ledger(error="the world has not answered\nfor a second")
     watch = WorldMonitor(ledger, every=0.01)
     assert eventually(lambda: watch.notice) == "the world has not answered"
@@ -87,7 +91,7 @@ def test_a_world_without_an_operator_is_asked_once():
     watch.close()
 
 
-def test_an_order_that_is_refused_is_told():
+def test_a_rejected_order_is_reported():
     watch = WorldMonitor(Ledger(error="nobody takes eGo"), every=60.0)
     watch.do(OrderAction(Event("eGo", ("place",), ("x",))))
     assert eventually(lambda: watch.notice) == "nobody takes eGo"
