@@ -9,7 +9,7 @@ import pytest
 from pond import VOCABULARY, Counter, Fly, Forward, Frog, Lily, Minnow, counters
 from test_any_schedule import FRAMES, SETTINGS, both
 
-from minerva_bus.frame.checkpoint import LastView
+from minerva_bus.frame.messages import ViewShown
 from minerva_bus.testing.memory_bus import MemoryBus
 from minerva_bus.world.kinds import kinds_of
 from minerva_bus.world.views import visualize
@@ -21,8 +21,10 @@ def resumed(world, bus, before, members):
     """The world of a bus that stands between two frames, on a new one; `before` is its last w."""
     algorithm, record = bus.algorithm, bus.records[-1]
     shows = [event for event in record.events if VOCABULARY.events[event.type].visual]
-    view = LastView(record.frame, visualize(before, shows, KINDS, record.frame))
-    past = replace(world, scene=algorithm.scene, past=algorithm.checkpoint, shown={"eShow": view})
+    past = algorithm.checkpoint
+    last = visualize(before, shows, KINDS, record.frame)
+    view = ViewShown("eShow", record.frame, past.frame, {}, last)
+    past = replace(world, scene=algorithm.scene, past=past, shown=[view])
     again = MemoryBus(past, members)
     again.start()
     again.run()
