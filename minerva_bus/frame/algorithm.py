@@ -72,14 +72,15 @@ class FrameAlgorithm:
 
     def receive(self, stimulus: s.Stimulus) -> list[s.Instruction]:
         """Take one stimulus and return the instructions that follow from it, in order."""
-        self.out.take()
+        out = self.out
+        out.pending = []  # An exception may have left instructions of the previous stimulus.
         sender: str = getattr(stimulus, "member", "")
         if sender and not self.members.knows(sender) and not isinstance(stimulus, s.Appeared):
             self._note_stranger(sender)
         else:
             _HANDLERS[type(stimulus)](self, stimulus)
             self.advance()
-        return self.out.take()
+        return out.pending
 
     def _note_stranger(self, sender: str) -> None:
         # Senders that never appeared could use any number of names, so only a count is kept.

@@ -86,8 +86,8 @@ class CollectionStep:
 
     def _ask_ahead(self, frame: int) -> None:
         """Ask generators that do not depend on the world before the frame begins, once each."""
-        algorithm = self._algorithm
-        for member in algorithm.inbox.early.ask(algorithm.members.index.ahead, frame):
+        algorithm, members = self._algorithm, self._algorithm.members.index.ahead
+        for member in algorithm.inbox.early.ask(members, frame) if members else ():
             algorithm.out.send(member, m.TickRequest(frame))
 
     # --- replies ---
@@ -102,7 +102,7 @@ class CollectionStep:
         if not member.active or not (in_time or is_early) or reply.member in early.replies:
             member.late += 1
             return
-        if not self._may_generate(member, reply.events):
+        if reply.events and not self._may_generate(member, reply.events):
             return
         note_answer(algorithm, member)
         if is_early:

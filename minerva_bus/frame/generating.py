@@ -111,7 +111,11 @@ class GeneratorSide:
         readings, orders = self.buffer.taken(), self._ordered(frame.number)
         tick = Tick(frame, self._name, readings=readings, orders=orders)
         with blamed(service.generate):
-            events = in_columns(self.checked(made_events(service.generate(tick)), vocabulary))
+            made = service.generate(tick)
+            # Most answers of a large world are empty.
+            empty = made is None or (isinstance(made, tuple) and not made)
+            checked = () if empty else self.checked(made_events(made), vocabulary)
+            events = in_columns(checked) if checked else ()
             published = self._publish(service, tick) if service.publishes or tick.published else ()
         yield from published
         yield m.TickReply(self._name, frame.number, events, saved_by(service))

@@ -1,15 +1,10 @@
-"""State that lives during one frame only; each frame starts with a new `FrameInFlight`.
-
-The default factories are lambdas, because a call of `dict[str, Scene]` takes longer and there are
-many per frame, and pyright cannot infer the types of a plain `dict`.
-"""
-
-# ruff: noqa: PIE807
+"""State that lives during one frame only; each frame starts with a new `FrameInFlight`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Final, cast
 
 from minerva_bus.frame import messages as m
 from minerva_bus.frame.composition import Layout
@@ -21,6 +16,13 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.grammar.symbols import EventType
 
 Events = tuple[AnyEvent, ...]
+
+# Each frame calls a dozen of these. A call of `dict[str, Scene]`, or of a lambda, takes several
+# times as long as one of `dict`, whose type pyright cannot infer by itself.
+_DICT: Final = cast("Callable[[], dict[Any, Any]]", dict)
+_SET: Final = cast("Callable[[], set[Any]]", set)
+_LIST: Final = cast("Callable[[], list[Any]]", list)
+_NO_STAGES: Final[Iterator[Events]] = iter(())
 
 
 @dataclass(slots=True)
@@ -35,7 +37,7 @@ class FrameEvents:
 
     orders: Events = ()
     permitted: Events = ()
-    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=lambda: {})
+    taken: Mapping[str, Sequence[AnyEvent]] = field(default_factory=_DICT)
     people: tuple[str, ...] = ()
     due: tuple[str, ...] = ()
     ordered: Events = ()
@@ -61,10 +63,10 @@ class Requests:
     `layout`: how populations were divided when the hosts were asked.
     """
 
-    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=lambda: {})
+    outstanding: dict[tuple[str, int], tuple[str, ...]] = field(default_factory=_DICT)
     repeats: int = 0
-    unassigned: set[str] = field(default_factory=lambda: set())
-    left_out: set[str] = field(default_factory=lambda: set())
+    unassigned: set[str] = field(default_factory=_SET)
+    left_out: set[str] = field(default_factory=_SET)
     reduced: tuple[Events, Events] | None = None
     layout: Layout = ()
 
@@ -94,14 +96,14 @@ class FrameResult:
     `halted`: agents whose actions devices must not execute in this frame.
     """
 
-    replies: list[m.EvolveReply] = field(default_factory=lambda: [])
-    answers: list[int] = field(default_factory=lambda: [])
-    changed: dict[str, Scene] = field(default_factory=lambda: {})
-    changed_by: dict[str, str] = field(default_factory=lambda: {})
-    sent: dict[str, Events] = field(default_factory=lambda: {})
-    newborns: dict[str, str] = field(default_factory=lambda: {})
-    views: dict[str, dict[str, Scene]] = field(default_factory=lambda: {})
-    view_patches: dict[str, dict[str, Delta]] = field(default_factory=lambda: {})
+    replies: list[m.EvolveReply] = field(default_factory=_LIST)
+    answers: list[int] = field(default_factory=_LIST)
+    changed: dict[str, Scene] = field(default_factory=_DICT)
+    changed_by: dict[str, str] = field(default_factory=_DICT)
+    sent: dict[str, Events] = field(default_factory=_DICT)
+    newborns: dict[str, str] = field(default_factory=_DICT)
+    views: dict[str, dict[str, Scene]] = field(default_factory=_DICT)
+    view_patches: dict[str, dict[str, Delta]] = field(default_factory=_DICT)
     rejected: tuple[str, ...] = ()
     halted: tuple[str, ...] = ()
 
@@ -133,13 +135,13 @@ class FrameInFlight:
 
     clock_views: tuple[str, ...] = ()
     logged: FrameInputs | None = None
-    pending: set[str] = field(default_factory=lambda: set())
-    ticked: dict[str, m.TickReply] = field(default_factory=lambda: {})
+    pending: set[str] = field(default_factory=_SET)
+    ticked: dict[str, m.TickReply] = field(default_factory=_DICT)
     events: FrameEvents = field(default_factory=FrameEvents)
     requests: Requests = field(default_factory=Requests)
     result: FrameResult = field(default_factory=FrameResult)
     trial: Trial | None = None
-    stages: Iterator[Events] = field(default_factory=lambda: iter(()))
+    stages: Iterator[Events] = _NO_STAGES
 
     def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
         """What the frame's outcome follows from, for the log; `waiting` counts in the next one."""

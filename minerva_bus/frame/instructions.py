@@ -12,29 +12,24 @@ from minerva_bus.grammar.columns import unfolded
 
 
 class Instructions:
-    """Instructions in the order in which they must be carried out."""
+    """Instructions in the order in which they must be carried out; `pending` is their list."""
 
     def __init__(self, members: Members) -> None:
         self._members = members
-        self._list: list[s.Instruction] = []
+        self.pending: list[s.Instruction] = []
 
     def add(self, instruction: s.Instruction) -> None:
         """Append an instruction."""
-        self._list.append(instruction)
+        self.pending.append(instruction)
 
     def send(self, to: str, message: m.ToMember) -> None:
         """Send a message, without columns where the member declines them."""
         plain = self._members.declines_columns(to)
-        self._list.append(s.Send(to, plain_form(message) if plain else message))
+        self.pending.append(s.Send(to, plain_form(message) if plain else message))
 
     def log(self, member: str, text: str, details: str = "") -> None:
         """Log a line about a member; `details` appear in the log file only."""
-        self._list.append(s.Notify(member, text, details))
-
-    def take(self) -> list[s.Instruction]:
-        """Return the instructions collected so far and start a new list."""
-        taken, self._list = self._list, []
-        return taken
+        self.pending.append(s.Notify(member, text, details))
 
 
 def plain_form(message: m.ToMember) -> m.ToMember:

@@ -18,6 +18,9 @@ class Phase(Enum):
     STOPPING = "reports"
     ENDED = "over"
 
+    # Enum's own hash is a function in Python, and each frame looks three transitions up.
+    __hash__ = object.__hash__
+
 
 class Awaited(Enum):
     """What completes a phase; the value labels the transition in the diagram."""
@@ -29,6 +32,8 @@ class Awaited(Enum):
     OVER = "world over"
     REPORTS = "members reported"
     END = "End or failure"
+
+    __hash__ = object.__hash__  # As above.
 
 
 TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {

@@ -233,7 +233,11 @@ class MemberProcess:
             observes = isinstance(service, Device) and not service.coupled
             while not self.member.stopped:
                 item = self._next_for_observer() if observes else self.inbox.wait()
-                if not self._handle(item):
+                handler = self._handlers.get(item.__class__)
+                if handler is None:
+                    if isinstance(item, Exception):
+                        raise item
+                elif handler(item) is False:
                     return 0
                 yield
         except (Refusal, BusError):
@@ -260,15 +264,6 @@ class MemberProcess:
     def _show(self) -> None:
         self.member.show()
         self._shown_at = self._system.monotonic()
-
-    def _handle(self, item: Any) -> bool:
-        """Handle an item of the inbox; False when the member leaves."""
-        handler = self._handlers.get(item.__class__)
-        if handler is not None:
-            return handler(item) is not False
-        if isinstance(item, Exception):
-            raise item
-        return True
 
     def _on_message(self, data: bytes) -> None:
         """Process a message of the coordinator."""
