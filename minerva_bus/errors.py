@@ -6,6 +6,7 @@
     │   └── VocabularyError      its symbols or values are not those of the world
     ├── Unfit                    a value does not fit its declared type          grammar.fitting
     ├── WorldFileError           a world file or an option that replaces its settings is wrong
+    │   └── UnknownOption        a world has no option of this name
     ├── TomlError                a text is not TOML                              launch.toml
     ├── MisuseError              the caller of the library asks for something impossible
     │   ├── StateError           an attribute of an agent has an invalid value
@@ -80,6 +81,31 @@ class VocabularyError(SceneError):
 
 class WorldFileError(MinervaError):
     """A world file, or an option that replaces one of its settings, is wrong."""
+
+
+class UnknownOption(WorldFileError):
+    """A world has no option of this name.
+
+    Args:
+        world: its name.
+        name: the unknown option.
+        options: the options of the world.
+        others: options of the command that was called; one of them may have been meant.
+
+    """
+
+    def __init__(
+        self, world: str, name: str, options: list[str], others: tuple[str, ...] = ()
+    ) -> None:
+        self._parts = world, name, options
+        super().__init__(
+            f"{world} has no option {name}{nearest(name, [*options, *others])};"
+            f" it has {', '.join(options) or 'none'}"
+        )
+
+    def beside(self, others: tuple[str, ...]) -> UnknownOption:
+        """The same error of a command with options of its own."""
+        return UnknownOption(*self._parts, others)
 
 
 class MisuseError(MinervaError):

@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 
 from minerva_bus.cli.commands.keys import app as keys
 from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
-from minerva_bus.cli.options import OTHER_OPTIONS
+from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
 from minerva_bus.cli.promised import promised
 from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
@@ -67,7 +67,8 @@ def _add_commands() -> None:
         takes_more = "context" in signature(module.command).parameters
         app.command(
             name,
-            context_settings=OTHER_OPTIONS if takes_more else None,
+            cls=OtherOptionsCommand if takes_more else None,
+            context_settings=TAKES_OTHERS if takes_more else None,
             epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in module.EXAMPLES))),
         )(module.command)
     app.add_typer(keys, name="keys")

@@ -13,9 +13,6 @@ import typer
 from minerva_bus.errors import MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
-OTHER_OPTIONS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
-"""For a command that also takes options of a world or a service (`words.options_of`)."""
-
 
 def _choose_keys(keys: str) -> None:
     from minerva_bus.cli.places import choose_keys

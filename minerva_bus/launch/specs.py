@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import json
+import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -131,6 +133,33 @@ def find_world(spec: str) -> Path:
         f"there is no world {spec!r}{nearest(spec, list(known))}; installed are"
         f" {', '.join(sorted(known)) or 'none'}; or give a world file, NAME.toml"
     )
+
+
+def described(spec: str) -> list[tuple[str, str]]:
+    """The options of a service, each with its documentation and default, for help texts.
+
+    Raises WorldFileError if there is no such service.
+    """
+    cls = find_service(spec)
+    documented = re.split(r"^ *(\w+): ", cls.__doc__ or "", flags=re.MULTILINE)
+    texts = {
+        name: " ".join(text.split("\n\n")[0].split())
+        for name, text in zip(documented[1::2], documented[2::2], strict=True)
+    }
+    hints = get_type_hints(cls.__init__)
+    return [
+        help_line(name, hints.get(name), texts.get(name, ""), parameter.default)
+        for name, parameter in inspect.signature(cls.__init__).parameters.items()
+        if name not in ("self", "args", "kwargs")
+    ]
+
+
+def help_line(name: str, python: Any, text: str, default: Any) -> tuple[str, str]:
+    """An option and its description, as the help of a command shows them."""
+    kind = python.__name__ if phrase_of(python) else "toml"
+    if default is inspect.Parameter.empty:
+        return f"--{name} <{kind}>", f"{text}  [required]".lstrip()
+    return f"--{name} <{kind}>", f"{text}  [default: {json.dumps(default, default=str)}]".lstrip()
 
 
 def bind(cls: type[Service], options: Mapping[str, Any], owner: str) -> Callable[[], Service]:

@@ -371,7 +371,7 @@ def test_an_option_is_set_by_its_name(minerva, home):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    (("--foo", "1"), "changed has no option --foo"), (("--sise", "1"), "did you mean 'size'?"),
+    (("--foo", "1"), "changed has no option --foo"), (("--sise", "1"), "did you mean '--size'?"),
     (("--set", "steps"), "expected PROCESS.KEY=VALUE"), (("--set", "stps.x=1"), "did you mean 'steps'?"),
     (("--set", "steps.speed=1"), "has no option 'speed'"), (("--set", "=1"), "PROCESS.KEY=VALUE"),
     (("--set", "walkers.processes=0"), "processes must be at least 1"),

@@ -7,6 +7,7 @@ import pytest
 import typer.main
 
 from minerva_bus.cli.main import GROUPS, app
+from minerva_bus.errors import UnknownOption
 
 ROOT = typer.main.get_group(app)
 NAMES = [name for group in GROUPS.values() for name in group]
@@ -50,3 +51,36 @@ def test_the_options_of_examples_exist(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line)
     ROOT.commands[words[1]].make_context(words[1], words[2:])
+
+
+def test_the_help_of_a_world_lists_its_options(capsys, tmp_path):
+    world = tmp_path / "yard.toml"
+    world.write_text(
+        '[options]\nbirds = 300  # number of birds\nsign = "#"  # a text, such as "#"\nplain = true\n'
+    )
+    shown = help_of(capsys, "run", str(world))
+    assert "--birds <int>   number of birds  [default: 300]" in shown
+    assert '--sign <str>    a text, such as "#"  [default: "#"]' in shown
+    assert "--plain <bool>  [default: true]" in shown
+
+
+def test_the_help_of_a_service_lists_its_options(capsys):
+    shown = help_of(capsys, "bridge", "rplidar")
+    assert "--baud <int>" in shown
+    assert "[default: 115200]" in shown
+
+
+@pytest.mark.parametrize("text", ["[options", "[options]\nx = 1 #", "\xff"])
+def test_the_help_of_a_damaged_world_is_shown(capsys, tmp_path, text):
+    world = tmp_path / "yard.toml"
+    world.write_bytes(text.encode("latin-1"))
+    assert "--seed" in help_of(capsys, "run", str(world))
+    assert "there is no world" in help_of(capsys, "run", "nowhere")
+
+
+def test_suggestions_consider_the_options_of_the_command(tmp_path):
+    world = tmp_path / "yard.toml"
+    world.write_text('[world]\nstring = ""\nvocabulary = "none:none"\n[options]\nbirds = 300\n')
+    for word, meant in (("--frams", "--frames"), ("--bird", "--birds")):
+        with pytest.raises(UnknownOption, match=f"no option {word}; did you mean '{meant}'"):
+            app(["run", str(world), word, "3"])

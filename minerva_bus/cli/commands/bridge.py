@@ -41,7 +41,8 @@ def command(
 ) -> None:
     """Connect real or recorded sensors to a running world.
 
-    It stays until Ctrl-C. Other options are passed to the bridge: `bridge carmen LOG --speed 4`.
+    It stays until Ctrl-C. Other options are passed to the bridge, such as
+    `bridge carmen LOG --speed 4`; `minerva bridge NAME --help` lists them.
     """
     from minerva_bus.cli.attaching import ConnectOptions, bridge_source
 

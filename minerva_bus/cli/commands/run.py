@@ -46,10 +46,10 @@ def command(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Run a world. The world's own options, declared in its [options], are options here too.
+    """Run a world.
 
-    For example, the world `robot` has --map FILE.yaml, --objective NAME, --planner random|astar
-    and --robots N.
+    The world's own options, declared in its [options], are options here too: `minerva run WORLD
+    --help` lists them.
     """
     with uncollected():
         from minerva_bus.cli.running import read_world, run_world

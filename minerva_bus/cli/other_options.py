@@ -1,0 +1,67 @@
+"""Commands that also take the options of a world or a service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from typer.core import TyperCommand
+
+from minerva_bus.errors import MinervaError, UnknownOption
+
+TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
+"""Context settings of such a command; `words.options_of` parses what it is given."""
+
+
+def _world_options(spec: str) -> list[tuple[str, str]]:
+    from minerva_bus.launch.options import described
+
+    return described(spec)
+
+
+def _service_options(spec: str) -> list[tuple[str, str]]:
+    from minerva_bus.launch.specs import described
+
+    return described(spec)
+
+
+_DESCRIBED: Final[dict[str, Callable[[str], list[tuple[str, str]]]]] = {
+    "run": _world_options,
+    "sweep": _world_options,
+    "evolve": _world_options,
+    "attach": _service_options,
+    "bridge": _service_options,
+}
+
+
+class OtherOptionsCommand(TyperCommand):
+    """Shows the others' options in its help, and counts its own among suggestions."""
+
+    _words: tuple[str, ...] = ()
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        self._words = tuple(args)
+        return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        super().format_options(ctx, formatter)
+        spec = next((word for word in self._words if not word.startswith("-")), "")
+        describe = _DESCRIBED.get(self.name or "")
+        if not spec or describe is None:
+            return
+        try:
+            options = describe(spec)
+        except (MinervaError, OSError, UnicodeDecodeError) as error:
+            options = []
+            with formatter.section(f"Options of {spec}"):
+                formatter.write_text(str(error))
+        if options:
+            with formatter.section(f"Options of {spec}"):
+                formatter.write_dl(options)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except UnknownOption as error:
+            own = tuple(option for parameter in self.params for option in parameter.opts)
+            raise error.beside(own) from None
