@@ -10,6 +10,9 @@ TYPE_CHECKING = False  # As typing has it, which the command line need not wait 
 if TYPE_CHECKING:
     from typing import Any
 
+    from minerva_bus.api.live import Live, connect
+    from minerva_bus.api.running import Run, run
+    from minerva_bus.api.world import World, each, service
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.batch import Events
     from minerva_bus.grammar.events import Event
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from minerva_bus.world.context import BatchContext, Context, Frame
     from minerva_bus.world.event_batch import EventBatch
     from minerva_bus.world.evolution import Policy, evolve
+    from minerva_bus.world.expressions import count, data
     from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
     from minerva_bus.world.views import visualize
 
@@ -41,6 +45,9 @@ if TYPE_CHECKING:
 __version__ = "0.5.0"
 
 _HOMES = {
+    "api.live": "Live connect",
+    "api.running": "Run run",
+    "api.world": "World each service",
     "errors": "MinervaError",
     "grammar.batch": "Events",
     "grammar.events": "Event",
@@ -58,6 +65,7 @@ _HOMES = {
     "world.evolution": "Policy evolve",
     "world.context": "BatchContext Context Frame",
     "world.event_batch": "EventBatch",
+    "world.expressions": "count data",
     "world.services": "Device Generator Tick View WorldInfo",
     "world.views": "visualize",
 }
@@ -107,6 +115,7 @@ __all__ = [
     "Ids",
     "Label",
     "Line",
+    "Live",
     "Metres",
     "MetresPerSecond",
     "MinervaError",
@@ -117,17 +126,25 @@ __all__ = [
     "Range",
     "Raster",
     "Reals",
+    "Run",
     "Scene",
     "Seconds",
     "Tick",
     "Transformation",
     "View",
     "Vocabulary",
+    "World",
     "WorldInfo",
+    "connect",
+    "count",
+    "data",
+    "each",
     "evolve",
     "interpret",
     "on",
     "parse",
+    "run",
+    "service",
     "view",
     "visualize",
 ]

@@ -26,6 +26,7 @@ QUICK = (
     "fuzz/test_corpus.py",
     "golden/test_golden_messages.py",
     "acl/test_acl_messages.py",
+    "api/test_collected.py",
     "unit/test_agent_classes.py",
     "unit/test_errors.py",
     "unit/test_event_rows.py",

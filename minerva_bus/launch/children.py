@@ -11,6 +11,7 @@ from typing import Any
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.launch.access import security
+from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
 from minerva_bus.launch.profiling import Profiling, profile_of, sampled
@@ -98,6 +99,11 @@ class Shift:
             resume_from(past, algorithm, told.record.frame)
             lost = f"; {past.lost:,} bytes behind it cannot be read" if past.lost else ""
             reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal{lost}")
+
+        def note(text: str) -> None:
+            reports.tell("noted", text=text)
+
+        told.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
         self.coordinator = told.coordinator = work.make(
             file.world,
             told.watchers(),
@@ -126,6 +132,8 @@ class Shift:
         finally:
             told.record.close()
             told.journal.close()
+            if told.collected is not None:
+                told.collected.close()
         told.ended(ended)
         return 0
 
@@ -139,6 +147,7 @@ class _Told:
     def __init__(self, reports: Reports, elsewhere: Collection[str]) -> None:
         self._elsewhere = elsewhere
         self.record = RunRecord()
+        self.collected: CollectSink | None = None
         self._reports = reports
         self._began = False
         self._members = 0
@@ -175,6 +184,8 @@ class _Told:
     def _frame_done(self, done: s.FrameDone) -> None:
         self.journal.frame(done)
         self.record.frame(done)
+        if self.collected is not None:
+            self.collected.frame_done(done)
         if not self._began:
             self._began = True
             self._members = len(self.coordinator.algorithm.members.active())

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.errors import WorldFileError, nearest
+from minerva_bus.errors import MisuseError, WorldFileError, nearest
 from minerva_bus.frame.description import World
 from minerva_bus.frame.senders import ID
 from minerva_bus.grammar.scene import AGENT_ID, Scene
@@ -35,7 +35,7 @@ def read_description(
     """
     table = top.table("world")
     vocabulary = _vocabulary(table, settings, path)
-    _check_kinds(processes, vocabulary, path, settings.vocabulary)
+    _check_kinds(processes, vocabulary, path, ", ".join(settings.vocabulary))
     _check_speakers(processes, vocabulary, path)
     own_rate: float = table.get("rate", number(), 0.0)
     world = World(
@@ -89,15 +89,20 @@ def _check_speakers(processes: Sequence[Process], vocabulary: Vocabulary, path: 
 
 
 def _vocabulary(table: Table, settings: WorldSettings, path: Path) -> Vocabulary:
-    spec = settings.vocabulary
-    if not spec:
+    specs = settings.vocabulary
+    if not specs:
         raise WorldFileError(f'{path}: [world] needs vocabulary = "module:attribute"')
     with table.loading("vocabulary"):
-        loaded = load(spec, path.parent)
-    if not isinstance(loaded, Vocabulary):
-        kind = type(loaded).__name__
-        table.wrong("vocabulary", f"must name a Vocabulary; {spec} is of type {kind}")
-    return loaded
+        loaded = [load(spec, path.parent) for spec in specs]
+    if len(loaded) == 1 and isinstance(loaded[0], Vocabulary):
+        return loaded[0]
+    if len(loaded) == 1:
+        kind = type(loaded[0]).__name__
+        table.wrong("vocabulary", f"must name a Vocabulary; {specs[0]} is of type {kind}")
+    try:
+        return Vocabulary.of(*loaded)
+    except MisuseError as error:
+        table.wrong("vocabulary", f"lists no vocabulary: {error}")
 
 
 def _scene(

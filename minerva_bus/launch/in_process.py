@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NoAnswer
+from contextlib import contextmanager
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
@@ -15,6 +17,7 @@ from minerva_bus.errors import BusError, MinervaError, WorldStopped
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member, Unready
+from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.console import Console, live_line
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
@@ -43,7 +46,9 @@ ANSWER_SECONDS: Final = 1.0
 class InProcessRun:
     """One world without a bus: the same frames, the same digests.
 
-    `sinks` observe the run, beside its record, console and log.
+    `run` runs it to its end. Its parts are for stepping: `open`, any number of `advance`, and
+    `close`, also after an error; all in one thread. `sinks` observe the run, beside its record,
+    console and log.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class InProcessRun:
         *sinks: Sink | Callable[[Notice], None],
     ) -> None:
         self.algorithm = FrameAlgorithm(file.world)
+        self.collected: CollectSink | None = None
         self._file = file
         self._console = console
         self._sinks = sinks
@@ -63,40 +69,94 @@ class InProcessRun:
         self._record = RunRecord()
         self._metrics = Metrics(self.algorithm, time.monotonic)
         self._log = WorldLog(self.algorithm, self._show, REAL, self._metrics)
+        self._parts: _Parts | None = None
+        self._reason = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the world is over."""
+        return bool(self._reason) or (
+            self._parts is not None and self._parts.runner.ended is not None
+        )
 
     def run(self) -> Summary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
+        try:
+            self.open()
+            self.advance()
+        except KeyboardInterrupt:
+            self.end("interrupted")
+        finally:
+            self.close()
+        return self.summary()
+
+    def open(self) -> None:
+        """Let all members join. Raises MinervaError where they cannot, or user code failed."""
         with printed(self._print):
             members = _members(self._file)
             runner, record = self._prepare(members)
-            reason = ""
-            services = FreeRunning(runner, members)
-            try:
-                self._loop(runner, services)
-            except KeyboardInterrupt:
-                reason = "interrupted"
-                runner.handle(s.End(reason))
-            except Unready as error:
-                raise WorldStopped(str(error)) from None
-            except Exception as error:
-                raise self._failed(error, runner, record) from error
-            finally:
-                services.stop()
-                record.close()
-                self._console.end()
-                close_services(members)
-            return self._progress.summary(runner.ended, reason)
+            self._parts = _Parts(runner, members, record, FreeRunning(runner, members))
+            with self._reporting():
+                for note in self._file.notes:
+                    self._note(note)
+                runner.start()
+                self._parts.services.start()
+
+    def advance(self, frames: int | None = None) -> None:
+        """Run this number of frames, or all that there are; frames with a `rate` take their time.
+
+        Raises WorldStopped where user code failed.
+        """
+        end = None if frames is None else self.algorithm.frame + frames
+        with printed(self._print), self._reporting():
+            world, listen = self._file.world.name, self._file.watch.metrics
+            with exported(world, listen, self.ask, self._note):
+                self._loop(end)
+
+    def ask(self, question: str, **details: Any) -> Mapping[str, Any]:
+        """The answer to a question of an operator, from any thread. Raises BusError."""
+        return self._questions.ask(question, **details)
+
+    def end(self, reason: str) -> None:
+        """End the world."""
+        self._reason = reason
+        if self._parts is not None:
+            self._parts.runner.handle(s.End(reason))
+
+    def close(self) -> None:
+        """Close record, tables, console and services. Raises UserCodeError where a service does."""
+        parts, self._console.frame = self._parts, self.algorithm.frame
+        if parts is None or parts.closed:
+            return
+        parts.closed = True
+        with printed(self._print):
+            parts.services.stop()
+            parts.record.close()
+            if self.collected is not None:
+                self.collected.close()
+            self._console.end()
+            close_services(parts.members)
+
+    def summary(self) -> Summary:
+        """The summary of the run."""
+        ended = None if self._parts is None else self._parts.runner.ended
+        return self._progress.summary(ended, self._reason)
 
     def _prepare(self, members: list[Member]) -> tuple[InProcessRunner, RunRecord]:
         record = recording(
             self._file, self.algorithm, lambda text: self._console.log("record", text)
         )
         self._record = record
+        self.collected = collect_sink(
+            self._file.collect, self.algorithm, lambda text: self._console.log("collect", text)
+        )
         status = self._progress.status
+        collected = () if self.collected is None else (self.collected,)
         runner = InProcessRunner(
             self.algorithm,
             members,
             _recorded(record),
+            *collected,
             self._metrics,
             self._schedule,
             self._log,
@@ -117,22 +177,38 @@ class InProcessRun:
             member.operator = AskingOperator(self._questions.ask)
         return runner, record
 
-    def _loop(self, runner: InProcessRunner, services: FreeRunning) -> None:
-        world, listen = self._file.world.name, self._file.watch.metrics
-        for note in self._file.notes:
-            self._note(note)
-        runner.start()
-        services.start()
-        with exported(world, listen, self._questions.ask, self._note):
-            while runner.ended is None:
-                self._questions.answer()
-                services.deliver()
-                services.pulse()
-                now, due = time.monotonic(), self._schedule.next_at
-                if due is not None and due <= now:
-                    runner.handle(self._schedule.begin())
-                elif runner.ended is None:
-                    time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
+    def _loop(self, end: int | None) -> None:
+        assert self._parts is not None
+        runner, services = self._parts.runner, self._parts.services
+        while runner.ended is None and (end is None or self.algorithm.frame < end):
+            self._questions.answer()
+            services.deliver()
+            services.pulse()
+            now, due = time.monotonic(), self._due(end)
+            if due is not None and due <= now:
+                runner.handle(self._schedule.begin())
+            elif runner.ended is None:
+                time.sleep(POLL_SECONDS if due is None else min(due - now, POLL_SECONDS))
+
+    def _due(self, end: int | None) -> float | None:
+        # Frames that are asked for one by one do not rest although nothing would change in them.
+        return self._schedule.next_at if end is None else self._schedule.due
+
+    @contextmanager
+    def _reporting(self) -> Generator[None]:
+        """Raise errors in a member's code as WorldStopped."""
+        assert self._parts is not None
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise
+        except Unready as error:
+            self._reason = str(error)
+            raise WorldStopped(str(error)) from None
+        except Exception as error:
+            stopped = self._failed(error, self._parts.runner, self._parts.record)
+            self._reason = str(stopped)
+            raise stopped from error
 
     def _failed(self, error: Exception, runner: InProcessRunner, record: RunRecord) -> WorldStopped:
         """Show an error in a member's code; the reason why the world stops."""
@@ -163,6 +239,17 @@ class InProcessRun:
         self._console.frame = self.algorithm.frame
         self._console.log(member, text, "warning")
         self._record.said(member, f"{text}\n{details}".rstrip())
+
+
+@dataclass(slots=True)
+class _Parts:
+    """What an open world consists of."""
+
+    runner: InProcessRunner
+    members: list[Member]
+    record: RunRecord
+    services: FreeRunning
+    closed: bool = False
 
 
 def _members(file: WorldFile) -> list[Member]:

@@ -9,6 +9,7 @@ from typing import Any, Final, cast
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.launch.access import read_access
+from minerva_bus.launch.collecting import read_collecting
 from minerva_bus.launch.description import read_description
 from minerva_bus.launch.keeping import read_recording
 from minerva_bus.launch.norms import read_norms
@@ -27,7 +28,7 @@ from minerva_bus.settings.tables import BusSettings, WatchSettings, WorldSetting
 MAX_BYTES: Final = 16 * 1024 * 1024
 TABLES: Final = (
     *("world", "options", "process", "norm", "bus"),
-    *("limits", "placement", "metrics", "log"),
+    *("limits", "placement", "metrics", "log", "collect"),
 )
 
 
@@ -35,6 +36,16 @@ def read_world_file(path: Path, overrides: Overrides = AS_WRITTEN) -> WorldFile:
     """Read, complete and check a world file. Raises WorldFileError and SceneError."""
     top, text = _tables(path, overrides)
     return _read(top, text, path)
+
+
+def read_tables(
+    tables: Mapping[str, Any], path: Path, overrides: Overrides = AS_WRITTEN
+) -> WorldFile:
+    """A world whose tables are not in a file, but as one at this path would have them.
+
+    Raises WorldFileError and SceneError.
+    """
+    return _read(_opened(Table(tables, "", "", path.stem, overrides)), "", path)
 
 
 def open_tables(path: Path) -> Table:
@@ -48,10 +59,14 @@ def _tables(path: Path, overrides: Overrides = AS_WRITTEN) -> tuple[Table, str]:
         top = Table(read_toml(text), "", text, str(path), overrides)
     except TomlError as error:
         raise WorldFileError(f"{path}: {error}") from None
+    return _opened(top), text
+
+
+def _opened(top: Table) -> Table:
     for name in TABLES:
         top.table(name)
     top.done()  # First, because what is missing in [world] may stand in [wrold].
-    return top, text
+    return top
 
 
 def _read_text(path: Path) -> str:
@@ -71,7 +86,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     overrides = top.overrides
     completed_by = top.table("world").get("defaults", TEXT, "")
     options = read_options(top.table("options"), path, overrides.options, completed_by)
-    for name in ("world", "process", "bus", "norm"):
+    for name in ("world", "process", "bus", "norm", "collect"):
         if name in top:
             top.put(name, filled(top.data[name], options, path))
     processes = read_processes(top, path)
@@ -84,7 +99,8 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     names = [process.name for process in processes]
     norms = read_norms(top.table("norm"), world.vocabulary, world.scene, names)
     watch = top.read(WatchSettings)
-    for name in ("world", "bus", "limits", "metrics", "log"):
+    collect = read_collecting(top, world.vocabulary)
+    for name in ("world", "bus", "limits", "metrics", "log", "collect"):
         top.table(name).done()
     members = check_members(processes, world.vocabulary, path)
     file = WorldFile(
@@ -100,6 +116,7 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
         record,
         text,
         watch,
+        collect,
     )
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file

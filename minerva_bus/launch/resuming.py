@@ -8,11 +8,10 @@ them in the next frame; views depend only on the string and the events (equation
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -23,7 +22,7 @@ from minerva_bus.frame.messages import ViewShown
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
 from minerva_bus.launch.table import Table
-from minerva_bus.launch.toml import TomlError, read_toml
+from minerva_bus.launch.toml import TomlError, read_toml, toml_value_text
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.wire.vocabulary import plain_vocabulary
@@ -142,18 +141,7 @@ def _options(description: Description) -> dict[str, str]:
 
 def option_text(value: Any) -> str:
     """An option as a command line would say it: a text as it is, all else as TOML writes it."""
-    return value if isinstance(value, str) else _toml(value)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        pairs = cast("Mapping[str, Any]", value).items()
-        return f"{{{', '.join(f'{json.dumps(key)} = {_toml(item)}' for key, item in pairs)}}}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, cast('list[Any]', value)))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
+    return value if isinstance(value, str) else toml_value_text(value)
 
 
 def check_same(world: World, recorded: World, path: Path) -> None:

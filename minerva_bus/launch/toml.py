@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any, Final, cast
 
 from minerva_bus.errors import MinervaError
 
@@ -32,3 +34,32 @@ def read_toml(text: str) -> dict[str, Any]:
         raise TomlError("arrays or tables are nested too deeply") from None
     except ValueError as error:  # Invalid TOML, or a number with thousands of digits.
         raise TomlError(str(error)) from None
+
+
+def toml_value_text(value: Any) -> str:
+    """A value as TOML writes it, in one line."""
+    if isinstance(value, Mapping):
+        pairs = cast("Mapping[str, Any]", value).items()
+        return f"{{{', '.join(f'{json.dumps(key)} = {toml_value_text(v)}' for key, v in pairs)}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_value_text, cast('list[Any]', value)))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+
+
+def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Tables as a TOML text; a table of tables, as `process`, has a heading for each."""
+    blocks: list[str] = []
+    for name, table in tables.items():
+        named = name in ("process", "norm")
+        inner = {f"{name}.{key}": value for key, value in table.items()} if named else {name: table}
+        for heading, pairs in inner.items():
+            if pairs:
+                lines = [f"{_key(key)} = {toml_value_text(value)}" for key, value in pairs.items()]
+                blocks.append("\n".join([f"[{heading}]", *lines]) + "\n")
+    return "\n".join(blocks)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key)

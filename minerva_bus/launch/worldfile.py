@@ -22,6 +22,7 @@ from typing import Any
 from minerva_bus.frame.description import World
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.access import Access
+from minerva_bus.launch.collecting import Collecting
 from minerva_bus.runtime.waiting import Deadlines, Patience
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
 from minerva_bus.world.agent import Agent
@@ -75,6 +76,7 @@ class WorldFile:
     record: RecordSettings = field(default_factory=RecordSettings)
     text: str = ""
     watch: WatchSettings = field(default_factory=WatchSettings)
+    collect: Collecting = field(default_factory=Collecting)
 
     @property
     def deadlines(self) -> Deadlines:

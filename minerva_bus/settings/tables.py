@@ -56,10 +56,11 @@ class WorldSettings:
         form=MODULE,
         shown=" ",
     )
-    vocabulary: str = _world(
-        "",
+    vocabulary: tuple[str, ...] = _world(
+        (),
         "A `Vocabulary`: the symbols and event types of the world.",
-        form='`"module:attribute"`',
+        more="A list names symbols, event types and agent classes one by one.",
+        form='`"module:attribute"`, or a list of them',
         shown="required",
     )
     defaults: str = _world(
@@ -392,6 +393,21 @@ class NormSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class CollectSettings:
+    """The table [collect], without its expressions."""
+
+    into: str = setting(
+        "collect",
+        "",
+        "Write collected data into this file, .parquet or .csv.",
+        option="collect",
+        more="Several tables go into several files, `FILE-TABLE.parquet`; see"
+        " [python.md](python.md#collect-data).",
+        form="file .parquet or .csv",
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class PlacementSettings:
     """The table [placement], without its rules for agent kinds."""
 
@@ -409,4 +425,5 @@ TABLES: Final = (
     ProcessSettings,
     NormSettings,
     PlacementSettings,
+    CollectSettings,
 )

@@ -49,6 +49,7 @@ from minerva_bus.world.declaring import (
     state_of,
     takes_batch,
 )
+from minerva_bus.world.expressions import expose_attributes
 from minerva_bus.world.lineage import check_births, child_id
 from minerva_bus.world.population_of_one import as_one, view_as_one
 
@@ -158,6 +159,7 @@ class Agent:
                 tuple(sorted(rest)),
             )
             _check_columns(cls.kind, cls.population or cls.population_views)
+            expose_attributes(cls, [each.name for each in state.all if each.type.kind in SCALARS])
 
     def __init__(self, id: str, *, scope: Scene = EMPTY, **state: Any) -> None:
         if AGENT_ID.fullmatch(id) is None:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Final, get_origin, get_type_hints
 
 from minerva_bus.errors import MisuseError
 from minerva_bus.grammar.fields import Default, Fields
+from minerva_bus.world.expressions import NO_DEFAULT, default_of
 from minerva_bus.world.signatures import check_signature
 
 ON = "_minerva_on"
@@ -90,8 +91,8 @@ def state_of(cls: type, root: type) -> Fields:
                 continue
             if name in taken:
                 raise MisuseError(f"{cls.__name__}.{name} is taken: every agent has {name}")
-            own = vars(base)
-            annotations[name] = Default(hint, own[name]) if name in own else hint
+            default = default_of(base, name)
+            annotations[name] = hint if default is NO_DEFAULT else Default(hint, default)
     return Fields.of(annotations)
 
 

@@ -15,6 +15,7 @@ ORDER = [
     "semantics",
     "world",
     "frame",
+    "collect",
     "wire",
     "log",
     "security",
@@ -22,6 +23,7 @@ ORDER = [
     "launch",
     "acl",
     "study",
+    "api",
     "cli",
 ]
 ONLY = {"zenoh": "runtime", "typer": "cli", "msgpack": "wire", "mcap": "log"}

@@ -31,7 +31,7 @@ def command(
         Overrides,
         Takes(
             *("seed", "rate", "frames", "view", "set_", "name", "until"),
-            *("record", "record_topics", "flush", "durable", "journal"),
+            *("record", "record_topics", "flush", "durable", "journal", "collect"),
             *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
             *("metrics", "log_format"),
         ),

@@ -1,0 +1,1 @@
+"""The Python interface: worlds, runs, collected data and records, without a command line."""

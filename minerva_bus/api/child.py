@@ -1,0 +1,117 @@
+"""The launcher that `api/processes.py` starts: `python -m minerva_bus.api.child CONFIG`."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.description import World
+from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.supervisor import Supervisor
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.coordinator import Coordinator
+from minerva_bus.runtime.watchers import Watchers
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.world.expressions import read_expression
+
+
+def main() -> None:
+    """Run the world of a configuration, and leave what came out in the file that it names."""
+    from minerva_bus.api.running import write_result
+
+    config: dict[str, Any] = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    _die_with_parent()
+    sys.path[:] = [*dict.fromkeys([*config["folders"], *sys.path])]
+    end = Path(config["end"])
+    try:
+        file = _file(config)
+        last = end.with_name("last.json")
+        console = Console(quiet=config["quiet"], world=file.world.name)
+        supervisor = Supervisor(
+            file, console, time.monotonic(), coordinator=_witnesses(last, config["paused"])
+        )
+        summary = supervisor.run()
+        told: dict[str, Any] = {}
+        if last.exists():
+            told = json.loads(last.read_text(encoding="utf-8"))
+        write_result(
+            end,
+            {
+                "scene": told.get("scene", ""),
+                "events": told.get("events", {}),
+                "summary": summary.plain(),
+                "figures": {
+                    name: value
+                    for name, value in sorted(summary.figures.items())
+                    if isinstance(value, str | int | float)
+                },
+                "failure": supervisor.failure,
+            },
+        )
+    except MinervaError as error:
+        write_result(end, {"error": str(error)})
+        print(f"minerva: {error}", file=sys.stderr)  # noqa: T201
+        sys.exit(1)
+
+
+def _file(config: dict[str, Any]) -> WorldFile:
+    overrides = Overrides(config["options"], tuple(config["settings"]), **config["values"])
+    file = read_world_file(Path(config["world"]), overrides)
+    entries = {
+        name: read_expression(text, f"collect: {name}") for name, text in config["collect"].items()
+    }
+    return replace(file, collect=Collecting(entries, config["into"]))
+
+
+def _witnesses(last: Path, paused: bool) -> Any:
+    """Makes coordinators that leave the last string and the counts of events in a file."""
+
+    def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
+        from minerva_bus.api.running import EventCounts, write_result
+
+        counts = EventCounts()
+
+        def frame_done(done: s.FrameDone) -> None:
+            counts.add(done.events)
+            watchers.frame_done(done)
+
+        def stopping(reason: str) -> None:
+            scene = str(coordinator.algorithm.scene)
+            write_result(last, {"scene": scene, "events": counts.sorted()})
+            watchers.stopping(reason)
+
+        watching = replace(watchers, frame_done=frame_done, stopping=stopping)
+        coordinator = Coordinator(world, watching, **settings)
+        if paused:
+            coordinator.schedule.pace.pause()
+        return coordinator
+
+    return make
+
+
+def _die_with_parent() -> None:
+    """End the launcher when its parent dies, which closes standard input."""
+    # A process watches, not a thread, because the launcher forks.
+    launcher = os.getpid()
+    if os.fork():
+        return
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    while os.read(0, 4096):
+        pass
+    if os.getppid() == launcher:
+        os.kill(launcher, signal.SIGTERM)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

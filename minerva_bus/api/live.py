@@ -1,0 +1,435 @@
+"""Worlds that run frame by frame: in this process, in processes of their own, or elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Protocol, Self, TypeVar
+
+from minerva_bus.api.processes import Launched
+from minerva_bus.api.running import pick_table, request_of
+from minerva_bus.api.world import World
+from minerva_bus.collect.table import DataTable
+from minerva_bus.errors import BusError, MisuseError, nearest
+from minerva_bus.grammar.batch import AnyEvent
+from minerva_bus.grammar.events import Event
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.in_process import InProcessRun
+from minerva_bus.launch.registry import find, running
+from minerva_bus.runtime.client import Client
+from minerva_bus.runtime.operating import AskingOperator
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.operator import WorldStatus
+from minerva_bus.world.views import visualize
+
+POLL_SECONDS: Final = 0.002
+START_SECONDS: Final = 60.0
+EXIT_SECONDS: Final = 0.2
+"""Within this time a connection that nobody has closed notices that the program ends."""
+BETWEEN_FRAMES: Final = "between frames"
+
+_T = TypeVar("_T")
+
+
+class _Backend(Protocol):
+    """Where a live world runs."""
+
+    vocabulary: Vocabulary
+    operator: AskingOperator
+
+    @property
+    def frame(self) -> int: ...
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def ended(self) -> bool: ...
+    @property
+    def tables(self) -> dict[str, DataTable]: ...
+    def step(self, frames: int) -> None: ...
+    def close(self) -> None: ...
+
+
+class Live:
+    """A running world: the same whether it is in this process, in others or elsewhere.
+
+    `World.start` and `connect` make one; leave its context, or call `close`, to end it. A world
+    that was connected to goes on.
+    """
+
+    def __init__(self, backend: _Backend, agents: Iterable[type[Agent]]) -> None:
+        self._backend = backend
+        self._agents = tuple(agents)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def step(self, frames: int = 1) -> int:
+        """Run this number of frames and pause; fewer where the world ends before.
+
+        Returns:
+            The number of the next frame.
+
+        Raises:
+            WorldStopped: code of the world failed.
+            KeyboardInterrupt: after Ctrl-C; the world in this process has ended then.
+
+        """
+        if frames < 1:
+            raise MisuseError(f"step({frames}): expected at least 1 frame")
+        self._backend.step(frames)
+        return self.frame
+
+    @property
+    def frame(self) -> int:
+        """The number of the next frame, which is that of the frames that have run."""
+        return self._backend.frame
+
+    @property
+    def scene(self) -> Scene:
+        """The string with which the next frame begins."""
+        return self._backend.scene
+
+    @property
+    def digest(self) -> str:
+        """The digest of the string, in hexadecimal."""
+        return self.scene.digest.hex()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the world is over."""
+        return self._backend.ended
+
+    @property
+    def status(self) -> WorldStatus:
+        """How the world is doing: members, events per second, pace."""
+        return self._backend.operator.status()
+
+    @property
+    def operator(self) -> AskingOperator:
+        """Everything else that people may do: `pause`, `resume`, `set_rate`, `restart`, `logs`."""
+        return self._backend.operator
+
+    def publish(self, event: AnyEvent) -> None:
+        """Send an event as people do; it belongs to the next frame.
+
+        Raises BusError where people may not send events of its type; see docs/worlds.md, `people`.
+        """
+        self._backend.operator.order(event)
+
+    def view(self, event: Event | EventType | str) -> Scene:
+        """What the agents show of themselves: the view π of the string for a visual event.
+
+        Args:
+            event: an event, or the type of one without data: `live.view("ePicture")`.
+
+        Raises MisuseError where the type is not visual, or the agents' classes are not known here.
+
+        """
+        if not isinstance(event, Event):
+            name = event if isinstance(event, str) else event.name
+            events = self._backend.vocabulary.events
+            if name not in events:
+                raise MisuseError(f"the world has no event type {name}{nearest(name, [*events])}")
+            event = events[name]()
+        assert isinstance(event, Event)
+        if not self._backend.vocabulary.events[event.type].visual:
+            raise MisuseError(f"{event.type} is not visual: no agent has a view for it")
+        known = {cls.kind.name for cls in self._agents}
+        for kind in self._backend.vocabulary.kinds.values():
+            if event.type in kind.views and kind.name not in known:
+                raise MisuseError(
+                    f"the class of {kind.name} is not known here: connect(..., agents=[...])"
+                )
+        return visualize(self.scene, [event], self._agents, self.frame)
+
+    def table(self, name: str = "") -> DataTable:
+        """What was collected so far, as for `Run.table`; of a world in this process only."""
+        return pick_table(self._backend.tables, name)
+
+    def close(self) -> None:
+        """End the world, or leave one that runs elsewhere."""
+        self._backend.close()
+
+
+class _Here:
+    """A world in this process."""
+
+    def __init__(self, run: InProcessRun, vocabulary: Vocabulary) -> None:
+        self.vocabulary = vocabulary
+        self.operator = AskingOperator(run.ask)
+        self._run = run
+
+    @property
+    def frame(self) -> int:
+        return self._run.algorithm.frame
+
+    @property
+    def scene(self) -> Scene:
+        return self._run.algorithm.scene
+
+    @property
+    def ended(self) -> bool:
+        return self._run.ended
+
+    @property
+    def tables(self) -> dict[str, DataTable]:
+        return {} if self._run.collected is None else self._run.collected.tables
+
+    def step(self, frames: int) -> None:
+        if self.ended:
+            return
+        try:
+            self._run.advance(frames)
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                self._run.end("interrupted")
+            self._run.close()
+            raise
+
+    def close(self) -> None:
+        if not self.ended:
+            self._run.end("closed")
+        self._run.close()
+
+
+class _OnBus:
+    """A world in other processes, asked over the bus; `launched` if they were started here."""
+
+    def __init__(self, client: Client, launched: Launched | None = None) -> None:
+        self.vocabulary = client.vocabulary()
+        self.operator = client.operator
+        self._client = client
+        self._launched = launched
+        self._stack = ExitStack()
+        self._last: tuple[int, Scene] | None = None
+        self.tables: dict[str, DataTable] = {}
+        self._closed = threading.Event()
+        # Python waits for the threads of an open session before it exits.
+        threading.Thread(target=self._close_at_exit, daemon=True).start()
+
+    def _close_at_exit(self) -> None:
+        while not self._closed.wait(EXIT_SECONDS):
+            if not threading.main_thread().is_alive():
+                self.close()
+
+    def _ask_scene(self) -> tuple[int, Scene]:
+        try:
+            answer = self._client.ask("scene")
+        except BusError:
+            if self._last is not None and self.ended:
+                return self._last
+            raise
+        self._last = int(answer["frame"]), self.vocabulary.read(str(answer["scene"]), "the world")
+        return self._last
+
+    @property
+    def frame(self) -> int:
+        try:
+            return self.operator.status().frame
+        except BusError:
+            return self._ask_scene()[0]
+
+    @property
+    def scene(self) -> Scene:
+        return self._ask_scene()[1]
+
+    @property
+    def ended(self) -> bool:
+        if self._launched is not None:
+            return self._launched.ended
+        try:
+            self.operator.status()
+        except BusError:
+            return True
+        return False
+
+    def step(self, frames: int) -> None:
+        if self.ended:
+            return
+        self.operator.pause()
+        target = self._between_frames() + frames
+        self.operator.step(frames)
+        while (status := self._status()) is not None and status.frame < target:
+            if status.paused and status.phase == BETWEEN_FRAMES:  # Another coordinator followed.
+                self.operator.step(target - status.frame)
+            time.sleep(POLL_SECONDS)
+
+    def _between_frames(self) -> int:
+        while (status := self._status()) is not None and status.phase != BETWEEN_FRAMES:
+            time.sleep(POLL_SECONDS)
+        return 0 if status is None else status.frame
+
+    def _status(self) -> WorldStatus | None:
+        """How the world is doing; None where it has ended."""
+        try:
+            status = self.operator.status()
+            self._last = self._last if self._launched is None else self._ask_scene()
+        except BusError:
+            if self.ended:
+                return None
+            raise
+        return status
+
+    def own(self, stack: ExitStack) -> None:
+        """Close these, too, at the end."""
+        self._stack = stack
+
+    def close(self) -> None:
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        if self._launched is None:
+            self._client.__exit__()
+        self._stack.close()
+
+
+def start(world: World, *, bus: bool = False, **settings: Any) -> Live:
+    """Start a world, paused; see `World.start`."""
+    own = ("seed", "frames", "until", "collect", "into", "processes", "record", "rate")
+    given: dict[str, Any] = {"frames": 0, "until": ""}
+    given |= {name: settings.pop(name) for name in own if name in settings}
+    request = request_of(world, settings, **given)
+    if not bus and given.get("processes") is None:
+        here = InProcessRun(request.file, Console(quiet=True), time.monotonic())
+        try:
+            here.open()
+        except BaseException:
+            here.close()
+            raise
+        return Live(_Here(here, request.file.world.vocabulary), world.agents)
+    if request.file.collect.entries and not request.file.collect.into:
+        raise MisuseError("a world on the bus collects into a file: start(into='run.parquet')")
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-live-")))
+        into = request.file.collect.into
+        launched = stack.enter_context(Launched(request, folder, into=into, paused=True))
+        client = _awaited(launched, request.file.world.name)
+        stack.callback(client.__exit__)
+        backend = _OnBus(client, launched)
+        while backend.operator.status().phase != BETWEEN_FRAMES:
+            launched.check_running()
+            time.sleep(POLL_SECONDS)
+        backend.own(stack.pop_all())
+    return Live(backend, world.agents)
+
+
+def _awaited(launched: Launched, name: str) -> Client:
+    """A connection to the world of a launcher, once it listens."""
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until:
+        launched.check_running()
+        for each in running():
+            if each.world == name and each.pid == launched.pid and each.endpoint:
+                return Client(each.endpoint, name)
+        time.sleep(POLL_SECONDS)
+    raise BusError(f"{name} has not started within {START_SECONDS:.0f} s")
+
+
+def connect(world: str = "", endpoint: str = "", *, agents: Iterable[type[Agent]] = ()) -> Live:
+    """A world that runs elsewhere: in `minerva run`, in another program, on another machine.
+
+    Args:
+        world: its name; "": the only one on this machine, or at the endpoint.
+        endpoint: where it listens, such as tcp/HOST:PORT; "": it is on this machine.
+        agents: the classes of its agents, for `view`.
+
+    `step` pauses the world after its frames; `operator.resume()` lets it go on. Raises BusError
+    where there is no such world.
+
+    Example:
+        >>> with connect("garden") as live:
+        ...     live.publish(eRain())
+
+    """
+    if not endpoint:
+        entry = find(world)
+        world, endpoint = entry.world, entry.endpoint
+    client = Client(endpoint, world)
+    try:
+        return Live(_OnBus(client), agents)
+    except BaseException:
+        client.__exit__()
+        raise
+
+
+class AsyncLive:
+    """A live world for asyncio: all calls run in one thread of their own.
+
+    Example:
+        >>> async with world.start_async(seed=7) as live:
+        ...     await live.step(10)
+        ...     print(await live.scene())
+
+    """
+
+    def __init__(self, open_live: Callable[[], Live]) -> None:
+        self._open = open_live
+        self._executor = ThreadPoolExecutor(1, "minerva-live")
+        self._live: Live | None = None
+
+    async def _call(self, function: Callable[[], _T]) -> _T:
+        return await asyncio.get_running_loop().run_in_executor(self._executor, function)
+
+    async def __aenter__(self) -> Self:
+        self._live = await self._call(self._open)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        await self._call(self._world.close)
+        self._executor.shutdown()
+
+    @property
+    def _world(self) -> Live:
+        if self._live is None:
+            raise MisuseError("the world has not started: async with world.start_async() as live")
+        return self._live
+
+    async def step(self, frames: int = 1) -> int:
+        """Run this number of frames; see `Live.step`."""
+        return await self._call(partial(self._world.step, frames))
+
+    async def publish(self, event: AnyEvent) -> None:
+        """Send an event; see `Live.publish`."""
+        await self._call(partial(self._world.publish, event))
+
+    async def view(self, event: Event | EventType | str) -> Scene:
+        """What the agents show of themselves; see `Live.view`."""
+        return await self._call(partial(self._world.view, event))
+
+    async def table(self, name: str = "") -> DataTable:
+        """What was collected so far; see `Live.table`."""
+        return await self._call(partial(self._world.table, name))
+
+    async def scene(self) -> Scene:
+        """The string with which the next frame begins."""
+        return await self._call(lambda: self._world.scene)
+
+    async def frame(self) -> int:
+        """The number of the next frame."""
+        return await self._call(lambda: self._world.frame)
+
+    async def digest(self) -> str:
+        """The digest of the string, in hexadecimal."""
+        return await self._call(lambda: self._world.digest)
+
+    async def ended(self) -> bool:
+        """Whether the world is over."""
+        return await self._call(lambda: self._world.ended)

@@ -1,0 +1,231 @@
+"""Finds the symbols that a world uses: in its string, its agents' code and its services."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, Final, TypeAlias, cast
+
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.scene import FigureNode, Scene, walk
+from minerva_bus.grammar.symbols import AgentKind, EventType, Primitive, Transformation
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.world.agent import Agent
+from minerva_bus.world.services import Device, Generator, Service
+
+Symbol: TypeAlias = Primitive | Transformation | EventType | type[Agent]
+
+MAIN: Final = "__main__"
+_OWN: Final = __name__.partition(".")[0]
+
+
+class SymbolFinder:
+    """Collects symbols by name, from the code that uses them.
+
+    Names in code are looked up as Python does: in the variables of the function, then in its
+    module. Names in strings, as event types in `@on("eRain")`, are looked up among all symbols of
+    the modules met so far and of `names`, the variables where the world is made.
+    """
+
+    def __init__(self, names: Mapping[str, Any]) -> None:
+        self._namespaces: list[Mapping[str, Any]] = [names]
+        self._symbols: dict[str, Symbol] = {}
+        self._walked: set[int] = set()
+        self._wanted: dict[str, None] = {}
+
+    def add(self, symbol: object) -> None:
+        """Add a symbol, with those that it uses. Raises MisuseError for anything else."""
+        if isinstance(symbol, Vocabulary):
+            for table in (symbol.primitives, symbol.transformations, symbol.events):
+                for entry in table.values():
+                    self.add(entry)
+        elif isinstance(symbol, Primitive | Transformation | EventType):
+            self._symbols.setdefault(symbol.name, symbol)
+        elif _is_agent(symbol):
+            self._add_agent(cast("type[Agent]", symbol))
+        else:
+            raise MisuseError(
+                f"{symbol!r:.60} is no symbol: give primitives, transformations, event types and"
+                ' agent classes with a symbol, class Fox(Agent, symbol="AFox")'
+            )
+
+    def _add_agent(self, cls: type[Agent]) -> None:
+        if self._symbols.setdefault(cls.kind.name, cls) is cls and id(cls) not in self._walked:
+            self._walked.add(id(cls))
+            self._walk_class(cls, Agent)
+            self._wanted |= dict.fromkeys(sorted(cls.kind.subscribes | cls.kind.views))
+
+    def add_service(self, cls: type[Service], service: Service) -> None:
+        """Add the event types of a service, and the symbols that its own code uses."""
+        self._walk_class(cls, Service)
+        if isinstance(service, Generator):
+            self._wanted |= dict.fromkeys([*service.generates(), *service.takes_orders()])
+        if isinstance(service, Device):
+            self._wanted |= dict.fromkeys(service.draws)
+
+    def add_scene(self, scene: Scene) -> None:
+        """Add the symbols of a string."""
+        for piece in scene.pieces:
+            if not isinstance(piece, FigureNode) and hasattr(piece, "levels"):
+                self._wanted |= {level.symbol: None for level in cast("Any", piece).levels()}
+        if all(not hasattr(piece, "levels") for piece in scene.pieces):
+            self._wanted |= {node.symbol: None for opens, node in walk(scene) if opens}
+
+    def add_function(self, function: object) -> None:
+        """Add what a function uses."""
+        if isinstance(function, FunctionType):
+            self._walk_function(function)
+
+    def want(self, names: Iterable[str]) -> None:
+        """Add the symbols of these names, if they can be found."""
+        self._wanted |= dict.fromkeys(names)
+
+    def vocabulary(self) -> Vocabulary:
+        """All symbols. Raises MisuseError where an agent responds to an unknown event type."""
+        self._resolve()
+        return Vocabulary.of(*self._symbols.values())
+
+    def agents(self) -> dict[str, type[Agent]]:
+        """The agent classes, by symbol."""
+        self._resolve()
+        return {
+            name: cast("type[Agent]", symbol)
+            for name, symbol in self._symbols.items()
+            if _is_agent(symbol)
+        }
+
+    def _resolve(self) -> None:
+        """Look up names until none is new: an agent that is found may want others."""
+        known: set[str] = set()
+        while wanted := [name for name in self._wanted if name not in known]:
+            known.update(wanted)
+            for name in wanted:
+                symbol = self._symbols.get(name) or self._named(name)
+                if symbol is not None:
+                    self.add(symbol)
+
+    def _named(self, name: str) -> Symbol | None:
+        for namespace in self._namespaces:
+            for value in list(namespace.values()):
+                if _is_symbol(value) and _name(value) == name:
+                    return value
+        return None
+
+    def _walk_class(self, cls: type, root: type) -> None:
+        for base in cls.__mro__:
+            if base is root or base.__module__.partition(".")[0] == _OWN:
+                continue
+            for value in vars(base).values():
+                function = getattr(value, "__func__", getattr(value, "fget", value))
+                self.add_function(function)
+
+    def _walk_function(self, function: FunctionType) -> None:
+        if id(function) in self._walked:
+            return
+        self._walked.add(id(function))
+        names = {**function.__globals__, **_closure(function)}
+        if all(function.__globals__ is not known for known in self._namespaces):
+            self._namespaces.append(function.__globals__)
+        used = list(_names_in(function.__code__))
+        for name in used:
+            value = names.get(name)
+            if isinstance(value, ModuleType):
+                for attribute in used:
+                    self._use(vars(value).get(attribute))
+            else:
+                self._use(value)
+
+    def _use(self, value: object) -> None:
+        if _is_symbol(value):
+            self.add(value)
+        elif isinstance(value, FunctionType) and _is_near(value.__module__):
+            self._walk_function(value)
+
+
+def _names_in(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    yield from code.co_freevars
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names_in(constant)
+
+
+def _closure(function: FunctionType) -> dict[str, Any]:
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return {name: cell.cell_contents for name, cell in cells if _is_filled(cell)}
+
+
+def _is_filled(cell: Any) -> bool:
+    try:
+        return cell.cell_contents is not None
+    except ValueError:  # A variable that is set later.
+        return False
+
+
+def _is_near(module: str) -> bool:
+    """Whether a module is the user's: what the standard library and packages use is no symbol."""
+    file = getattr(sys.modules.get(module), "__file__", None)
+    own = module.partition(".")[0] == _OWN
+    return not own and (file is None or "site-packages" not in file)
+
+
+def _is_agent(value: object) -> bool:
+    return (
+        isinstance(value, type)
+        and issubclass(value, Agent)
+        and isinstance(getattr(value, "kind", None), AgentKind)
+    )
+
+
+def _is_symbol(value: object) -> bool:
+    return isinstance(value, Primitive | Transformation | EventType) or _is_agent(value)
+
+
+def _name(symbol: Any) -> str:
+    return symbol.kind.name if _is_agent(symbol) else symbol.name
+
+
+def spec_of(thing: Any, what: str) -> str:
+    """The `module:attribute` by which other processes find a class, function or symbol.
+
+    Raises MisuseError where they cannot.
+    """
+    module = getattr(thing, "__module__", "")
+    if isinstance(thing, type | FunctionType):
+        spec = f"{module}:{thing.__qualname__}"
+        found = _attribute(module, thing.__qualname__) is thing
+    else:
+        spec, found = _variable_of(thing), True
+        module = spec.partition(":")[0]
+    if module == MAIN or not spec or not found:
+        where = "the program that runs (__main__)" if module == MAIN else "a function or cell"
+        raise MisuseError(
+            f"{what} is defined in {where}, where other processes cannot find it; move it into a"
+            f" module, such as agents.py, and import it: from agents import {_short(thing)}"
+        )
+    return spec
+
+
+def _attribute(module: str, qualname: str) -> Any:
+    value: Any = sys.modules.get(module)
+    for part in qualname.split("."):
+        value = getattr(value, part, None)
+    return value
+
+
+def _variable_of(symbol: Any) -> str:
+    """Where a symbol is a variable of a module: the module that defines it, if it can be told."""
+    homes = [
+        f"{name}:{variable}"
+        for name, module in list(sys.modules.items())
+        if name.partition(".")[0] != _OWN and not name.startswith("minerva_world_")
+        for variable, value in list(vars(module).items())
+        if value is symbol
+    ]
+    others = [home for home in homes if not home.startswith(f"{MAIN}:")]
+    return (others or homes or [""])[0]
+
+
+def _short(thing: Any) -> str:
+    return str(getattr(thing, "__name__", getattr(thing, "name", "...")))

@@ -1,0 +1,173 @@
+"""A table of collected data: columns that any library for tables can read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.collect import arrow
+from minerva_bus.collect.rows import DTYPES, Data
+from minerva_bus.errors import MisuseError, nearest
+from minerva_bus.grammar.ids import Ids
+
+ARRAY_TYPES: Final = {
+    "float64": DTYPES["real"], "int64": DTYPES["int"], "bool": DTYPES["bool"],
+    "text": DTYPES["text"],
+}  # fmt: skip
+SHOWN_ROWS: Final = 10
+
+
+def texts(data: Data) -> NDArray[Any]:
+    """A column as an array; ids become texts."""
+    return data.column if isinstance(data, Ids) else data
+
+
+class DataTable:
+    """Columns of equal length, by name.
+
+    Args:
+        name: of the table.
+        types: float64, int64, bool or text, by column.
+        columns: arrays of shape (rows,), by column.
+
+    It has `__arrow_c_stream__`, so `pyarrow.table(table)`, `polars.DataFrame(table)` and DuckDB
+    read it without a copy of its numbers.
+
+    """
+
+    def __init__(
+        self, name: str, types: Mapping[str, str], columns: Mapping[str, NDArray[Any]]
+    ) -> None:
+        self.name = name
+        self.types = dict(types)
+        self._columns = {column: columns[column] for column in types}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        return tuple(self.types)
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The values of a column, shape (rows,). Raises MisuseError for an unknown one."""
+        if column not in self._columns:
+            raise MisuseError(
+                f"the table {self.name} has no column {column!r}{nearest(column, [*self.columns])};"
+                f" it has {', '.join(self.columns)}"
+            )
+        return self._columns[column]
+
+    def rows(self) -> Iterator[tuple[Any, ...]]:
+        """The rows, as tuples of Python values."""
+        return zip(*[column.tolist() for column in self._columns.values()], strict=True)
+
+    def __repr__(self) -> str:
+        lines = [self.columns, *islice(self.rows(), SHOWN_ROWS)]
+        cells = [[_shown(value) for value in line] for line in lines]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        shown = ["  ".join(map(str.rjust, line, widths)) for line in cells]
+        more = len(self) - SHOWN_ROWS
+        return "\n".join([*shown, *([f"and {more:,} more rows"] if more > 0 else [])])
+
+    # --- other libraries ---
+
+    def __arrow_c_schema__(self) -> object:
+        return arrow.schema_capsule(self.types)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return arrow.stream_capsule(self.types, self._columns)
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """The columns as numpy arrays, by name."""
+        return dict(self._columns)
+
+    def to_arrow(self) -> Any:
+        """A `pyarrow.Table`. Raises MisuseError where pyarrow is not installed."""
+        return needed("pyarrow", "parquet").table(self)
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`. Raises MisuseError where pandas is not installed."""
+        return needed("pandas", "pandas").DataFrame(self._columns)
+
+    def to_polars(self) -> Any:
+        """A `polars.DataFrame`. Raises MisuseError where polars is not installed."""
+        return needed("polars", "polars").DataFrame(self)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write a .csv file. Raises MisuseError where it cannot be written."""
+        self._write(Path(path))
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write a .parquet file. Raises MisuseError, also where pyarrow is not installed."""
+        self._write(Path(path))
+
+    def _write(self, path: Path) -> None:
+        from minerva_bus.collect.writers import open_writer
+
+        writer = open_writer(path, self.name, self.types)
+        writer.rows(self._columns)
+        writer.close()
+
+
+class Gathered:
+    """Rows of one table in memory, in the order in which they come."""
+
+    def __init__(self, name: str, types: Mapping[str, str]) -> None:
+        self._name = name
+        self._types = types
+        self._chunks: list[Mapping[str, Data]] = []
+        self._single: list[Mapping[str, Any]] = []
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        self._single.append(values)
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        self._chunks.append(columns)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    @property
+    def table(self) -> DataTable:
+        """All rows so far."""
+        if self._single:
+            self._chunks.append(columns_of(self._single, self._types))
+            self._single = []
+        made = {
+            column: np.concatenate(
+                [np.empty(0, ARRAY_TYPES[kind]), *[texts(chunk[column]) for chunk in self._chunks]]
+            )
+            for column, kind in self._types.items()
+        }
+        return DataTable(self._name, self._types, made)
+
+
+def columns_of(rows: list[Mapping[str, Any]], types: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+    """Single rows as columns."""
+    made: dict[str, NDArray[Any]] = {}
+    for column, kind in types.items():
+        made[column] = np.empty(len(rows), ARRAY_TYPES[kind])
+        made[column][:] = [row[column] for row in rows]
+    return made
+
+
+def needed(library: str, extra: str) -> Any:
+    """A library of an extra. Raises MisuseError with the command that installs it."""
+    try:
+        return import_module(library)
+    except ImportError:
+        raise MisuseError(f"this needs {library}: pip install 'minerva-bus[{extra}]'") from None
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,218 @@
+"""Files that tables are written to while a world runs, in bounded memory.
+
+.csv        texts, for any program
+.parquet    needs pyarrow
+.columns    arrays of numpy, one after another; how a coordinator passes tables on
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.collect.rows import Data
+from minerva_bus.collect.table import DataTable, Gathered, columns_of, needed, texts
+from minerva_bus.errors import MisuseError
+from minerva_bus.grammar.ids import Ids
+from minerva_bus.outputs import check_output
+
+ENDINGS: Final = (".csv", ".parquet", ".columns")
+BUFFERED_ROWS: Final = 1 << 16
+"""Rows that are gathered before they are written, so that a Parquet file has large groups."""
+
+
+class Writer(Protocol):
+    """Receives the rows of one table."""
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        ...
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left, and finish the file."""
+        ...
+
+
+class _FileWriter:
+    """Base of writers: gathers rows until there are BUFFERED_ROWS."""
+
+    def __init__(self, types: Mapping[str, str]) -> None:
+        self.types = types
+        self._single: list[Mapping[str, Any]] = []
+        self._chunks: list[Mapping[str, Data]] = []
+        self._waiting = 0
+
+    def row(self, values: Mapping[str, Any]) -> None:
+        """Add one row."""
+        self._single.append(values)
+        if len(self._single) >= BUFFERED_ROWS:
+            self._flush()
+
+    def rows(self, columns: Mapping[str, Data]) -> None:
+        """Add rows as columns of equal length."""
+        self._chunks.append(columns)
+        self._waiting += len(next(iter(columns.values())))
+        if self._waiting >= BUFFERED_ROWS:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left, and finish the file."""
+        self._flush()
+        self.finish()
+
+    def _flush(self) -> None:
+        if self._single:
+            self._chunks.append(columns_of(self._single, self.types))
+        if len(self._chunks) > 1:
+            gathered = Gathered("", self.types)
+            for chunk in self._chunks:
+                gathered.rows(chunk)
+            self._chunks = [gathered.table.to_dict()]
+        for chunk in self._chunks:
+            self.write(chunk)
+        self._single, self._chunks, self._waiting = [], [], 0
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """Finish the file."""
+        raise NotImplementedError
+
+
+class CsvWriter(_FileWriter):
+    """Writes a .csv file."""
+
+    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._file = path.open("w", encoding="utf-8", newline="")
+        self._csv = csv.writer(self._file, lineterminator="\n")
+        self._csv.writerow(types)
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        lists = [texts(columns[name]).tolist() for name in self.types]
+        self._csv.writerows(zip(*lists, strict=True))
+
+    def finish(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+class ParquetWriter(_FileWriter):
+    """Writes a .parquet file; texts are dictionaries, as they repeat in each frame."""
+
+    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._pa = needed("pyarrow", "parquet")
+        parquet = needed("pyarrow.parquet", "parquet")
+        kinds = {"float64": self._pa.float64(), "int64": self._pa.int64(), "bool": self._pa.bool_(),
+                 "text": self._pa.string()}  # fmt: skip
+        schema = self._pa.schema([(name, kinds[kind]) for name, kind in types.items()])
+        self._schema = schema
+        self._writer = parquet.ParquetWriter(path, schema)
+        self._known: dict[str, tuple[Data, Any]] = {}
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        arrays = [self._array(name, columns[name]) for name in self.types]
+        self._writer.write_table(self._pa.table(arrays, schema=self._schema))
+
+    def _array(self, name: str, data: Data) -> Any:
+        # Ids are often the same object in the next frame, and expensive to spell.
+        known = self._known.get(name)
+        if known is not None and known[0] is data:
+            return known[1]
+        if isinstance(data, Ids):
+            made = self._pa.array(data.spelled, self._pa.binary()).cast(self._pa.string())
+            self._known[name] = data, made
+            return made
+        return self._pa.array(data, self._schema.field(name).type)
+
+    def finish(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+
+class ColumnsWriter(_FileWriter):
+    """Writes a .columns file: the arrays of each chunk, in the order of the columns."""
+
+    def __init__(self, path: Path, types: Mapping[str, str]) -> None:
+        super().__init__(types)
+        self._file: IO[bytes] = path.open("wb")
+
+    def write(self, columns: Mapping[str, Data]) -> None:
+        """Write these rows."""
+        for name, kind in self.types.items():
+            array = texts(columns[name])
+            np.save(self._file, _plain(array) if kind == "text" else array, allow_pickle=False)
+
+    def finish(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+def _plain(array: NDArray[Any]) -> NDArray[Any]:
+    """Texts as bytes of one width, which numpy stores without pickling."""
+    encoded = [text.encode() for text in array.tolist()]
+    return np.array(encoded, f"S{max(map(len, encoded), default=1) or 1}")
+
+
+def read_columns(path: Path, name: str, types: Mapping[str, str]) -> DataTable:
+    """The table in a .columns file."""
+    gathered = Gathered(name, types)
+    with path.open("rb") as file:
+        for chunk in _chunks(file, types):
+            gathered.rows(chunk)
+    return gathered.table
+
+
+def _chunks(file: IO[bytes], types: Mapping[str, str]) -> Iterator[dict[str, NDArray[Any]]]:
+    while file.peek(1):  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
+        chunk: dict[str, NDArray[Any]] = {}
+        for name, kind in types.items():
+            array = np.load(file, allow_pickle=False)
+            if kind == "text":
+                array = np.array([*map(bytes.decode, array.tolist()), None], object)[:-1]
+            chunk[name] = array
+        yield chunk
+
+
+_WRITERS: Final[Mapping[str, Any]] = {
+    ".csv": CsvWriter,
+    ".parquet": ParquetWriter,
+    ".columns": ColumnsWriter,
+}
+
+
+def check_ending(path: Path) -> None:
+    """Raise MisuseError where tables cannot be written to a file of this name."""
+    if path.suffix not in ENDINGS:
+        raise MisuseError(f"{path}: expected a file name that ends with .parquet or .csv")
+    if not path.parent.is_dir():
+        raise MisuseError(f"{path}: there is no folder {path.parent}")
+
+
+def open_writer(path: Path, name: str, types: Mapping[str, str]) -> Writer:
+    """A writer of one table; the ending of the file says the format. Raises MisuseError."""
+    check_ending(path)
+    check_output(path, f"the table {name}")
+    try:
+        return _WRITERS[path.suffix](path, types)
+    except OSError as error:
+        raise MisuseError(f"{path}: {error.strerror}") from None
+
+
+def path_of(path: Path, table: str, several: bool) -> Path:
+    """The file of one table: `run.parquet`, or `run-APerson.parquet` where there are several."""
+    return path.with_name(f"{path.stem}-{table}{path.suffix}") if several else path

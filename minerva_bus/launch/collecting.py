@@ -1,0 +1,110 @@
+"""Data collected of a run: the table [collect] of a world file, and its sink."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from minerva_bus.errors import WorldFileError
+from minerva_bus.frame import stimuli as s
+from minerva_bus.frame.algorithm import FrameAlgorithm
+from minerva_bus.grammar.vocabulary import Vocabulary
+from minerva_bus.launch.table import Table
+from minerva_bus.runtime.runner import Sink
+from minerva_bus.settings.kinds import TEXT
+from minerva_bus.settings.tables import CollectSettings
+from minerva_bus.world.expressions import Expression, read_expression
+
+if TYPE_CHECKING:
+    from minerva_bus.collect.collector import TablePlan
+    from minerva_bus.collect.table import DataTable
+    from minerva_bus.collect.writers import Writer
+
+
+@dataclass(frozen=True, slots=True)
+class Collecting:
+    """What is collected of a run, by name, and the file that it goes into ("": into memory)."""
+
+    entries: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
+    into: str = ""
+
+
+def read_collecting(top: Table, vocabulary: Vocabulary) -> Collecting:
+    """The table [collect]. Raises WorldFileError and VocabularyError."""
+    table = top.table("collect")
+    into = top.read(CollectSettings).into
+    entries: dict[str, Expression] = {}
+    for name in [key for key in table.data if key != "into"]:
+        source = table.place(name)
+        entries[name] = read_expression(table.get(name, TEXT, ""), source)
+        entries[name].checked(vocabulary, source)
+    if into and not entries:
+        raise WorldFileError(
+            'nothing is collected: name expressions under [collect], such as birds = "count(ABird)"'
+        )
+    return Collecting(entries, into)
+
+
+class CollectSink(Sink):
+    """Collects the frames of an algorithm, beginning with the string that it has now.
+
+    `say` is called with a line for people. `again`: a coordinator that was killed has collected
+    before, into files that nobody completes any more. Raises MisuseError and VocabularyError.
+    """
+
+    def __init__(
+        self,
+        collecting: Collecting,
+        algorithm: FrameAlgorithm,
+        say: Callable[[str], None],
+        *,
+        again: bool = False,
+    ) -> None:
+        from minerva_bus.collect.collector import Collector, plans_of
+        from minerva_bus.collect.table import Gathered
+        from minerva_bus.collect.writers import open_writer, path_of
+
+        world, path = algorithm.world, Path(collecting.into)
+        if again and collecting.into:
+            path = path.with_name(f"{path.stem}-from-{algorithm.frame}{path.suffix}")
+            say(f"the data collected from frame {algorithm.frame} on are in {path}")
+        several = len(plans_of(collecting.entries, world.vocabulary)) > 1
+        self._gathered: dict[str, Gathered] = {}
+
+        def open_table(plan: TablePlan) -> Writer:
+            if collecting.into:
+                return open_writer(path_of(path, plan.name, several), plan.name, plan.columns)
+            gathered = self._gathered[plan.name] = Gathered(plan.name, plan.columns)
+            return gathered
+
+        self._algorithm = algorithm
+        self.collector = Collector(collecting.entries, world.vocabulary, world.dt, open_table)
+        self.collector.begin(algorithm.frame, algorithm.scene)
+
+    def frame_done(self, notice: s.FrameDone) -> None:
+        """Collect of a frame that has ended."""
+        self.collector.done(notice.frame, notice.events, self._algorithm.scene)
+
+    def close(self) -> None:
+        """Finish all tables."""
+        self.collector.close()
+
+    @property
+    def tables(self) -> dict[str, DataTable]:
+        """The tables in memory, by name; empty where they go into a file."""
+        return {name: gathered.table for name, gathered in self._gathered.items()}
+
+
+def collect_sink(
+    collecting: Collecting,
+    algorithm: FrameAlgorithm,
+    say: Callable[[str], None],
+    *,
+    again: bool = False,
+) -> CollectSink | None:
+    """The sink that collects; None where nothing is to be collected."""
+    if not collecting.entries:
+        return None
+    return CollectSink(collecting, algorithm, say, again=again)

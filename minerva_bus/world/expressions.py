@@ -1,0 +1,306 @@
+"""Expressions: what is collected of a run, in Python or as text in a world file.
+
+    Person.x                                    APerson.x
+    Person.x.where("x > 3").every(10)           APerson.x where x > 3 every 10
+    count(Person, 'health == "I"')              count(APerson, health == "I")
+    Person.x.mean()                             mean(APerson.x)
+    Person.x.quantiles(0.1, 0.9)                quantiles(APerson.x, 0.1, 0.9)
+    Person.x.histogram(0, 60, bins=12)          histogram(APerson.x, 0, 60, 12)
+    data(eBite); data(eBite, "depth").sum()     eBite; sum(eBite.depth)
+
+`str` of an expression is its text, and `read_expression` reads it. Conditions have the language of
+grammar/condition.py; texts in them may be in single quotes, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, NoReturn
+
+from minerva_bus.errors import MisuseError, VocabularyError, nearest
+from minerva_bus.grammar.condition import Condition, Scope, parse_condition
+from minerva_bus.grammar.fields import Fields
+from minerva_bus.grammar.symbols import EventType
+from minerva_bus.grammar.terms import sort_of_kind
+from minerva_bus.grammar.vocabulary import Vocabulary
+
+FUNCTIONS: Final = ("count", "sum", "mean", "min", "max", "quantiles", "histogram")
+MAX_BINS: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """Something to collect in each frame, of all agents of a kind or all events of a type.
+
+    Args:
+        symbol: the agent kind, such as `APerson`, or the event type, such as `eBite`.
+        name: the attribute or datum; "": all data of an event type, or nothing but a count.
+        function: one of FUNCTIONS, which makes one row per frame; "": a row per agent or event.
+        condition: which agents or events count; "": all.
+        arguments: of `quantiles`, numbers from 0 to 1; of `histogram`, low, high and bins.
+        interval: frames from one row to the next.
+
+    """
+
+    symbol: str
+    name: str = ""
+    function: str = ""
+    condition: str = ""
+    arguments: tuple[float, ...] = ()
+    interval: int = 1
+
+    def __post_init__(self) -> None:
+        _check_arguments(self)
+        if self.interval < 1:
+            raise MisuseError(f"{self.symbol}: every {self.interval} frames; expected at least 1")
+
+    def __str__(self) -> str:
+        shown = f"{self.symbol}.{self.name}" if self.name else self.symbol
+        if self.function:
+            numbers = [f"{number:.15g}" for number in self.arguments]
+            inner = [shown, *numbers, *([self.condition] if self.condition else [])]
+            shown = f"{self.function}({', '.join(inner)})"
+        elif self.condition:
+            shown = f"{shown} where {self.condition}"
+        return shown if self.interval == 1 else f"{shown} every {self.interval}"
+
+    @property
+    def of_events(self) -> bool:
+        """Whether it is about events, not agents."""
+        return self.symbol.startswith("e")
+
+    def where(self, condition: str) -> Expression:
+        """The same of the agents or events that fulfil a condition."""
+        return replace(self, condition=condition)
+
+    def every(self, frames: int) -> Expression:
+        """The same in each n-th frame, beginning with frame 0. Raises MisuseError below 1."""
+        return replace(self, interval=frames)
+
+    def sum(self, where: str = "") -> Expression:
+        """The sum in each frame; 0 where nothing counts."""
+        return self._of("sum", where)
+
+    def mean(self, where: str = "") -> Expression:
+        """The mean in each frame; NaN where nothing counts."""
+        return self._of("mean", where)
+
+    def min(self, where: str = "") -> Expression:
+        """The least value in each frame; NaN where nothing counts."""
+        return self._of("min", where)
+
+    def max(self, where: str = "") -> Expression:
+        """The greatest value in each frame; NaN where nothing counts."""
+        return self._of("max", where)
+
+    def quantiles(self, *numbers: float, where: str = "") -> Expression:
+        """Quantiles in each frame, such as 0.5 for the median; NaN where nothing counts.
+
+        Values between two others are interpolated linearly. Raises MisuseError for a number that
+        is not between 0 and 1.
+        """
+        return self._of("quantiles", where, *numbers)
+
+    def histogram(self, low: float, high: float, bins: int = 10, where: str = "") -> Expression:
+        """How many values are in each of some bins of equal width, in each frame.
+
+        `high` belongs to the last bin; values outside do not count. Raises MisuseError.
+        """
+        return self._of("histogram", where, low, high, bins)
+
+    def _of(self, function: str, where: str, *arguments: float) -> Expression:
+        if self.function:
+            raise MisuseError(f"{self} is one number in each frame already")
+        if not self.name:
+            raise MisuseError(f"{function} needs a datum: data({self.symbol}, NAME).{function}()")
+        numbers = tuple(float(number) for number in arguments)
+        condition = where or self.condition
+        return replace(self, function=function, condition=condition, arguments=numbers)
+
+    def checked(self, vocabulary: Vocabulary, source: str = "collect") -> Condition:
+        """Its condition, read, if the vocabulary has what it names. Raises VocabularyError."""
+        fields, owner = self._fields(vocabulary, source), self.symbol
+        types = {field.name: field.type for field in fields.all}
+        for name in (self.name,) if self.name else ():
+            if name not in types:
+                near = nearest(name, list(types))
+                raise VocabularyError(f"{owner} has no {name}{near}", source=source)
+            sort = sort_of_kind(types[name].kind)
+            if not sort:
+                raise VocabularyError(
+                    f"{owner}.{name} is a {types[name]}; numbers, truths and texts can be"
+                    " collected",
+                    source=source,
+                )
+            if self.function and types[name].kind == "text":
+                raise VocabularyError(
+                    f"{owner}.{name} is a text, which has no {self.function}; count texts with"
+                    f' count({owner}, {name} == "...")',
+                    source=source,
+                )
+        condition = parse_condition(in_double_quotes(self.condition), source)
+        sorts = {name: sort_of_kind(kind.kind) for name, kind in types.items()}
+        condition.check([Scope(owner, list(types), lambda name: sorts.get(name, ""))], source)
+        return condition
+
+    def _fields(self, vocabulary: Vocabulary, source: str) -> Fields:
+        known: Mapping[str, Any] = vocabulary.events if self.of_events else vocabulary.kinds
+        if self.symbol not in known:
+            what = "event type" if self.of_events else "agent kind"
+            near = nearest(self.symbol, list(known))
+            raise VocabularyError(
+                f"the world has no {what} {self.symbol}{near}",
+                expected=f"one of {', '.join(known) or 'none'}",
+                source=source,
+            )
+        return known[self.symbol].fields
+
+
+def count(symbol: Any, where: str = "") -> Expression:
+    """The number of agents of a kind in each frame, or of events of a type.
+
+    Args:
+        symbol: an agent class, an event type, or the name of one.
+        where: a condition about the agent's attributes or the event's data; "": all.
+
+    Example:
+        `count(Person, "health == 'I'")`
+
+    """
+    return Expression(_name_of(symbol), function="count", condition=where)
+
+
+def data(event_type: Any, name: str = "") -> Expression:
+    """The events of a type, a row for each with sender, receiver and data; `name`: of one datum.
+
+    Example:
+        `data(eBite)`, `data(eBite, "depth").mean()`
+
+    """
+    return Expression(_name_of(event_type), name)
+
+
+def _name_of(symbol: Any) -> str:
+    if isinstance(symbol, str | EventType):
+        return symbol if isinstance(symbol, str) else symbol.name
+    kind: Any = getattr(symbol, "kind", None)
+    if kind is None:
+        raise MisuseError(f"{symbol!r} is no agent class and no event type")
+    return str(kind.name)
+
+
+def _check_arguments(made: Expression) -> None:
+    function, numbers = made.function, made.arguments
+    if function == "quantiles" and (not numbers or not all(0 <= n <= 1 for n in numbers)):
+        raise MisuseError(f"quantiles of {made.symbol} need numbers from 0 to 1, such as 0.5")
+    if function == "histogram":
+        low, high, bins = numbers if len(numbers) == 3 else (0.0, 0.0, 0.0)
+        if not (low < high < float("inf") and bins == int(bins) and 1 <= bins <= MAX_BINS):
+            raise MisuseError(
+                f"a histogram of {made.symbol} needs low < high and 1 to {MAX_BINS:,} bins:"
+                " histogram(0, 60, bins=12)"
+            )
+
+
+# --- attributes of agent classes ---
+
+NO_DEFAULT: Final = object()
+
+
+class ClassAttribute:
+    """Makes `Person.x` an expression, where `person.x` is the value of an agent.
+
+    It has no `__set__`, so the state of an agent is found in the agent itself.
+    """
+
+    __slots__ = ("default", "name")
+
+    def __init__(self, name: str, default: object = NO_DEFAULT) -> None:
+        self.name = name
+        self.default = default
+
+    def __get__(self, agent: object, cls: Any) -> Any:
+        if agent is None:
+            kind = getattr(cls, "kind", None)
+            return self if kind is None else Expression(kind.name, self.name)
+        if self.default is NO_DEFAULT:
+            raise AttributeError(f"{type(agent).__name__!r} object has no attribute {self.name!r}")
+        return self.default
+
+
+def expose_attributes(cls: type[Any], names: Iterable[str]) -> None:
+    """Let a class give an expression for each of these attributes of its agents."""
+    for name in names:
+        homes = [base for base in cls.__mro__ if name in vars(base)]
+        value = vars(homes[0])[name] if homes else NO_DEFAULT
+        if not isinstance(value, ClassAttribute):
+            setattr(cls, name, ClassAttribute(name, value))
+
+
+def default_of(cls: type[Any], name: str) -> Any:
+    """The default that a class itself gives an attribute; NO_DEFAULT where it gives none."""
+    value = vars(cls).get(name, NO_DEFAULT)
+    return value.default if isinstance(value, ClassAttribute) else value
+
+
+# --- text ---
+
+_EVERY: Final = re.compile(r"\s+every\s+([0-9]+)\s*\Z")
+_CALL: Final = re.compile(r"\s*(?P<function>[A-Za-z]+)\s*\((?P<inner>.*)\)\s*\Z", re.DOTALL)
+_TERM: Final = re.compile(
+    r"\s*(?P<symbol>[Ae]\w*)(?:\.(?P<name>[A-Za-z_]\w*))?(?P<rest>.*)\Z", re.DOTALL | re.ASCII
+)
+_NUMBER: Final = re.compile(
+    r"\s*,\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)\s*(?=,|\Z)"
+)
+_WHERE: Final = re.compile(r"\s+where\s+(.*)\Z", re.DOTALL)
+_QUOTED: Final = re.compile(r"""("(?:[^"\\]|\\.)*")|'((?:[^'\\"]|\\.)*)'""")
+_EXPECTED: Final = "KIND.ATTRIBUTE, EVENT.DATUM, or a function of one, such as count(AFox, x > 3)"
+
+
+def read_expression(text: str, source: str = "collect") -> Expression:
+    """The expression that a text stands for. Raises VocabularyError with a caret."""
+    every = _EVERY.search(text)
+    body = text[: every.start()] if every else text
+    interval = int(every.group(1)) if every else 1
+    call = _CALL.match(body)
+    inner, offset = (call["inner"], call.start("inner")) if call else (body, 0)
+    function = call["function"] if call else ""
+    if call and function not in FUNCTIONS:
+        _wrong(
+            f"there is no function {function}{nearest(function, list(FUNCTIONS))}", text, 0, source
+        )
+    term = _TERM.match(inner)
+    if term is None:
+        _wrong("the expression cannot be read", text, offset, source)
+    condition, numbers, rest = "", list[float](), term["rest"]
+    if call:
+        while number := _NUMBER.match(rest):
+            numbers.append(float(number.group(1)))
+            rest = rest[number.end() :]
+        condition = rest.strip().removeprefix(",").strip()
+        clear = not rest.strip() or rest.lstrip().startswith(",")
+    else:
+        where = _WHERE.match(rest)
+        condition = where.group(1).strip() if where else ""
+        clear = bool(where) or not rest.strip()
+    if not clear:
+        _wrong("the expression cannot be read", text, offset + term.start("rest"), source)
+    name = term["name"] or ""
+    if not name and (term["symbol"][0] == "A" or function) and function != "count":
+        _wrong(f"which attribute of {term['symbol']}", text, offset + term.end("symbol"), source)
+    try:
+        return Expression(term["symbol"], name, function, condition, tuple(numbers), interval)
+    except MisuseError as error:
+        _wrong(str(error), text, 0, source)
+
+
+def in_double_quotes(condition: str) -> str:
+    """A condition with texts in single quotes rewritten, as the language has them."""
+    return _QUOTED.sub(lambda match: match[1] or f'"{match[2]}"', condition)
+
+
+def _wrong(problem: str, text: str, at: int, source: str) -> NoReturn:
+    raise VocabularyError(problem, text=text, offset=at, expected=_EXPECTED, source=source)

@@ -1,0 +1,49 @@
+"""A small world in a module that other processes can import."""
+
+from minerva_bus import Agent, EventType, Primitive, Transformation, World, each, on, view
+
+PFrog = Primitive("PFrog", size=float)
+TAt = Transformation("TAt", x=float)
+eTick = EventType("eTick")
+eCroak = EventType("eCroak", loud=float)
+eFeed = EventType("eFeed", amount=float)
+ePicture = EventType("ePicture", visual=True)
+
+
+def figure(size):
+    return PFrog(size)
+
+
+class Frog(Agent, symbol="AFrog"):
+    x: float = 0.0
+    size: float = 1.0
+    age: int = 0
+    hungry: bool = True
+    mood: str = "calm"
+
+    @on("eTick")
+    def live(self, tick, moment):
+        self.x += moment.random.normal()
+        self.age += 1
+        self.mood = "loud" if self.age % 2 else "calm"
+        if self.age % 3 == 0:
+            moment.emit(eCroak(loud=self.size))
+
+    @on("eFeed")
+    def eat(self, feed, moment):
+        self.size += feed.amount
+        self.hungry = False
+
+    @view("ePicture")
+    def picture(self, event):
+        return TAt(self.x)(figure(self.size))
+
+
+def pond(**settings):
+    return World(
+        "AFrog#a · AFrog#b<size=2> · TAt<x=5>(AFrog#c<size=3>)",
+        agents=[Frog],
+        services=[each(eTick)],
+        name="pond",
+        **settings,
+    )

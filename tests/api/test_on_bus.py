@@ -1,0 +1,108 @@
+"""Worlds in processes of their own, started from Python."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from pond import Frog, eCroak, eFeed, pond
+
+from minerva_bus import connect, count, data, run
+from minerva_bus.errors import BusError, MinervaError, MisuseError
+from minerva_bus.launch.registry import running
+
+COLLECT = {"frogs": count(Frog), "x": Frog.x, "croak": data(eCroak), "mood": Frog.mood}
+
+
+@pytest.fixture(autouse=True)
+def own_runtime_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINERVA_RUNTIME_DIR", str(tmp_path / "runtime"))
+
+
+def waited(condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_processes_give_the_same_string_and_the_same_tables():
+    here = run(pond(), frames=20, seed=5, collect=COLLECT)
+    there = run(pond(), frames=20, seed=5, collect=COLLECT, processes=2)
+    assert there.digest == here.digest
+    assert there.scene == here.scene
+    assert there.events == here.events
+    assert there.tables.keys() == here.tables.keys()
+    for name, table in here.tables.items():
+        assert list(table.rows()) == list(there.table(name).rows())
+
+
+def test_a_live_world_in_processes_is_the_same():
+    steps = (1, 7)
+    digests = []
+    for bus in (False, True):
+        with pond(seed=5).start(bus=bus) as live:
+            assert live.frame == 0
+            seen = [live.digest]
+            for frames in steps:
+                live.publish(eFeed(amount=1.0))
+                live.step(frames)
+                seen.append(live.digest)
+            assert live.frame == 8
+            digests.append([*seen, live.view("ePicture").digest.hex()])
+    assert digests[0] == digests[1]
+    assert not running()
+
+
+def test_a_world_elsewhere_is_connected_to():
+    with pond(seed=5).start(bus=True) as live:
+        with connect("pond", agents=[Frog]) as other:
+            assert other.step(3) == 3
+            assert other.digest == live.digest
+            assert other.view("ePicture") == live.view("ePicture")
+            assert other.status.world == "pond"
+        with connect() as unknown, pytest.raises(MisuseError, match="class of AFrog"):
+            unknown.view("ePicture")
+        live.step()
+        assert live.frame == 4  # Leaving a connection does not end the world.
+    with pytest.raises(BusError, match="no world"):
+        connect("pond")
+
+
+def test_a_wrong_world_is_explained_and_leaves_no_process(tmp_path):
+    with pond().start(bus=True), pytest.raises(MinervaError, match="runs here already"):
+        run(pond(), frames=1, bus=True)
+    assert not running()
+
+
+def test_processes_end_with_the_program_that_started_them(tmp_path):
+    program = (
+        "import sys, time; from pond import pond\n"
+        "live = pond().start(bus=True); live.step(); print('ready', flush=True); time.sleep(60)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    for number in (signal.SIGKILL, signal.SIGINT):
+        with subprocess.Popen(
+            [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, text=True,
+            stderr=subprocess.DEVNULL,
+        ) as process:  # fmt: skip
+            assert process.stdout.readline() == "ready\n"
+            process.send_signal(number)
+            process.wait()
+        waited(lambda: not running())
+
+
+def test_an_interrupt_of_a_run_on_the_bus_is_raised(tmp_path):
+    timer = threading.Timer(4.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        run(pond(), frames=0, bus=True)
+    timer.cancel()
+    assert not running()

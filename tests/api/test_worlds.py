@@ -1,0 +1,314 @@
+"""Worlds, runs and stepping in this process."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false
+
+import asyncio
+import subprocess
+import sys
+
+import pond as module
+import pytest
+from pond import Frog, PFrog, TAt, eFeed, ePicture, eTick, pond
+
+from minerva_bus import (
+    Agent,
+    EventType,
+    MinervaError,
+    Primitive,
+    Vocabulary,
+    World,
+    each,
+    on,
+    run,
+    service,
+    view,
+)
+from minerva_bus.errors import BusError, MisuseError, WorldFileError, WorldStopped
+from minerva_bus.world.services import Generator
+
+DIGEST = run(pond(), frames=20, seed=5).digest
+
+
+def test_a_vocabulary_is_collected_from_the_code():
+    vocabulary = pond().vocabulary
+    assert [*vocabulary.kinds] == ["AFrog"]
+    assert [*vocabulary.primitives] == ["PFrog"]  # Used by a function that a view calls.
+    assert [*vocabulary.transformations] == ["TAt"]
+    assert [*vocabulary.events] == ["eCroak", "eFeed", "ePicture", "eTick"]
+
+
+def test_agents_are_found_where_the_world_is_made():
+    eGo = EventType("eGo")
+
+    class Walker(Agent, symbol="AWalker"):
+        x: int = 0
+
+        @on("eGo")
+        def go(self, event, moment):
+            self.x += 1
+
+    world = World("AWalker#w", services=[each(eGo)])
+    assert str(run(world, frames=4).scene) == "AWalker#w<x=4>()"
+
+
+def test_symbols_of_services_modules_and_arguments_are_collected():
+    eAsk = EventType("eAsk")
+    PStone = Primitive("PStone")
+
+    class Asker(Generator, events=("eAsk",)):
+        def __init__(self, times: int = 1) -> None:
+            self.times = times
+
+        def generate(self, tick):
+            return [eAsk()] * self.times
+
+    class Quiet(Agent, symbol="AQuiet"):
+        heard: int = 0
+
+        @on("eAsk")
+        def hear(self, event, moment):
+            self.heard += 1
+
+        @view("ePicture")
+        def picture(self, event):
+            return module.TAt(1.0)(module.PFrog(2.0))
+
+    world = World(
+        "PStone · AQuiet#q", services={"ask": service(Asker, times=1)}, symbols=[ePicture]
+    )
+    assert run(world, frames=3).events == {"eAsk": 3}
+    assert "PStone" in world.vocabulary
+    assert {"PFrog", "TAt", "ePicture"} <= {
+        *world.vocabulary.primitives, *world.vocabulary.transformations, *world.vocabulary.events
+    }  # fmt: skip
+    assert PStone.name == "PStone"
+
+
+def test_options_of_a_world_made_in_python():
+    def frogs(options):
+        return Frog.many("f", options["n"], size=options["size"])
+
+    world = World(frogs, agents=[Frog], services=[each(eTick)], options={"n": 3, "size": 2.0})
+    assert len(run(world, frames=1).scene) == 3
+    assert len(run(world, frames=1, n=40).scene) == 40
+    with pytest.raises(WorldFileError, match="no option 'm'"):
+        run(world, frames=1, m=40)
+    with pytest.raises(WorldFileError, match="must be a whole number"):
+        run(world, frames=1, n="many")
+
+
+@pytest.mark.parametrize(("make", "problem"), [
+    (lambda: World("AFrog#a", agents=[Frog], services=[each("eTik")]), "eTik"),
+    (lambda: World("AFrog#a", agents=[Frog], services=["eech"]), "no service 'eech'"),
+    (lambda: World("AFrog#a", agents=[Frog], services=[3]), "a class or an installed name"),
+    (lambda: World("AFrog#a", agents=[Frog], seeed=3), "no setting 'seeed'; did you mean 'seed'"),
+    (lambda: World("AFrog#a", agents=[Frog], services=[each(eTick), each(eTick)]), "two services"),
+    (lambda: World("AFog#a", agents=[Frog]), "no AFog; did you mean 'AFrog'"),
+    (lambda: World("AFrog#a<x=", agents=[Frog]), "\\^"),
+    (lambda: World(3, agents=[Frog]), "a text or a Scene"),
+    (lambda: World("AFrog#a", agents=["Frog"]), "is no symbol"),
+    (lambda: World("AFrog#a", agents=[Frog], frames="x"), "whole number"),
+    (lambda: run(pond()), r"has no end: run\(world, frames=300\)"),
+    (lambda: run(pond(), frames=3, processes=0), "at least 1"),
+    (lambda: run(5, frames=3), "is no World"),
+    (lambda: run("nowhere.toml", frames=3), "no world file nowhere.toml"),
+    (lambda: pond().save("pond.txt"), "ends with .toml"),
+])  # fmt: skip
+def test_mistakes_are_explained(make, problem):
+    with pytest.raises(MinervaError, match=problem):
+        make()
+
+
+def test_a_saved_world_is_the_same(tmp_path):
+    path = tmp_path / "pond.toml"
+    pond().save(path)
+    loaded = World.load(path)
+    assert loaded.vocabulary == pond().vocabulary
+    assert run(loaded, frames=20, seed=5).digest == DIGEST
+    assert loaded.toml() == path.read_text()
+
+
+def test_a_local_class_cannot_be_saved(tmp_path):
+    class Hidden(Agent, symbol="AHidden"):
+        x: int = 0
+
+    world = World("AHidden#h", agents=[Hidden])
+    with pytest.raises(MisuseError, match=r"Hidden is defined in a function or cell.*move it"):
+        world.save(tmp_path / "hidden.toml")
+    with pytest.raises(MisuseError, match="move it into a module"):
+        run(world, frames=1, bus=True)
+
+
+def test_a_class_of_the_program_cannot_reach_processes(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from minerva_bus import *\n"
+        "eTick = EventType('eTick')\n"
+        "class Frog(Agent, symbol='AFrog'):\n"
+        "    age: int = 0\n"
+        "    @on('eTick')\n"
+        "    def live(self, tick, moment):\n"
+        "        self.age += 1\n"
+        "world = World('AFrog#a', services=[each(eTick)])\n"
+        "print(run(world, frames=3).scene)\n"
+        "run(world, frames=3, bus=True)\n"
+    )
+    done = subprocess.run([sys.executable, program], capture_output=True, text=True, check=False)
+    assert done.stdout == "AFrog#a<age=3>()\n"
+    assert "defined in the program that runs (__main__)" in done.stderr
+    assert "from agents import" in done.stderr
+
+
+def test_a_run_says_what_came_out():
+    done = run(pond(), frames=6)
+    assert (done.frames, done.ended, done.reached) == (6, "the frames are over", False)
+    assert done.digest == done.scene.digest.hex()
+    assert done.events == {"eCroak": 3, "eTick": 6}
+    with pytest.raises(MisuseError, match="nothing was collected"):
+        done.table()
+
+
+def test_stepping_gives_the_same_world():
+    with pond(seed=5).start() as live:
+        assert live.frame == 0
+        assert not live.ended
+        assert live.step(15) == 15
+        assert live.step() == 16
+        live.step(4)
+        assert live.digest == DIGEST
+        assert live.status.frame == 20
+
+
+def test_events_and_views_of_a_live_world():
+    with pond().start() as live:
+        live.publish(eFeed(amount=4.0))
+        live.publish(eFeed(amount=1.0, receivers=["b"]))
+        live.step()
+        sizes = [node.state["size"] for node in live.scene.nodes if hasattr(node, "state")]
+        assert sizes == [5.0, 7.0]
+        assert live.view("ePicture") == live.view(ePicture) == live.view(ePicture())
+        assert {node.symbol for node in live.view("ePicture")} == {"TAt"}
+        with pytest.raises(MisuseError, match="not visual"):
+            live.view(eTick)
+        with pytest.raises(MisuseError, match="did you mean 'ePicture'"):
+            live.view("ePictur")
+        with pytest.raises(BusError, match="people"):
+            live.publish(eTick())
+        with pytest.raises(BusError, match="no agent #z"):
+            live.publish(eFeed(amount=1.0, receivers=["z"]))
+        with pytest.raises(MisuseError, match="at least 1"):
+            live.step(0)
+    assert live.ended
+
+
+def test_tables_of_a_live_world_grow():
+    with pond().start(collect=[Frog.age]) as live:
+        assert live.table()["age"].tolist() == [0, 0, 0]
+        live.step(2)
+        assert live.table()["age"].tolist() == [0] * 3 + [1] * 3 + [2] * 3
+
+
+def test_a_world_without_events_is_stepped_at_once():
+    class Stone(Agent, symbol="AStone"):
+        x: int = 0
+
+    with World("AStone#s", agents=[Stone]).start() as live:
+        live.step(50)
+        assert live.frame == 50
+
+
+def test_a_live_world_ends_at_its_end():
+    with pond().start(frames=3) as live:
+        assert live.step(10) == 3
+        assert live.ended
+        assert live.step() == 3
+
+
+def test_an_error_in_a_world_is_raised():
+    class Broken(Agent, symbol="ABroken"):
+        x: int = 0
+
+        @on("eTick")
+        def fail(self, tick, moment):
+            raise ValueError("no good")
+
+    world = World("ABroken#b", agents=[Broken], services=[each(eTick)])
+    with pytest.raises(WorldStopped, match="no good"):
+        run(world, frames=1)
+    with world.start() as live:
+        with pytest.raises(WorldStopped, match="no good"):
+            live.step()
+        assert live.ended
+
+
+def test_an_interrupt_ends_a_world_and_is_raised():
+    closed = []
+
+    class Late(Generator, events=("eTick",)):
+        def generate(self, tick):
+            if tick.number == 3:
+                raise KeyboardInterrupt
+            return [eTick()]
+
+        def close(self):
+            closed.append(True)
+
+    world = World("AFrog#a", agents=[Frog], services=[Late])
+    with pytest.raises(KeyboardInterrupt):
+        run(world, frames=10)
+    assert closed
+    with world.start() as live:
+        with pytest.raises(KeyboardInterrupt):
+            live.step(10)
+        assert live.ended
+        assert live.frame == 3
+
+
+def test_asyncio_steps_a_world_without_blocking():
+    async def main():
+        ticks = 0
+
+        async def tick():
+            nonlocal ticks
+            while True:
+                ticks += 1
+                await asyncio.sleep(0)
+
+        async with pond().start_async(seed=5) as live:
+            task = asyncio.create_task(tick())
+            await live.step(20)
+            task.cancel()
+            assert await live.digest() == DIGEST
+            assert await live.frame() == 20
+            assert not await live.ended()
+            await live.publish(eFeed(amount=1.0))
+            assert (await live.view("ePicture")) != (await live.scene())
+        return ticks
+
+    assert asyncio.run(main()) > 1
+
+
+def test_prints_between_steps_are_the_programs(capsys):
+    with pond().start() as live:
+        live.step()
+        print("mine")
+    assert capsys.readouterr().out == "mine\n"
+
+
+def test_vocabularies_may_be_given():
+    whole = Vocabulary.of(PFrog, TAt, eTick, eFeed, ePicture, module.eCroak, Frog)
+    world = World("AFrog#a", agents=[Frog], services=[each(eTick)], symbols=[whole])
+    assert world.vocabulary == whole
+
+
+def test_forgotten_worlds_leave_no_module():
+    world = pond()
+    name = world.read().world.name
+    count = sum(each.startswith("minerva_world_") for each in sys.modules)
+    del world
+    import gc
+
+    gc.collect()
+    assert name == "pond"
+    assert sum(each.startswith("minerva_world_") for each in sys.modules) < count
