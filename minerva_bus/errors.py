@@ -19,7 +19,7 @@
     ├── ProtocolError            a member sent what the protocol does not allow
     ├── Refusal                  the world does not admit this member            frame.member
     │   ├── Unready              the member's service cannot run in this world   frame.member
-    │   └── Anew                 the world has restarted: join again             frame.member
+    │   └── WorldRestarted       the world has restarted: join again             frame.member
     ├── BusError                 a session, an endpoint or a world cannot be reached
     │   └── Followed             another coordinator runs the world now
     ├── KeysError                a key or a certificate is missing or does not fit

@@ -13,7 +13,7 @@ from minerva_bus.cli.exit_codes import FAILED
 from minerva_bus.cli.places import identity, place
 from minerva_bus.cli.saying import tell
 from minerva_bus.errors import KeysError, WorldFileError, nearest
-from minerva_bus.frame.member import Anew, Member
+from minerva_bus.frame.member import Member, WorldRestarted
 from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import (
@@ -71,8 +71,8 @@ def attach_member(
             participant = _participant(spec, name, options)
         try:
             return _attached(participant, way)
-        except Anew as anew:
-            tell(f"{participant.name}: {anew}; joining again")
+        except WorldRestarted as restarted:
+            tell(f"{participant.name}: {restarted}; joining again")
 
 
 def _attached(participant: Member, way: ConnectOptions) -> int:

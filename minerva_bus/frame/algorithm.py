@@ -1,7 +1,7 @@
 """Table 2 of the paper as a pure state machine: stimulus in, instructions out.
 
-It does no input or output and reads no clock. Whatever it iterates over is in an order that does
-not depend on who answered first. The phases and their transitions are in `phases.py`.
+It does no input or output and reads no clock. Every iteration order is independent of the order in
+which members answer. The phases and their transitions are in `phases.py`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ MAX_PROBLEM_LINES: Final = 10
 class FrameAlgorithm:
     """Runs one world. `receive` takes a stimulus and returns the instructions that follow.
 
-    `source` makes what carries out the steps that depend on members; by default these are live.
+    `source` creates the object that carries out the steps which depend on members; by default
+    members are live.
     """
 
     def __init__(
@@ -83,19 +84,19 @@ class FrameAlgorithm:
         return out.pending
 
     def _note_stranger(self, sender: str) -> None:
-        # Senders that never appeared could use any number of names, so only a count is kept.
+        # A sender that never appeared can use any number of names, so only a count is kept.
         self.members.strangers += 1
         strangers = self.members.strangers
         if strangers <= MAX_NAMED_STRANGERS:
-            more = "" if strangers < MAX_NAMED_STRANGERS else "; further strangers are not named"
-            self.out.log(sender[:64], f"is no member and is not heard{more}")
+            more = "" if strangers < MAX_NAMED_STRANGERS else "; further ones are not logged"
+            self.out.log(sender[:64], f"unknown member: message ignored{more}")
 
     # --- Table 2 ---
 
     def advance(self) -> None:
-        """Carry out Table 2 as far as the answers that have arrived allow.
+        """Carry out Table 2 as far as the answers received so far allow.
 
-        A phase ends when nothing is awaited any more; the next call continues from there. Step 1,
+        A phase ends when nothing is outstanding; the next call continues from there. Step 1,
         w = w₀ and t = 0, is the constructor; step 2 begins with the requests of `on_begin`.
         """
         source, in_flight = self.source, self.in_flight
@@ -108,7 +109,7 @@ class FrameAlgorithm:
             source.commit()  # 8: w = w_next; t = t + 1
             self.continue_or_close()  # 9: if w = ε, go to 11; 10: go to 2
         if self.phase is Phase.CLOSING and self.in_flight.requests.complete:
-            self.show()  # the last w, which no frame would show any more
+            self.show()  # the last w, which no further frame shows
             self._stop(Awaited.RESULTS)
         if self.phase is Phase.STOPPING and not self.shutdown.pending:
             self._finish(Awaited.REPORTS)  # 11: end
@@ -144,7 +145,7 @@ class FrameAlgorithm:
         )
 
     def close(self, reason: str) -> None:
-        """End a world whose frames are over: devices see its last string before it stops."""
+        """End a world after its last frame: devices show its last string before it stops."""
         self.shutdown.reason = reason
         due = due_views(self.members.index, self.frame, (), closing=True)
         self.in_flight = FrameInFlight()
@@ -153,7 +154,7 @@ class FrameAlgorithm:
         self.source.evolve()
 
     def fail(self, reason: str) -> None:
-        """End the world before its time."""
+        """End the world prematurely, because of an error."""
         self.shutdown.failed = True
         self.shutdown.reason = reason
         self._stop(Awaited.END)
@@ -258,7 +259,7 @@ class FrameAlgorithm:
             self.shutdown.reason = end.reason
             self._stop(Awaited.END)
 
-    # --- whom the world waits for ---
+    # --- outstanding answers ---
 
     def waiting_for(self) -> list[str]:
         """The members that the world waits for, sorted."""
@@ -275,7 +276,7 @@ class FrameAlgorithm:
         return sorted(names)
 
     def awaits(self, member: str) -> bool:
-        """Whether a frame waits for an answer of a member, this frame or the next one."""
+        """Whether this frame or the next one waits for an answer of a member."""
         if self.inbox.early.awaits(member):
             return True
         if self.phase in (Phase.TICK, Phase.STOPPING):
@@ -290,22 +291,22 @@ class FrameAlgorithm:
         return member in self.in_flight.pending or member in self.shutdown.pending
 
     def awaits_tick(self, member: str) -> bool:
-        """Whether steps 1 to 4 of this frame wait for a member, whose answer counts once."""
+        """Whether steps 1 to 4 of this frame wait for the one answer of a member."""
         return self.phase is Phase.TICK and member in self.in_flight.pending
 
     # --- state ---
 
     @property
     def in_frame(self) -> bool:
-        """Whether a frame is under way."""
+        """Whether a frame is in progress."""
         return self.phase in (Phase.TICK, Phase.EVOLVE)
 
     @property
     def at_rest(self) -> bool:
         """Whether the next frame would neither change the string nor show anything new.
 
-        No generator runs in step with it, no event waits, and every device has seen the string. A
-        world with a fixed number of frames runs them all.
+        There is no lockstep generator, no event waits, and every device has shown the string. A
+        world with a fixed number of frames never rests.
         """
         if self.world.frames or self.phase is not Phase.READY or self.placement.outdated:
             return False
@@ -322,7 +323,7 @@ class FrameAlgorithm:
 
     @property
     def failed(self) -> bool:
-        """Whether the world ended before its time because something went wrong."""
+        """Whether the world ended prematurely because of an error."""
         return self.shutdown.failed
 
     @property
@@ -332,7 +333,7 @@ class FrameAlgorithm:
 
     @property
     def finished(self) -> str:
-        """Reason for the end by `until` and `give_up`; empty while an agent has sent neither."""
+        """Reason for the end by `until` and `give_up`, or empty while an agent has sent neither."""
         return self.goal.finished
 
     @property
@@ -370,7 +371,7 @@ class FrameAlgorithm:
 
     @property
     def ordered(self) -> Mapping[str, Sequence[AnyEvent]]:
-        """The events of no complete frame, by source, if people's events are among them."""
+        """Events that no complete frame contains, by source, if any of them are from people."""
         events = self.in_flight.events
         taken: dict[str, Sequence[AnyEvent]] = {}
         if self.phase is Phase.EVOLVE:
@@ -412,15 +413,15 @@ _HANDLERS: Final[Mapping[type, Callable[[FrameAlgorithm, Any], None]]] = {
     s.Silent: FrameAlgorithm.on_silent,
     m.Failed: FrameAlgorithm.on_failed,
     m.Resync: FrameAlgorithm.on_resync,
-    m.MemberMetrics: lambda algorithm, doing: _note_figures(algorithm, doing),
+    m.MemberMetrics: lambda algorithm, metrics: _note_figures(algorithm, metrics),
     m.Report: lambda algorithm, report: algorithm.shutdown.report(report.member, report.figures),
     s.End: FrameAlgorithm.on_end,
 }
-"""What handles each stimulus."""
+"""Handlers by type of stimulus."""
 
 
-def _note_figures(algorithm: FrameAlgorithm, doing: m.MemberMetrics) -> None:
-    algorithm.members.get(doing.member).figures = doing.figures
+def _note_figures(algorithm: FrameAlgorithm, metrics: m.MemberMetrics) -> None:
+    algorithm.members.get(metrics.member).figures = metrics.figures
 
 
 __all__ = ["FrameAlgorithm", "Phase"]

@@ -1,4 +1,4 @@
-"""Placement rules: on which hosts agents may live, from [placement] in a world file."""
+"""Placement rules: which hosts may evolve which agents, from [placement] in a world file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ Offers: TypeAlias = Mapping[str, frozenset[str]]
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Where agents of one kind may live.
+    """Which hosts may evolve agents of one kind.
 
-    `only`: on the hosts whose names fit one of these patterns (`*` and `?`); empty: on any.
-    `near`: on hosts of the same machine as the member of this name.
+    `only`: hosts whose names match one of these patterns (`*` and `?`); empty: any host.
+    `near`: hosts on the same machine as the member of this name.
     """
 
     only: tuple[str, ...] = ()
     near: str = ""
 
     def allows(self, host: str, machines: Mapping[str, str]) -> bool:
-        """Whether such agents may live on a host; `machines` has the machine of each member."""
+        """Whether a host may evolve such agents; `machines` maps members to machines."""
         if self.only and not any(fnmatchcase(host, pattern) for pattern in self.only):
             return False
         return not self.near or machines.get(self.near, "") == machines.get(host)
@@ -31,14 +31,14 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class PlacementRules:
-    """Rules by kind, and how many agents a host takes at most; 0: any number."""
+    """Rules by kind, and the maximum number of agents per host; 0: any number."""
 
     rules: Mapping[str, Rule] = field(default_factory=dict[str, Rule])
     agents_per_host: int = 0
 
     @property
     def neighbours(self) -> frozenset[str]:
-        """The members near which agents have to live."""
+        """The members whose machines rules refer to."""
         return frozenset(rule.near for rule in self.rules.values() if rule.near)
 
     def allowed(self, offers: Offers, machines: Mapping[str, str]) -> dict[str, frozenset[str]]:

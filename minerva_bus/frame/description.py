@@ -1,4 +1,4 @@
-"""What the frame algorithm needs to know of a world before it begins."""
+"""Declaration of a world: what the frame algorithm needs before the first frame."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from minerva_bus.world.order import Order
 class World:
     """A world: its initial string w₀, its vocabulary and the rules of its frames.
 
-    `dt` is how many simulated seconds a frame lasts. The world ends after `frames` frames (0: no
-    limit), when its string is ε, or when every agent of the kinds that send `until` has sent it or,
-    instead, `give_up`, by which an agent says that it cannot.
-    In `real_time` something outside, as a robot, sees to it that a frame lasts `dt` seconds.
-    `norms` say what nobody may do. `people` are the event types that people may send although a
-    generator makes them. `speaks_for` has, by generator, the kinds and `#id`s of agents in whose
-    name it may send events. `placement` says where agents may live; it cannot reach the
-    string unless some find no place.
+    `dt`: simulated seconds per frame. The world ends after `frames` frames (0: no limit), when its
+    string is ε, or when every agent of the kinds that send `until` has sent `until` or `give_up`.
+    `real_time`: an external process, such as a robot, makes each frame last `dt` seconds.
+    `norms`: what is forbidden. `people`: event types that people may send although a generator
+    makes them. `speaks_for`: by generator, the kinds and `#id`s of agents in whose name it may send
+    events. `placement`: which hosts may evolve which agents; it affects the string only if an
+    agent has no host.
 
-    One that goes on from a checkpoint, `past`, begins with that frame's string; `shown` are the
+    A resumed world starts from the checkpoint `past` and the string of that frame; `shown` are the
     last views as keyframes, on which coupled devices still have to act.
 
-    Raises VocabularyError where, under the literal policy, an agent has the id of a copy that a
-    frame to come may make.
+    Raises VocabularyError if, under the literal policy, an agent has the id of a copy that a later
+    frame may make.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Goal of a world: agents send the event of `until`, or of `give_up`, and the world is over."""
+"""Goal of a world, which ends when all its agents have sent `until` or `give_up`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GIVEN_UP: Final = "~given up"
 """Key in `Checkpoint.saved` for the agents that have given up; no member can have this name."""
 
 _MAX_REASONS: Final = 3
-"""Agents that gave up and are named at the end."""
+"""Maximum number of agents that are named at the end with their reasons for giving up."""
 
 
 class WorldGoal:
@@ -60,7 +60,7 @@ class WorldGoal:
         return self._saved.get(GIVEN_UP, {})
 
     def note(self, sent: Mapping[str, tuple[AnyEvent, ...]], out: Instructions) -> None:
-        """Note who has sent `until` or `give_up`, by agent or fragment.
+        """Note the agents that have sent `until` or `give_up`; `sent` is by agent or fragment.
 
         Kinds are noted before the frame's changes count, because the sender may be gone then.
         """

@@ -1,4 +1,4 @@
-"""State that lives during one frame only; each frame starts with a new `FrameInFlight`."""
+"""State of a single frame; each frame starts with a new `FrameInFlight`."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Requests:
         return [key for key in self.outstanding if key[0] == host]
 
     def cancel(self) -> None:
-        """Wait for nobody any longer."""
+        """Wait for no further replies."""
         self.outstanding, self.unassigned = {}, set()
 
 
@@ -118,7 +118,7 @@ class FrameResult:
             self.view_patches.setdefault(event_type, {}).update(patches)
 
     def count_answers(self) -> None:
-        """Note how many replies the latest request has got."""
+        """Note how many replies the latest request received."""
         self.answers.append(len(self.replies) - sum(self.answers))
 
 
@@ -130,7 +130,7 @@ class FrameInFlight:
     `pending`: members whose tick reply the frame waits for; `ticked`: replies by member.
     `trial`: the outcome before norms that judge agents; `stages`: the reduced events by which
     agents with a rejected outcome may still continue.
-    `logged`: inputs from a log, which count in place of those of members that are not here.
+    `logged`: inputs from a log, which replace those of absent members.
     """
 
     clock_views: tuple[str, ...] = ()
@@ -144,7 +144,7 @@ class FrameInFlight:
     stages: Iterator[Events] = _NO_STAGES
 
     def inputs(self, number: int, waiting: Mapping[str, Sequence[AnyEvent]]) -> FrameInputs:
-        """What the frame's outcome follows from, for the log; `waiting` counts in the next one."""
+        """The inputs that determine the frame, for the log; `waiting` are for the next frame."""
         return FrameInputs(
             number,
             self.events.due,

@@ -1,4 +1,4 @@
-"""What arrived for a later frame: events by source, and early answers of generators."""
+"""Input for later frames: events by source, and early answers of generators."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ AGENTS: Final = "#"
 """Source of all events that agents send; no generator can have this name."""
 
 MAX_WAITING: Final = 100_000
-"""Events of one free-running generator that wait for a frame; a paused world takes none."""
+"""Maximum events of one free-running generator in the queue, which grows while a world pauses."""
 
 MAX_SINGLE_EVENTS: Final = 2_000
-"""Events of one free-running generator, not in columns, that a frame takes; others wait."""
+"""Maximum events of one free-running generator, outside columns, in a frame; others wait."""
 
 
 class EarlyTicks:
@@ -79,7 +79,7 @@ class FrameInbox:
         return bool(self.events or self.emitted or self.sanctions)
 
     def waiting(self) -> dict[str, tuple[AnyEvent, ...]]:
-        """What waits for the next frame, by source, for a checkpoint."""
+        """Events for the next frame by source, for a checkpoint."""
         waiting = {source: tuple(events) for source, events in self.events.items()}
         return {**waiting, SOURCE: tuple(self.sanctions)} if self.sanctions else waiting
 
@@ -88,7 +88,7 @@ class FrameInbox:
         self.events = {source: list(waiting) for source, waiting in events.items()}
 
     def add(self, source: str, events: Sequence[AnyEvent]) -> bool:
-        """Add events of a generator; False where too many wait already."""
+        """Add events of a generator; False if its queue is full."""
         waiting = self.events.setdefault(source, [])
         held = self._counts.get(source)
         if held is None:  # The first since the last frame, or since the world was resumed.
@@ -113,7 +113,7 @@ class FrameInbox:
         return taken
 
     def take(self, is_taken: Callable[[str], bool]) -> dict[str, list[AnyEvent]]:
-        """Remove and return what waits for this frame.
+        """Remove and return the events for this frame.
 
         Orders that a generator takes stay: they arrived after it was asked.
         """

@@ -141,7 +141,7 @@ class MemberLifecycle:
         return waits or "; no other host can take its agents over"
 
     def leaving(self, leaving: m.Leaving) -> None:
-        """Continue without a member that leaves of its own accord."""
+        """Continue without a member that leaves voluntarily."""
         algorithm = self._algorithm
         member = algorithm.members.get(leaving.member)
         if member.state is not MemberState.LEFT:
@@ -193,8 +193,8 @@ class MemberLifecycle:
             self._lose(member)
 
     def _blame(self, member: MemberEntry, text: str) -> None:
-        # A member that is out already may misbehave any number of times, so it is logged once
-        # until a new process of this name appears.
+        # An excluded member can misbehave any number of times, so only its first violation is
+        # logged until a new process of this name appears.
         if member.active or not member.blamed:
             self._algorithm.out.log(member.name, text)
         member.blamed = True
@@ -228,8 +228,8 @@ class MemberLifecycle:
         result, requests = in_flight.result, in_flight.requests
         result.changed_by = {n: by for n, by in result.changed_by.items() if by != member.name}
         if algorithm.phase is Phase.TICK and member.awaited and member.name in in_flight.ticked:
-            # Others may still need what it published in this frame. Its successor continues from
-            # before the frame and is asked for all of it again.
+            # Other members may still need the readings that it published in this frame. Its
+            # successor continues from before the frame and publishes them again.
             del in_flight.ticked[member.name]
             in_flight.pending.add(member.name)
         if algorithm.phase not in (Phase.EVOLVE, Phase.CLOSING):

@@ -40,8 +40,8 @@ class Unready(Refusal):
     """The member cannot take part in this world, as its service reports."""
 
 
-class Anew(Refusal):
-    """The world has been started again, so its former members must start again too."""
+class WorldRestarted(Refusal):
+    """The world has restarted, so the member must join it with its initial state."""
 
 
 class Member:
@@ -78,7 +78,7 @@ class Member:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The sensor topics that it subscribes to."""
+        """The sensor topics to which it subscribes."""
         return self.service.topics if self.service is not None else ()
 
     def receive(self, message: m.ToMember | m.Readings) -> list[Outgoing]:
@@ -150,11 +150,16 @@ class Member:
             raise UserCodeError(handler_name(service.joined), service.joined) from error
 
     def _is_same_run(self, before: m.Welcome, welcome: m.Welcome) -> bool:
-        """Whether a welcome is of the run that it took part in. Raises Anew where it cannot be."""
+        """Whether a welcome is from the run that the member took part in.
+
+        Raises WorldRestarted if it is from another run, or from before this member's frame.
+        """
         same = (before.seed, before.dt) == (welcome.seed, welcome.dt)
         earlier = welcome.frame + 1 < self.frame and welcome.saved is None
         if not same or earlier:
-            raise Anew(f"the world {welcome.world!r} has begun anew, at frame {welcome.frame}")
+            raise WorldRestarted(
+                f"the world {welcome.world!r} has restarted, at frame {welcome.frame}"
+            )
         return True
 
     def _on_refused(self, refused: m.Refused) -> None:
@@ -166,7 +171,7 @@ class Member:
         self._out.append(m.Report(self.name, self.figures()))
 
     def figures(self) -> m.Figures:
-        """Metrics of its service, without numbers that are not finite, as the mean of nothing."""
+        """Finite metrics of its service; others, such as a mean without values, are left out."""
         reported: m.Figures = {}
         if self.service is not None:
             with blamed(self.service.report):

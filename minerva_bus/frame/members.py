@@ -1,4 +1,4 @@
-"""The members of a world as the coordinator knows them: one table of states and transitions.
+"""The members of a world: one table of states and transitions.
 
        appeared          greeted           admitted
 (none) ────────▶ JOINING ───────▶ JOINING ────────▶ PRESENT ◀──▶ LATE
@@ -20,7 +20,7 @@ from typing import Any, Final
 from minerva_bus.frame.messages import Figures, Hello
 
 MAX_DEPARTED: Final = 200
-"""Guests that stay listed after they have left; the one that left first is forgotten first."""
+"""Guests that remain in the table after leaving; the oldest is removed first."""
 
 
 class MemberState(Enum):
@@ -34,7 +34,7 @@ class MemberState(Enum):
 
 
 class MemberChange(Enum):
-    """What can happen to a member."""
+    """Events in the life of a member."""
 
     APPEARED = "appeared"
     ADMITTED = "admitted"
@@ -123,7 +123,7 @@ class MemberIndex:
 
     `tickers` are asked in a tick; `sources` are the devices that generate their own visual events.
     Both include members that are away and awaited. `ahead` are asked before the frame begins;
-    `joining` are to be admitted. `anyone_ticks`: somebody is asked in the tick itself. `rates` maps
+    `joining` are to be admitted. `anyone_ticks`: the tick itself has a recipient. `rates` maps
     the visual event types of devices that want views by the clock to views per second. Every other
     device gets a view within `every` frames.
     """
@@ -153,7 +153,7 @@ class Members:
         self.publishers: dict[str, tuple[str, ...]] = {}
         """The lockstep publishers of each sensor topic, as last announced to all members."""
         self.saved: dict[str, Mapping[str, Any]] = {}
-        """What members saved in their last complete frame; names with ~ are the coordinator's."""
+        """Data saved by members in their last complete frame; ~names are the coordinator's."""
         self.strangers: int = 0
         """Number of messages from senders that never appeared."""
 
@@ -262,7 +262,7 @@ class Members:
         return member is not None and member.hello is not None and member.hello.plain
 
     def offers(self) -> dict[str, frozenset[str]]:
-        """The kinds that each active host offers; a drained host only what nobody else offers."""
+        """The kinds that each active host offers; of a drained host, only those without another."""
         hosts = {m.name: _kinds(m.hello) for m in self.active() if m.hello is not None}
         kept = [kinds for name, kinds in hosts.items() if not self._entries[name].drained]
         elsewhere = frozenset[str]().union(*kept)
@@ -299,7 +299,7 @@ class Members:
     def standing_for_people(self) -> frozenset[str]:
         """The generators whose events count as sent by people.
 
-        Either their hello says so, as a keyboard's does, or somebody attached them to the world.
+        Their hello declares it, as a keyboard's does, or they were attached to the running world.
         """
         named, active = self._named, self.active()
         return frozenset(

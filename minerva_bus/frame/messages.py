@@ -38,9 +38,9 @@ _NO_FRAME: Final = AtLeast(-1)
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Who a member is and what it can do; the answer to `Greet`."""
+    """Name, roles and capabilities of a member; the answer to `Greet`."""
 
-    WIRE: ClassVar = Wire("hello", ("from",), "who it is: a map, see below", "greet", keyed=True)
+    WIRE: ClassVar = Wire("hello", ("from",), "what it is: a map, see below", "greet", keyed=True)
 
     member: Sender
     version: Annotated[int, Note("6")]
@@ -53,39 +53,39 @@ class Hello:
         ),
     ] = ()
     generates: Annotated[
-        Names, Note("the event types that it may send; another one breaks the protocol")
+        Names, Note("the event types that it may send; any other violates the protocol")
     ] = ()
-    lockstep: Annotated[bool, Note("it is asked in every frame")] = False
+    lockstep: Annotated[bool, Note("each frame waits for its events")] = False
     ahead: Annotated[
         bool,
         Mark.OPTIONAL,
         Note(
             "it depends neither on the world nor on readings or orders: it is asked a frame ahead,"
-            " and does not listen to `tick`"
+            " and does not subscribe to `tick`"
         ),
     ] = False
     orders: Annotated[Names, Note("the event types for which it takes people's orders")] = ()
     people: Annotated[
         bool, Mark.OPTIONAL, Note("norms treat the events that it generates as sent by people")
     ] = False
-    draws: Annotated[Names, Note("the visual event types whose views it wants")] = ()
+    draws: Annotated[Names, Note("the visual event types whose views it draws")] = ()
     coupled: Annotated[
-        bool, Note("a device that must have carried out a view before the next frame's events")
+        bool, Note("a device that must have executed a view before the next frame's events")
     ] = False
     every: Annotated[
         int,
         Note(
             "> 0: the types that it draws have no data, and the coordinator generates them every"
-            " so many frames"
+            " this many frames"
         ),
     ] = 0
     rate: Annotated[
         float,
         AtLeast(0),
         Mark.OPTIONAL,
-        Note("> 0: as `every`, but at most so many times a second, by the clock"),
+        Note("> 0: as `every`, but at most this many times per second"),
     ] = 0.0
-    topics: Annotated[Names, Note("the topics that it listens to")] = ()
+    topics: Annotated[Names, Note("the topics to which it subscribes")] = ()
     publishes: Annotated[Names, Note("the topics on which it publishes")] = ()
     pid: Annotated[int, Note("its process, for people; 0: none")] = 0
     host: Annotated[str, Note("its machine, for people")] = ""
@@ -102,7 +102,7 @@ class Hello:
 
     @property
     def watches_only(self) -> bool:
-        """Whether the world loses nothing but a view when this member is away."""
+        """Whether the world lacks only a view when this member is away."""
         return bool(self.draws) and not (self.kinds or self.generates or self.coupled)
 
     @property
@@ -114,9 +114,9 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class TickReply:
-    """C^d(t) of a lockstep member, and what a successor of it needs to continue.
+    """C^d(t) of a lockstep member, and the data from which a successor continues.
 
-    `received` are the bytes that it came as, for a journal.
+    `received`: the message as received, for a journal.
     """
 
     WIRE: ClassVar = Wire(
@@ -138,12 +138,12 @@ class TickReply:
 
 @dataclass(frozen=True, slots=True)
 class EvolveReply:
-    """The result of evolving a host's fragments in a frame: only what differs from before.
+    """The changes of a host's fragments and views in a frame.
 
-    `changed` maps a fragment to the string that replaces it, `patched` one in columns to its
-    delta; `views` maps a visual event type to the changed views by fragment; `emitted` an agent,
-    or a fragment in columns, to the events that it sent. `elapsed` is how many seconds the
-    coordinator waited for the reply, and `received` the bytes that it came as.
+    `changed`: the string that replaces each fragment; `patched`: the delta of each fragment in
+    columns. `views`: changed views by visual event type and fragment. `emitted`: the events sent by
+    each agent or fragment in columns. `elapsed`: seconds that the coordinator waited for the reply.
+    `received`: the message as received.
     """
 
     WIRE: ClassVar = Wire(
@@ -186,12 +186,12 @@ class Emitted:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """User code in a member raised; the member ends after this."""
+    """User code in a member raised an exception; the member then ends."""
 
     WIRE: ClassVar = Wire(
         "failed",
         ("from",),
-        "its own code failed. Of the problem ten lines are shown; the traceback goes to the log",
+        "its own code failed. Ten lines of the problem are shown; the traceback goes to the log",
     )
 
     member: Sender
@@ -202,9 +202,9 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Resync:
-    """An observer missed a view and asks for a key view."""
+    """An observer missed a view and requests a keyframe."""
 
-    WIRE: ClassVar = Wire("resync", ("from",), "an observer missed a view and wants a whole one")
+    WIRE: ClassVar = Wire("resync", ("from",), "an observer missed a view and requests a key view")
 
     member: Sender
     event_type: str
@@ -212,7 +212,7 @@ class Resync:
 
 @dataclass(frozen=True, slots=True)
 class Leaving:
-    """A member leaves of its own accord."""
+    """A member leaves voluntarily."""
 
     WIRE: ClassVar = Wire("leaving", ("from",), "it leaves")
 
@@ -221,13 +221,12 @@ class Leaving:
 
 @dataclass(frozen=True, slots=True)
 class MemberMetrics:
-    """A member's current metrics, for people who watch."""
+    """A member's current metrics, for displays."""
 
     WIRE: ClassVar = Wire(
         "doing",
         ("from",),
-        "the member's metrics, for people who watch; whenever they have changed, at most once a"
-        " second",
+        "the member's metrics, for displays; sent when they have changed, at most once per second",
     )
 
     member: Sender
@@ -236,7 +235,7 @@ class MemberMetrics:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A member's figures for the summary; the answer to `Stop`."""
+    """A member's metrics for the summary; the answer to `Stop`."""
 
     WIRE: ClassVar = Wire(
         "report",
@@ -255,14 +254,14 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class Greet:
-    """Asks a member for its `Hello`."""
+    """Request a member's `Hello`."""
 
     WIRE: ClassVar = Wire("greet", ("to",), "send `hello`")
 
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """A member has joined: its world, and the frame that comes next."""
+    """A member has joined: its world, and the next frame."""
 
     WIRE: ClassVar = Wire("welcome", ("to",), "it has joined")
 
@@ -270,7 +269,7 @@ class Welcome:
     vocabulary: Vocabulary
     seed: Annotated[int, AtLeast(-(1 << 63))]
     dt: Annotated[float, Note("seconds of a frame")]
-    frame: Annotated[int, Note("the one that comes next or runs")]
+    frame: Annotated[int, Note("the next one, or the one in progress")]
     policy: Annotated[str, Note("`sequential` or `literal`")] = "sequential"
     saved: Annotated[Saved, Note("what a predecessor of this name saved last")] = None
 
@@ -280,7 +279,7 @@ class Refused:
     """A member may not join."""
 
     WIRE: ClassVar = Wire(
-        "refused", ("to",), "it may not join, or has broken the protocol; it ends"
+        "refused", ("to",), "it may not join, or has violated the protocol; it ends"
     )
 
     reason: str
@@ -288,7 +287,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Which members publish a sensor topic in step with the frames."""
+    """The lockstep publishers of each sensor topic."""
 
     WIRE: ClassVar = Wire(
         "sources", ("to", "all"), "by topic, the members that publish it in step with the frames"
@@ -299,9 +298,9 @@ class Sources:
 
 @dataclass(frozen=True, slots=True)
 class TickRequest:
-    """Steps 1 and 2 of Table 2: frame t begins; asks for its events."""
+    """Steps 1 and 2 of Table 2: frame t begins; request its events."""
 
-    WIRE: ClassVar = Wire("tick", ("tick", "to"), "asks for the frame's events")
+    WIRE: ClassVar = Wire("tick", ("tick", "to"), "requests the events of the frame")
 
     frame: int
 
@@ -310,7 +309,9 @@ class TickRequest:
 class Fragments:
     """Fragments that a host lacks, and those that it no longer needs."""
 
-    WIRE: ClassVar = Wire("fragments", ("to",), "what to evolve from now on, and what no longer")
+    WIRE: ClassVar = Wire(
+        "fragments", ("to",), "fragments to evolve from now on, and fragments to discard"
+    )
 
     given: Parts
     dropped: tuple[str, ...] = ()
@@ -320,7 +321,7 @@ class Fragments:
 class EvolveRequest:
     """Steps 5 and 6 of Table 2 for the hosts named in `asked`.
 
-    `only` restricts it to some agents: those that came to a host in the midst of a frame.
+    `only` restricts it to fragments that were assigned to a host during the frame.
     """
 
     WIRE: ClassVar = Wire(
@@ -340,15 +341,15 @@ class ViewShown:
     """π(w, e^v) for one visual event type: the string's static part and its agents' views.
 
     A *key* view is complete: `skeleton` is the string with each fragment as a slot `A#name()`, and
-    `parts` has every fragment's view. Others have the changed parts only, those in columns as
-    `patches` of the previous ones; a gap in `sequence` shows that one was missed.
+    `parts` has the view of every fragment. Other views have only the changed parts, those in
+    columns as `patches` of the previous ones; a gap in `sequence` means that a view was missed.
     """
 
     WIRE: ClassVar = Wire(
         "view",
         ("view", "to"),
-        "what to draw. The steps of `halted` agents do not count in this frame: a device carries"
-        " nothing out for them",
+        "what to draw. The steps of `halted` agents do not count in this frame: a device executes"
+        " no action for them",
     )
 
     event_type: str
@@ -362,12 +363,12 @@ class ViewShown:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """Events that people have sent for a generator's event types, for a frame."""
+    """Events sent by people for the event types that a generator takes, for a frame."""
 
     WIRE: ClassVar = Wire(
         "orders",
         ("to",),
-        "what people have sent for a type that the member takes orders for, for this frame",
+        "events of people for this frame, of the types for which the member takes orders",
     )
 
     frame: int
@@ -376,9 +377,9 @@ class Orders:
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """Asks a publisher to publish its last readings again, for a listener that joined late."""
+    """Request a publisher's last readings again, for a subscriber that has just joined."""
 
-    WIRE: ClassVar = Wire("repeat", ("to",), "publish the last readings again, as they were")
+    WIRE: ClassVar = Wire("repeat", ("to",), "publish the last readings again, unchanged")
 
     topic: str
 
@@ -392,12 +393,12 @@ class Stop:
     reason: str
 
 
-# --- for everyone who listens ---
+# --- for all subscribers ---
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """A member's readings on one topic; `frame` is -1 from a free-running publisher."""
+    """A member's readings on one topic; `frame` is -1 if the publisher is free-running."""
 
     WIRE: ClassVar = Wire("readings", ("topic",), "what a publisher has measured")
 
@@ -409,13 +410,13 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class FrameRecord:
-    """The result of a frame, for whoever watches: its events in order, and its changes.
+    """The result of a frame, for watchers: its events in order, and its changes.
 
-    `changed` has the strings that replaced outermost agents; `digest` is that of the string with
-    which the next frame begins.
+    `changed`: the strings that replaced fragments. `digest`: that of the string with which the next
+    frame begins.
     """
 
-    WIRE: ClassVar = Wire("frame", ("record",), "what happened in a frame")
+    WIRE: ClassVar = Wire("frame", ("record",), "the result of a frame")
 
     frame: int
     events: tuple[AnyEvent, ...]

@@ -1,4 +1,4 @@
-"""Norms at run time: which events of a frame are permitted, and which outcomes of agents."""
+"""Enforces norms: which events of a frame, and which outcomes of agents, are permitted."""
 
 from __future__ import annotations
 

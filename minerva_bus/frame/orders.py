@@ -1,4 +1,4 @@
-"""Orders: which events people may send, and which not, because a sensor or a clock sends them."""
+"""Orders: which events people may send; those of sensors and clocks are reserved."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     """Reason why people may not send an event of a type, or an empty string.
 
     They may send what a generator takes orders for, what the world file lists, and what no
-    generator makes. All other events come from a sensor, a clock or physics; from a terminal they
-    would be false statements about the world.
+    generator makes. All other events are measured or computed; sent from a terminal they would be
+    false statements about the world.
     """
     members = world.members
     if event_type in world.world.people or members.takers(event_type):
@@ -34,7 +34,7 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
     unknown = [member.name for member in members if member.expected and member.hello is None]
     if unknown and world.phase is Phase.WAITING:
         return (
-            f"nobody knows yet whether people may send {event_type}: the world still gathers"
+            f"whether people may send {event_type} depends on members that have not joined yet:"
             f" {', '.join(unknown[:5])}; send it when the world runs"
         )
     return ""
@@ -43,9 +43,8 @@ def refusal_of_order(world: FrameAlgorithm, event_type: str) -> str:
 def unknown_value(world: FrameAlgorithm, event: Event) -> str:
     """Reason why an order names something that the world lacks, or an empty string.
 
-    It compares the order with the values in the string from which the event's type takes its
-    values. A string without any such value is no reason: what a robot meets on a real floor is not
-    in it.
+    It compares the order with the values that the string has for the event's type. A string without
+    any such value is no reason, because objects that a robot detects are not in it.
     """
     for field in world.world.vocabulary.events[event.type].fields.all:
         source = field.type.source

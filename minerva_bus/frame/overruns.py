@@ -1,4 +1,4 @@
-"""Overruns: frames that take longer than real time, and the members that answered last in them.
+"""Overruns: frames that take longer than real time, and the member that answered last in each.
 
 Times are seconds of one monotonic clock; they are passed in, so that this module reads no clock.
 """

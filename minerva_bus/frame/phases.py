@@ -8,7 +8,7 @@ from typing import Final
 
 
 class Phase(Enum):
-    """What the world is doing; the value is what status displays show."""
+    """Phase of a world; status displays show the value."""
 
     WAITING = "gathering members"
     READY = "between frames"
@@ -23,7 +23,7 @@ class Phase(Enum):
 
 
 class Awaited(Enum):
-    """What completes a phase; the value labels the transition in the diagram."""
+    """Condition that ends a phase; the value labels the transition in the diagram."""
 
     MEMBERS = "expected members present"
     BEGIN = "Begin"
@@ -44,7 +44,7 @@ TRANSITIONS: Final[Mapping[tuple[Phase, Awaited], Phase]] = {
     (Phase.EVOLVE, Awaited.OVER): Phase.CLOSING,
     (Phase.CLOSING, Awaited.RESULTS): Phase.STOPPING,
     (Phase.STOPPING, Awaited.REPORTS): Phase.ENDED,
-    # A coordinator may die between the last frame and the last view; its successor shows it.
+    # A coordinator may crash between the last frame and the last view, so its successor shows it.
     (Phase.WAITING, Awaited.OVER): Phase.CLOSING,
     # A replay ends between two frames when its last viewer leaves.
     (Phase.READY, Awaited.OVER): Phase.CLOSING,

@@ -245,7 +245,7 @@ class Placement:
         placed = self._host.get(fragment, host)
         if placed != host:  # It moved after its former host had been asked.
             self._stale[placed].add(fragment)
-        if fragment not in held:  # The former host was told to drop it.
+        if fragment not in held:  # It was to drop the fragment.
             return
         piece = fragment_in(result, fragment)
         if piece is None:

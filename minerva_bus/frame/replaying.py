@@ -126,7 +126,7 @@ class RecordedSource(FrameSource):
         algorithm.frame += 1
 
     def why_over(self) -> str:
-        """Step 9: whether the recorded run is over and nobody stays."""
+        """Step 9: whether the recorded run is over and no member stays."""
         stays = self._stay and self._algorithm.members.active()
         return "" if self.has_next() or stays else OVER
 

@@ -1,7 +1,7 @@
-"""How a message declares what it is on the wire.
+"""Declarations of messages: encoding, limits and documentation of each field.
 
-A message is a frozen dataclass with a `WIRE`. Its fields travel in the order in which they are
-declared, by their types; marks beside a type restrict a field, or say where its value travels:
+A message is a frozen dataclass with a `WIRE`. Its fields are encoded by type, in the order of
+declaration; marks beside a type restrict a field or select where its value is sent:
 
     count: Annotated[int, AtLeast(1), Note("how many")]
 
@@ -16,11 +16,11 @@ from enum import Enum, auto
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """A message as it travels: `[name, item, ...]`, or `[name, {field: value}]` where `keyed`.
+    """Form of a message: `[name, item, ...]`, or `[name, {field: value}]` if `keyed`.
 
-    `on` lists the keys that it is published on, and `answers` the message that asks for it.
-    `max_bytes` and `max_values` name the limits (minerva_bus.wire.limits) of one from a member.
-    A frame may wait for an `awaited` message, which therefore no limit per second holds back.
+    `on`: keys on which it is published. `answers`: the message that it replies to.
+    `max_bytes`, `max_values`: names of the limits (minerva_bus.wire.limits) if a member sends it.
+    `awaited`: a frame may wait for it, so it is exempt from limits per second.
     """
 
     name: str
@@ -35,52 +35,52 @@ class Wire:
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The least value of a number; without it an int is 0 or more, and a float any finite one."""
+    """Minimum of a number; the default is 0 for an int, and none for a float."""
 
     value: int
 
 
 @dataclass(frozen=True, slots=True)
 class AtMost:
-    """The limit on the number of values in a list or map, by its name in Limits."""
+    """Maximum number of values in a list or map: the name of a field of Limits."""
 
     limit: str
 
 
 @dataclass(frozen=True, slots=True)
 class Within:
-    """The value travels in the item of another field: both have different keys of one map."""
+    """The value shares the map of another field, under different keys."""
 
     field: str
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What PROTOCOL.md says about a field."""
+    """Description of a field in PROTOCOL.md."""
 
     text: str
 
 
 class Mark(Enum):
-    """Properties of a field that its type does not tell."""
+    """Properties of a field that do not follow from its type."""
 
     FROM_KEY = auto()
-    """Not in the message: the key that the message came on holds it."""
+    """Not in the message: part of the key on which it is published."""
 
     LOCAL = auto()
-    """Not in the message: the receiving process sets it."""
+    """Not in the message: set by the receiving process."""
 
     OPTIONAL = auto()
-    """May be missing from a keyed message, and then has its default."""
+    """May be missing in a keyed message; then its default applies."""
 
     GENERATED = auto()
-    """Events of a generator: few that are not in columns."""
+    """Events of a generator, of which only a limited number may be outside columns."""
 
     EMITTED = auto()
-    """Events of agents: few that are not in columns, all in all."""
+    """Events of agents, of which only a limited total may be outside columns."""
 
     VIEW = auto()
     """Strings without agents."""
 
     SLOTS = auto()
-    """A string whose agents have neither state nor scope."""
+    """A string whose agents have no state and no scope."""

@@ -1,4 +1,4 @@
-"""Which agents may be the senders of a generator's events."""
+"""Rights of generators to send events in the name of agents."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class SenderRights:
     def objection(self, member: str, events: Sequence[AnyEvent]) -> str:
         """Reason why a member may not send these events, or an empty string.
 
-        An agent that is not in the string, as one that has just died, is no reason for a member
-        that speaks for others: `kept` drops its events.
+        Events from agents that are no longer in the string do not count as a violation of a member
+        with such rights, because an agent may have just died: `kept` drops these events.
         """
         allowed = self.speaks_for.get(member, ())
         for event in events:

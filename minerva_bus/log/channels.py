@@ -112,12 +112,12 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
         ),
     )
 }  # fmt: skip
-"""JSON schemas of the messages in JSON, by the names that Foxglove and Lichtblick know."""
+"""JSON schemas by their names in Foxglove and Lichtblick."""
 
 SCHEMA_OF: Final = {TIMING: "minerva.Timing", LOG: "foxglove.Log", MAP: "foxglove.Grid"}
-"""Which of them each channel has; those of poses have `foxglove.PosesInFrame`."""
+"""Schema of each channel of our own in JSON."""
 
 
 def time_of(frame: int, dt: float) -> int:
-    """When a frame begins, in nanoseconds of the world's own time; frame 0 begins at 0."""
+    """World time at which a frame begins, in nanoseconds; frame 0 begins at 0."""
     return min(round(frame * dt * NANO), _LATEST)

@@ -3,9 +3,9 @@
     checkpoint = ["checkpoint", number, whole, {member: saved}, [event, ...],
                   {source: [event, ...]}, [reached, ...], [reaching, ...]]
 
-The number is that of the next frame. Data saved by members (msgpack in bytes) and the agents that
-reached `until` are changes since the previous checkpoint; a `whole` one contains everything. The
-events wait for the frame: first those of agents, then those of other sources. If a number has no
+The number is that of the next frame. The data saved by members (msgpack in bytes) and the agents
+that reached `until` are changes since the previous checkpoint; a `whole` one contains everything.
+The events wait for the frame: those of agents, then those of other sources. If a frame has no
 checkpoint, nothing changed and no events wait.
 """
 
@@ -77,7 +77,7 @@ def decode_checkpoint(data: bytes, reader: Reader) -> Step:
     number, complete, saved, emitted, inbox, reached, reaching = items
     new = Checkpoint(
         as_int(number, "the number of a frame"),
-        {name: _saved(data) for name, data in as_map(saved, "what members saved").items()},
+        {name: _saved(data) for name, data in as_map(saved, "saved data").items()},
         reader.events(emitted),
         {source: reader.events(sent) for source, sent in as_map(inbox, "an inbox").items()},
         frozenset(as_texts(reached, "agents")),
@@ -101,4 +101,4 @@ def _new(now: frozenset[str], before: frozenset[str]) -> list[str]:
 def _saved(plain: Any) -> Mapping[str, Any]:
     if not isinstance(plain, bytes):
         raise ProtocolError("saved data of a member must be bytes")
-    return as_map(unpack(plain, ON_DISK), "what a member saved")
+    return as_map(unpack(plain, ON_DISK), "saved data of a member")

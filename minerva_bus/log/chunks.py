@@ -18,7 +18,15 @@ from typing import IO, Any, Final
 
 from minerva_bus.log.channels import FORMER, OWN, PROFILE
 from minerva_bus.log.errors import RecordError, check_installed
-from minerva_bus.log.scanning import CHANNEL, MAGIC, Damage, Place, read_summary, scan, split
+from minerva_bus.log.scanning import (
+    CHANNEL,
+    MAGIC,
+    ChunkLocation,
+    Damage,
+    read_summary,
+    scan,
+    split,
+)
 from minerva_bus.outputs import note_read
 
 _MESSAGE: Final = 0x05
@@ -43,8 +51,8 @@ class Chunks:
     """The chunks of a record. Raises RecordError if the file is not a record.
 
     `complete`: the file was finished; otherwise the world was killed or the disk was full, and at
-    most the data after the last flush are missing. `cut`: bytes at the end that belong to no
-    complete chunk. `indexed`: the summary is intact. `size`: in bytes.
+    most the data after the last flush are missing. `cut`: bytes after the last complete chunk.
+    `indexed`: the summary is intact. `size`: in bytes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -161,19 +169,19 @@ def _why(error: Exception) -> str:
 # --- a chunk ---
 
 
-def _unpacked(file: IO[bytes], place: Place) -> bytes:
+def _unpacked(file: IO[bytes], place: ChunkLocation) -> bytes:
     """The unpacked data of a chunk. Raises ValueError, and the errors of decompressors."""
     file.seek(place.data)
     packed = file.read(place.size)
     data = _decompressed(packed, place)
     if len(data) > place.unpacked:
-        raise ValueError("it unpacks to more than it says")
+        raise ValueError("it unpacks to more than it declares")
     if place.crc and zlib.crc32(data) != place.crc:
         raise ValueError("its checksum is wrong")
     return data
 
 
-def _decompressed(packed: bytes, place: Place) -> bytes:
+def _decompressed(packed: bytes, place: ChunkLocation) -> bytes:
     """At most one byte more than the declared size."""
     most = place.unpacked + 1
     if place.packing == "zstd":
@@ -187,7 +195,9 @@ def _decompressed(packed: bytes, place: Place) -> bytes:
     return packed
 
 
-def _messages(data: bytes, wanted: dict[int, str], place: Place) -> Iterator[tuple[str, Message]]:
+def _messages(
+    data: bytes, wanted: dict[int, str], place: ChunkLocation
+) -> Iterator[tuple[str, Message]]:
     left = FEWEST_MESSAGES + MESSAGES_PER_BYTE * place.size
     for opcode, begin, end in split(data):
         left -= 1
@@ -212,7 +222,7 @@ def _channels(data: bytes) -> dict[int, str]:
     topics: dict[int, str] = {}
     for opcode, begin, end in split(data):
         if opcode == _MESSAGE:
-            break  # All channels come before.
+            break  # Channels precede all messages.
         if opcode == CHANNEL:
             channel: Any = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
             topic: str = channel.topic

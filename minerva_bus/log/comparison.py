@@ -32,7 +32,7 @@ _LONGEST: Final = 120
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class AttributeDifference:
     """An attribute that differs, with its values in A and B; empty for a whole agent.
 
     `events`: events of the frame that the agent may have received.
@@ -64,7 +64,7 @@ class Difference:
     ended: str = ""
     only_a: tuple[str, ...] = ()
     only_b: tuple[str, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[AttributeDifference, ...] = ()
     more: int = 0
     sides: tuple[str, str] = ("A", "B")
 
@@ -105,8 +105,8 @@ def _listed(title: str, texts: Sequence[str]) -> list[str]:
     return [f"  {title}:", *(f"    {text}" for text in texts)] if texts else []
 
 
-def _agent_shown(agent: str, changes: Sequence[Change], a: str, b: str) -> list[str]:
-    events = f", told {'; '.join(changes[0].events)}" if changes[0].events else ""
+def _agent_shown(agent: str, changes: Sequence[AttributeDifference], a: str, b: str) -> list[str]:
+    events = f", received {'; '.join(changes[0].events)}" if changes[0].events else ""
     shown = [f"  {agent}{events}"]
     for change in changes:
         what = f"{change.attribute}: " if change.attribute else ""
@@ -151,7 +151,7 @@ def _before(a: Record, b: Record) -> Iterator[str]:
 
 def _ended(in_a: RecordedFrame | None, count: int) -> str:
     ended, longer = ("A", "B") if in_a is None else ("B", "A")
-    return f"the same for {counted(count, 'frame')}, all that {ended} has; {longer} goes on"
+    return f"the same for {counted(count, 'frame')}, all frames of {ended}; {longer} continues"
 
 
 def same_events(a: Sequence[AnyEvent], b: Sequence[AnyEvent]) -> bool:
@@ -209,24 +209,26 @@ def _only(events: Sequence[Event], others: Sequence[Event]) -> tuple[str, ...]:
 
 def _changes(
     a: Scene, b: Scene, vocabulary: Vocabulary, events: Sequence[AnyEvent]
-) -> Iterator[Change]:
+) -> Iterator[AttributeDifference]:
     in_a, in_b = _by_id(a), _by_id(b)
     for name in dict.fromkeys(chain(in_a, in_b)):
         x, y = in_a.get(name), in_b.get(name)
         if x is None or y is None:
-            yield Change(_named(x or y), "", _there(x), _there(y))
+            yield AttributeDifference(_named(x or y), "", _there(x), _there(y))
         elif x.symbol != y.symbol:
-            yield Change(f"#{name}", "", f"is an {x.symbol}", f"is an {y.symbol}")
+            yield AttributeDifference(f"#{name}", "", f"is an {x.symbol}", f"is an {y.symbol}")
         elif not same_values(x.values, y.values):
             received = tuple(_received(x, vocabulary, events))
             for attribute, p, q in zip(x.names, x.values, y.values, strict=True):
                 if not same_values((p,), (q,)):
-                    yield Change(_named(x), *_values(attribute, p, q), received)
+                    yield AttributeDifference(_named(x), *_values(attribute, p, q), received)
     if list(in_a) != list(in_b) and in_a.keys() == in_b.keys():
-        yield Change("the agents", "order", _short(" ".join(in_a)), _short(" ".join(in_b)))
+        yield AttributeDifference(
+            "the agents", "order", _short(" ".join(in_a)), _short(" ".join(in_b))
+        )
     x, y = without_agents(a), without_agents(b)
     if x != y:
-        yield Change("what is no agent", "", _short(str(x)), _short(str(y)))
+        yield AttributeDifference("what is no agent", "", _short(str(x)), _short(str(y)))
 
 
 def _by_id(scene: Scene) -> dict[str, AgentNode]:

@@ -159,7 +159,7 @@ def _pairs(plain: Any, what: str) -> dict[str, str]:
 
 
 def plain_norm(norm: Norm) -> dict[str, Any]:
-    """A norm in what msgpack knows."""
+    """A norm as plain data."""
     return {
         "name": norm.name,
         "applies": list(norm.applies),
@@ -174,7 +174,7 @@ def plain_norm(norm: Norm) -> dict[str, Any]:
 
 
 def read_norms(plain: Any, reader: Reader) -> tuple[Norm, ...]:
-    """Norms from what msgpack held. Raises ProtocolError, VocabularyError and ValueError."""
+    """Norms from plain data. Raises ProtocolError, VocabularyError and ValueError."""
     return tuple([_norm(as_map(norm, "a norm"), reader) for norm in as_list(plain, "norms")])
 
 

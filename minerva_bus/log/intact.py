@@ -37,7 +37,7 @@ class IntactMessages:
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, Message, Keyframe | None]]:
         """Topic and message of some topics, without lost frames and their checkpoints.
 
-        The first frame after lost ones comes with the keyframe before it.
+        The first frame after lost ones is returned with the keyframe before it.
         """
         for chunk in self._range:
             torn = self._chunks.torn(chunk)

@@ -41,7 +41,7 @@ _GRID: Final = frozenset(("row", "column"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class Positions:
     """Positions of agents of one kind: n ids, x and y in metres, angle in degrees, each (n,)."""
 
     kind: str
@@ -76,14 +76,14 @@ class Surveyor:
         self._vocabulary = vocabulary
         self._most = most
 
-    def places(self, scene: Scene) -> dict[str, Places]:
+    def places(self, scene: Scene) -> dict[str, Positions]:
         """Positions of agents by kind."""
-        parts: dict[str, list[Places]] = {}
+        parts: dict[str, list[Positions]] = {}
         for part in self._all_places(scene):
             parts.setdefault(part.kind, []).append(part)
         return {kind: _together(kind, of_kind) for kind, of_kind in sorted(parts.items())}
 
-    def _all_places(self, scene: Scene) -> Iterator[Places]:
+    def _all_places(self, scene: Scene) -> Iterator[Positions]:
         nodes: list[Piece] = []
         for piece in scene.pieces:
             if piece.ids is not None:
@@ -96,7 +96,7 @@ class Surveyor:
         yield from _of_nodes(nodes, self._vocabulary, self.placed)
 
 
-def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
+def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Positions:
     step = -(-piece.count // most) if most else 1
     sample = piece.take(slice(0, None, step)) if step > 1 else piece
 
@@ -106,12 +106,12 @@ def _of_columns(piece: Columns, names: frozenset[str], most: int) -> Places:
 
     x, y, angle = _place(names, get)
     ids = sample.ids.texts() if sample.ids is not None else []
-    return Places(sample.symbol, ids, x, y, angle)
+    return Positions(sample.symbol, ids, x, y, angle)
 
 
 def _of_nodes(
     pieces: Sequence[Piece], vocabulary: Vocabulary, placed: Mapping[str, frozenset[str]]
-) -> Iterator[Places]:
+) -> Iterator[Positions]:
     """Positions of agents in these pieces, moved by the transformations around them."""
     posed: dict[str, list[tuple[AgentNode, Pose]]] = {}
     for piece in pieces:
@@ -146,7 +146,9 @@ def _find(
             posed.setdefault(node.symbol, []).append((node, poses[-1]))
 
 
-def _of_agents(kind: str, posed: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]) -> Places:
+def _of_agents(
+    kind: str, posed: Sequence[tuple[AgentNode, Pose]], names: frozenset[str]
+) -> Positions:
     nodes = [node for node, _ in posed]
 
     def get(name: str, default: float) -> Numbers:
@@ -162,11 +164,11 @@ def _of_agents(kind: str, posed: Sequence[tuple[AgentNode, Pose]], names: frozen
     x, y, angle = _place(names, get)
     ids = [node.id for node in nodes]
     if all(pose is _ORIGIN for _, pose in posed):
-        return Places(kind, ids, x, y, angle)
+        return Positions(kind, ids, x, y, angle)
     at = np.array([(pose.x, pose.y, pose.angle) for _, pose in posed])
     turned = np.radians(at[:, 2])
     cos, sin = np.cos(turned), np.sin(turned)
-    return Places(
+    return Positions(
         kind, ids, at[:, 0] + x * cos - y * sin, at[:, 1] + x * sin + y * cos, at[:, 2] + angle
     )
 
@@ -184,10 +186,10 @@ def _place(names: frozenset[str], get: _Get) -> tuple[Numbers, Numbers, Numbers]
     return x, y, get("angle" if "angle" in names else "heading", 0.0)
 
 
-def _together(kind: str, parts: Sequence[Places]) -> Places:
+def _together(kind: str, parts: Sequence[Positions]) -> Positions:
     if len(parts) == 1:
         return parts[0]
-    return Places(
+    return Positions(
         kind,
         [name for part in parts for name in part.ids],
         np.concatenate([part.x for part in parts]),

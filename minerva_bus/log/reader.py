@@ -31,7 +31,7 @@ _END: Final = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
-class LogLine:
+class RecordedLine:
     """A line of the world's log: `time` in seconds of world time, the member, and the text."""
 
     time: float
@@ -264,10 +264,10 @@ class Record:
 
     # --- other channels ---
 
-    def log(self) -> Iterator[LogLine]:
+    def log(self) -> Iterator[RecordedLine]:
         """The log lines, in order."""
         for time, plain in self._json(c.LOG):
-            yield LogLine(time, str(plain.get("name", "")), str(plain.get("message", "")))
+            yield RecordedLine(time, str(plain.get("name", "")), str(plain.get("message", "")))
 
     def sensed(self) -> Iterator[tuple[float, Readings | Dropped]]:
         """Messages on sensor topics with their times, in seconds of world time."""

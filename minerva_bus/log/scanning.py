@@ -49,7 +49,7 @@ byte. Frames differ, so records never compress that well; decompression bombs do
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ChunkLocation:
     """Location of a chunk: its record begins at byte `begin`, its `size` packed bytes at `data`.
 
     `first`: time of its first message in nanoseconds. `unpacked`: size before compression.
@@ -79,23 +79,23 @@ class Damage:
 
 
 @dataclass(slots=True)
-class Scan:
+class ScannedFile:
     """Result of a scan: chunks in order, and the damage between them.
 
     `complete`: the end of the data was scanned. Otherwise `cut` bytes at the end belong to no
     complete record. `header`: body of the first record.
     """
 
-    places: list[Place] = field(default_factory=list[Place])
+    places: list[ChunkLocation] = field(default_factory=list[ChunkLocation])
     damage: list[Damage] = field(default_factory=list[Damage])
     complete: bool = False
     cut: int = 0
     header: bytes = b""
 
 
-def scan(file: IO[bytes], size: int) -> Scan:
+def scan(file: IO[bytes], size: int) -> ScannedFile:
     """Scan a file of this many bytes. It need not begin with MCAP's magic bytes."""
-    scanned = Scan()
+    scanned = ScannedFile()
     left = FLOOR + RATIO * size
     at = 0
     if _read(file, 0, len(MAGIC)) == MAGIC:
@@ -118,7 +118,7 @@ def scan(file: IO[bytes], size: int) -> Scan:
     return scanned
 
 
-def _next_record(file: IO[bytes], at: int, size: int, scanned: Scan) -> int:
+def _next_record(file: IO[bytes], at: int, size: int, scanned: ScannedFile) -> int:
     """Offset of the next complete record after invalid data, or the end of the file."""
     for begin in _candidates(file, at + 1, size):
         if _Head.read(file, begin, size) is not None:
@@ -182,7 +182,7 @@ class _Head:
             return named > _SHOWN - 8 or self.length == named + inner + 8
         return self.opcode == _ATTACHMENT or (self.opcode == HEADER and self.at <= len(MAGIC))
 
-    def place(self) -> Place | None:
+    def place(self) -> ChunkLocation | None:
         """Location of the chunk, or None if the record is not a chunk."""
         if self.opcode != CHUNK or len(self.body) < _LEAST:
             return None
@@ -195,7 +195,7 @@ class _Head:
         if begin + size != self.length:
             return None
         data = self.at + RECORD.size + begin
-        return Place(self.at, first, unpacked, crc, packing.decode(), data, size)
+        return ChunkLocation(self.at, first, unpacked, crc, packing.decode(), data, size)
 
 
 def _read(file: IO[bytes], at: int, count: int) -> bytes:
@@ -207,7 +207,7 @@ def _read(file: IO[bytes], at: int, count: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class FileSummary:
     """Summary at the end of a finished file: topics by channel, and channels by chunk.
 
     `sound`: the summary is intact.
@@ -218,22 +218,22 @@ class Summary:
     channels: Mapping[int, frozenset[int]] = field(default_factory=dict[int, frozenset[int]])
 
 
-def read_summary(file: IO[bytes], size: int) -> Summary:
+def read_summary(file: IO[bytes], size: int) -> FileSummary:
     """The summary of a finished file, which has a checksum of its own."""
     end = size - len(MAGIC) - _FOOTER.size
     footer = _read(file, max(0, end), _FOOTER.size + len(MAGIC))
     if end < 0 or footer[_FOOTER.size :] != MAGIC:
-        return Summary(False)
+        return FileSummary(False)
     opcode, _, begin, _, crc = _FOOTER.unpack_from(footer)
     if opcode != FOOTER or not 0 < begin <= end:
-        return Summary(False)
+        return FileSummary(False)
     data = _read(file, begin, end - begin)
     if zlib.crc32(footer[: _FOOTER.size - 4], zlib.crc32(data)) != crc:
-        return Summary(False)
+        return FileSummary(False)
     return _summarized(data)
 
 
-def _summarized(data: bytes) -> Summary:
+def _summarized(data: bytes) -> FileSummary:
     from mcap.data_stream import ReadDataStream
     from mcap.records import Channel, ChunkIndex
 
@@ -249,8 +249,8 @@ def _summarized(data: bytes) -> Summary:
                 index = ChunkIndex.read(stream)
                 channels[index.chunk_start_offset] = frozenset(index.message_index_offsets)
     except Exception:  # whatever mcap raises for invalid data
-        return Summary(False)
-    return Summary(True, topics, channels)
+        return FileSummary(False)
+    return FileSummary(True, topics, channels)
 
 
 def split(data: bytes) -> Iterator[tuple[int, int, int]]:

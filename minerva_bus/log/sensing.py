@@ -62,7 +62,7 @@ def decode_sensed(data: bytes) -> Readings | Dropped:
 
 
 def shown_readings(message: Readings, time: int) -> Iterator[tuple[str, bytes]]:
-    """Schema and JSON message of each reading whose kind other tools know."""
+    """Schema and JSON message of each reading of a kind that has a schema."""
     for reading in message.readings:
         shown = _shown(reading, time)
         if shown is not None:

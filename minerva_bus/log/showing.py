@@ -15,7 +15,7 @@ from minerva_bus.grammar.scene import EMPTY, FigureNode, Piece, Scene
 from minerva_bus.grammar.slots import fill_slots
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.channels import NANO
-from minerva_bus.log.places import Places
+from minerva_bus.log.places import Positions
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry, raster_corner, resolve
 from minerva_bus.semantics.poses import Pose
@@ -44,7 +44,7 @@ def encode_log(time: int, member: str, text: str, warning: bool) -> bytes:
     return _json(plain | {"file": "", "line": 0})
 
 
-def encode_poses(time: int, places: Places) -> bytes:
+def encode_poses(time: int, places: Positions) -> bytes:
     """Poses of the agents of a kind: `foxglove.PosesInFrame`."""
     half = np.radians(places.angle) / 2
     rows = np.column_stack((places.x, places.y, np.sin(half), np.cos(half))).tolist()

@@ -16,7 +16,7 @@ from minerva_bus.grammar.forms import Label, Shape
 from minerva_bus.grammar.scene import FigureNode, Scene, agents
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.log.info import kinds_in
-from minerva_bus.log.places import Numbers, Places, Surveyor
+from minerva_bus.log.places import Numbers, Positions, Surveyor
 from minerva_bus.log.reader import Record
 from minerva_bus.log.showing import without_agents
 from minerva_bus.semantics.geometry import interpret
@@ -128,7 +128,7 @@ class _Telling:
         if self._labels and self._seekers & there.keys():
             self._measure(time, scene)
 
-    def _follow(self, time: float, some: Places) -> None:
+    def _follow(self, time: float, some: Positions) -> None:
         rows = zip(some.ids, some.x.tolist(), some.y.tolist(), some.angle.tolist(), strict=True)
         for agent, x, y, angle in rows:
             track = self.tracks.get(agent)

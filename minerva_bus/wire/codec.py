@@ -1,7 +1,7 @@
 """Encoding and decoding of every message.
 
-A message is a MessagePack list: its name, then its items in order. It does not say who sent it:
-the key that it came on does. What the messages are is declared in minerva_bus.frame.messages.
+A message is a MessagePack list: its name, then its items in order. Its sender is part of the key on
+which it is published. Messages are declared in minerva_bus.frame.messages.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _RECORD: Final = by_name((m.FrameRecord,))
 
 
 class _Encoders(dict[type[Any], Encode]):
-    """Encoders by type; a dict that compiles what is missing is the fastest look-up there is."""
+    """Encoders by type, compiled on first use: no other lookup is faster than a dict."""
 
     def __missing__(self, message: type[Any]) -> Encode:
         self[message] = message_codec(message).encode
@@ -46,15 +46,15 @@ def encode(message: m.Message) -> bytes:
 
 
 def declaration(data: bytes, offset: int = 0) -> Wire:
-    """What a member's message, which begins at an offset, is by its name; it is not decoded."""
+    """Declaration of the member's message at an offset, found by its name without decoding it."""
     codec = FROM_MEMBER.get(name_in(data, offset))
     return _UNKNOWN if codec is None else codec.wire
 
 
 class Decoder:
-    """Decodes messages. Strings and events can be decoded only with their world's vocabulary.
+    """Decodes messages. Strings and events require the vocabulary of their world.
 
-    Raises ProtocolError or VocabularyError, and nothing else, whatever the bytes are.
+    Raises only ProtocolError and VocabularyError, for any bytes.
     """
 
     def __init__(self, vocabulary: Vocabulary = _EMPTY, limits: Limits = DEFAULT) -> None:
@@ -63,7 +63,7 @@ class Decoder:
         self._light = lightest(limits)
 
     def from_member(self, member: str, data: bytes) -> m.FromMember:
-        """A message from a member to the coordinator; checked against the limits of its type."""
+        """A message from a member to the coordinator, checked against the limits of its type."""
         return self.decode(FROM_MEMBER, (member,), data, weighed=True)
 
     def to_member(self, data: bytes) -> m.ToMember:
@@ -75,7 +75,7 @@ class Decoder:
         return self.decode(_READINGS, (member, topic), data)
 
     def record(self, data: bytes) -> m.FrameRecord:
-        """What happened in a frame."""
+        """The record of a frame."""
         return self.decode(_RECORD, (), data)
 
     def decode(
@@ -86,9 +86,9 @@ class Decoder:
         *,
         weighed: bool = False,
     ) -> Any:
-        """One of some messages; `key` has the values that the key holds, such as the sender.
+        """A message of one of these types; `key` are the values in the key, such as the sender.
 
-        `weighed`: its size is checked against its limits before it is decoded.
+        `weighed`: its size is checked against the limits before it is decoded.
         """
         try:
             if weighed and len(data) > self._light:
@@ -96,7 +96,7 @@ class Decoder:
             return self._message(codecs, key, data)
         except (ProtocolError, SceneError):
             raise
-        except Exception as error:  # Whatever a sender sends, an error of a reader is its fault.
+        except Exception as error:  # Invalid data must raise nothing else, whatever reads it.
             kind = type(error).__name__
             raise ProtocolError(f"it cannot be decoded: {kind}: {error}"[:200]) from error
 

@@ -1,7 +1,7 @@
 """Encoders and decoders of messages, compiled from their declarations (minerva_bus.frame.schema).
 
-A message is compiled once, when it is first met; what is left to do for each one of it is to call
-a function for each field.
+Each type of message is compiled once, on first use; encoding or decoding a message then calls one
+function per field.
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ Decode = Callable[[Reader, tuple[str, ...], list[Any]], Any]
 
 @dataclass(frozen=True, slots=True)
 class MessageCodec:
-    """A message's declaration and what follows from it.
+    """A message's declaration, with the encoder and decoder compiled from it.
 
-    `items` are the fields with an item of their own, in order; `size` is the number of items after
-    the name. `decode` takes the values of the fields that the key holds, and the message as a list
-    with its name.
+    `items`: the fields with an item of their own, in order; `size`: number of items after the name.
+    `decode` takes the values of the fields in the key, and the message as a list with its name.
     """
 
     wire: Wire
@@ -43,7 +42,7 @@ class MessageCodec:
 
 @cache
 def message_codec(message: type[Any]) -> MessageCodec:
-    """The codec of a declared message. Raises TypeError where its declaration is wrong."""
+    """The codec of a declared message. Raises TypeError for an invalid declaration."""
     wire: Wire = message.WIRE
     declared = declared_fields(message)
     items = tuple(of for of in declared if of.travels and not of.host)
@@ -56,15 +55,15 @@ def message_codec(message: type[Any]) -> MessageCodec:
 
 
 def by_name(messages: Iterable[type[Any]]) -> Mapping[str, MessageCodec]:
-    """The codecs of some messages by the names that these have on the wire."""
+    """Codecs of these messages, by their names on the wire."""
     codecs = map(message_codec, messages)
     return {codec.wire.name: codec for codec in codecs}
 
 
 def declared_fields(message: type[Any]) -> tuple[DeclaredField, ...]:
-    """The fields of a message: those that the key holds, those that travel, and local ones.
+    """The fields of a message: those in the key, then those sent, then local ones.
 
-    Raises TypeError for another order, by which a message cannot be made of its items.
+    Raises TypeError for any other order, because decoding creates the message by position.
     """
     hints = get_type_hints(message, include_extras=True)
     declared = tuple(_declared(message.WIRE.name, of, hints[of.name]) for of in fields(message))
@@ -89,7 +88,7 @@ def _declared(message: str, of: Field[Any], hint: Any) -> DeclaredField:
 def _encoder(
     wire: Wire, declared: Sequence[DeclaredField], codecs: Mapping[str, FieldCodec]
 ) -> Encode:
-    """An encoder: all attributes in one call, then only those written that are not plain yet."""
+    """An encoder: it reads all attributes in one call, then converts those that are not plain."""
     names = [of.name for of in declared if of.travels and not of.host]
     pack, name = msgpack.packb, wire.name
     if not names:
@@ -109,7 +108,7 @@ def _encoder(
 def _values(
     names: Sequence[str], declared: Iterable[DeclaredField], codecs: Mapping[str, FieldCodec]
 ) -> Callable[[Any], list[Any]]:
-    """A function from a message to the plain data of several items."""
+    """A function that converts several items of a message to plain data."""
     get = attrgetter(*names)
     alone: list[tuple[int, Write]] = []
     hosts: list[tuple[int, Write, attrgetter[Any]]] = []
@@ -154,7 +153,7 @@ def _decoder(
 
 
 def _located(error: ProtocolError, of: DeclaredField) -> ProtocolError:
-    """An error of a reader of strings or events, with the message and the field in front."""
+    """The error of a reader of strings or events, prefixed with the message and the field."""
     text = str(error)
     return error if text.startswith(of.message) else ProtocolError(f"{of.what}: {text}")
 

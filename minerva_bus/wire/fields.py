@@ -1,7 +1,7 @@
-"""How the fields of messages travel, by their declared types.
+"""Codecs of message fields, by declared type.
 
-A type that a message may declare has an entry in `_CODECS`, which says how its values are written
-to plain data, how they are read and checked, and what PROTOCOL.md calls them.
+`_CODECS` has an entry for each type that a message may declare: how to write values as plain data,
+how to read and check them, and the name of the type in PROTOCOL.md.
 """
 
 from __future__ import annotations
@@ -44,10 +44,9 @@ Write: TypeAlias = Callable[..., Any]
 
 @dataclass(frozen=True, slots=True)
 class FieldCodec:
-    """How one field travels: `read` checks plain data, `write` makes it; `None`: it is plain.
+    """Codec of one field: `read` checks plain data, `write` makes it; None: values are plain.
 
-    `text` is its type in PROTOCOL.md. `write` is given the values of the fields `Within` this one
-    as well.
+    `text`: its type in PROTOCOL.md. `write` also takes the values of the fields `Within` this one.
     """
 
     text: str
@@ -57,7 +56,7 @@ class FieldCodec:
 
 @dataclass(frozen=True, slots=True)
 class DeclaredField:
-    """A field of a message: its name, the type that it travels by, and its marks."""
+    """A field of a message: its name, its type and its marks."""
 
     message: str
     name: str
@@ -70,31 +69,31 @@ class DeclaredField:
         object.__setattr__(self, "what", f"{self.message}: {self.name}")
 
     def has(self, mark: Mark) -> bool:
-        """Whether the field bears a mark."""
+        """Whether the field has a mark."""
         return mark in self.marks
 
     @property
     def note(self) -> str:
-        """What PROTOCOL.md says about it."""
+        """Its description in PROTOCOL.md."""
         return next((mark.text for mark in self.marks if isinstance(mark, Note)), "")
 
     @property
     def least(self) -> int | None:
-        """The least value of a number."""
+        """Minimum of a number, or None."""
         return next((mark.value for mark in self.marks if isinstance(mark, AtLeast)), None)
 
     @property
     def host(self) -> str:
-        """The field in whose item it travels; empty: it has its own."""
+        """The field whose map it shares, or empty if it has its own item."""
         return next((mark.field for mark in self.marks if isinstance(mark, Within)), "")
 
     @property
     def travels(self) -> bool:
-        """Whether its value is in the message."""
+        """Whether its value is part of the message."""
         return not (self.has(Mark.FROM_KEY) or self.has(Mark.LOCAL))
 
     def check_count(self, reader: Reader, count: int) -> None:
-        """Raise ProtocolError where a list or map has more values than its limit allows."""
+        """Raise ProtocolError if a list or map has more values than its limit allows."""
         for mark in self.marks:
             if isinstance(mark, AtMost):
                 unit = mark.limit if mark.limit == self.name else f"{mark.limit} in {self.name}"
@@ -102,7 +101,7 @@ class DeclaredField:
 
 
 def field_codec(declared: DeclaredField) -> FieldCodec:
-    """The codec of a field. Raises TypeError for a type that does not travel."""
+    """The codec of a field. Raises TypeError for a type without a codec."""
     make = _CODECS.get(declared.type)
     if make is None:
         raise TypeError(f"{declared.what}: {declared.type} does not travel in messages")
@@ -246,7 +245,7 @@ def _events(of: DeclaredField) -> FieldCodec:
 def _check_generated(of: DeclaredField, reader: Reader, plain: Any) -> None:
     """Raise ProtocolError for more single events than a generator may send in a message.
 
-    Each costs the coordinator a hundred times what a row of columns costs.
+    Each costs the coordinator a hundred times as much as a row of columns.
     """
     limits, single = reader.limits, _single(plain, of.what)
     check(of.message, len(single), limits.single_events, "single events", _ADVICE)

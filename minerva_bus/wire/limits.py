@@ -1,6 +1,6 @@
-"""Every limit on what may come over the bus, and on the work that it causes.
+"""Limits on the size of messages and on the work that they cause.
 
-The table in section 14 of PROTOCOL.md is generated from this.
+The table in section 14 of PROTOCOL.md is generated from this module.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from minerva_bus.frame.schema import Note
 
 @dataclass(frozen=True, slots=True)
 class Configurable:
-    """A limit that a world file may set, to this value or more."""
+    """A limit that a world file may set; `least` is the minimum."""
 
     least: int
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits at the border of the protocol; the sender of a message over one is refused by name.
+    """Limits of the protocol; a member that sends a message over a limit is refused.
 
     A *value* is one item of MessagePack: a list, map, number, text, binary or extension. A column
-    is one value or a few, however many rows it has. The limits hold for what members send; the
-    notes say of what each one is.
+    is one or a few values, whatever its number of rows. The limits apply to messages of members;
+    the notes say what each one counts.
     """
 
     message_bytes: Annotated[int, Note("bytes of a message"), Configurable(1024)] = 64 << 20
     emitted_bytes: Annotated[int, Note("bytes of an `emitted`")] = 16 << 20
     small_bytes: Annotated[
         int,
-        Note("bytes of any other message of a member but `ticked` and `evolved`; of a question"),
+        Note("bytes of any other message of a member except `ticked` and `evolved`; of a question"),
     ] = 256 << 10
     values: Annotated[
         int,
@@ -47,13 +47,13 @@ class Limits:
     answer_values: Annotated[int, Note("values of a `ticked` or `evolved`"), Configurable(1000)] = (
         5_000_000
     )
-    items: Annotated[int, Note("values of any message, also of the coordinator's")] = 64 << 20
+    items: Annotated[int, Note("values of any message, including the coordinator's")] = 64 << 20
     nodes: Annotated[int, Note("symbols of a string; rows of columns")] = 5_000_000
     depth: Annotated[int, Note("nesting of the scopes of a string")] = 100_000
     rows: Annotated[int, Note("rows of all columns of a message")] = 20_000_000
-    events: Annotated[int, Note("events of a list, those in columns included"), Configurable(1)] = (
-        1_000_000
-    )
+    events: Annotated[
+        int, Note("events of a list, including those in columns"), Configurable(1)
+    ] = 1_000_000
     single_events: Annotated[
         int,
         Note(
@@ -84,10 +84,10 @@ class Limits:
     hellos: Annotated[int, Note("`hello`s of a member in a second")] = 20
     all_hellos: Annotated[int, Note("`hello`s of all members in a second")] = 1_000
     questions: Annotated[
-        int, Note("questions that wait for an answer; a further one is answered by an error")
+        int, Note("unanswered questions; further ones are answered with an error")
     ] = 100
     members: Annotated[
-        int, Note("members, expected ones included; a further one is not greeted")
+        int, Note("members, including expected ones; further ones are not greeted")
     ] = 3_000
     links: Annotated[int, Note("links to the coordinator")] = 4_000
     waiting: Annotated[
@@ -100,12 +100,12 @@ class Limits:
 
 
 def limit_notes() -> Mapping[str, str]:
-    """By limit, of what it is."""
+    """What each limit counts, by its name."""
     return {name: note.text for name, note in _marks(Note).items()}
 
 
 def configurable_limits() -> Mapping[str, int]:
-    """By limit that a world file may set, its least value."""
+    """Minimum of each limit that a world file may set, by its name."""
     return {name: mark.least for name, mark in _marks(Configurable).items()}
 
 
@@ -132,10 +132,10 @@ ON_DISK: Final = Limits(
     receivers=1 << 31,
     conditions=1 << 31,
 )
-"""For files: a message of a record may hold a whole string, and its origin is unknown."""
+"""Limits for files: a message of a record may contain a whole string, from an unknown origin."""
 
 
 def check(what: str, count: int, most: int, unit: str, advice: str = "") -> None:
-    """Raise ProtocolError where a count exceeds a limit; `advice` says what to do instead."""
+    """Raise ProtocolError if a count exceeds a limit; `advice` names an alternative."""
     if count > most:
         raise ProtocolError(f"{what} has {count} {unit}, over {most}{advice and f'; {advice}'}")

@@ -1,7 +1,7 @@
-"""How much work a message is, before it is decoded.
+"""Size of a message in values, checked before it is decoded.
 
-Decoding costs time and memory for each value, of which a byte may be one, and a call of msgpack
-cannot be interrupted. Counting the values is cheap, allocates nothing and ends at the limit.
+Decoding costs time and memory for each value, a single byte can be a value, and a call of msgpack
+cannot be interrupted. Counting the values is cheap, allocates nothing and stops at the limit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LENGTHS: Final = {
 
 
 def _step(first: int) -> int:
-    """Bytes up to the next value; 0: a length field says it. A list's values follow its head."""
+    """Bytes up to the next value; 0 if a length field determines it."""
     if 0xA0 <= first < 0xC0:
         return 1 + (first & 31)
     return 0 if first in _LENGTHS else _FIXED.get(first, 1)
@@ -36,7 +36,7 @@ _TEXTS: Final = frozenset({*range(0xA0, 0xC0), 0xD9, 0xDA})
 
 
 def values_in(data: bytes, most: int) -> int:
-    """The number of values in MessagePack data; `most + 1` where there are more than `most`."""
+    """Number of values in MessagePack data, or `most + 1` if there are more than `most`."""
     place = count = 0
     end, steps = len(data), _STEPS
     while place < end and count <= most:
@@ -52,7 +52,7 @@ def _end(data: bytes, place: int) -> int:
 
 
 def name_in(data: bytes, offset: int = 0) -> str:
-    """The text at the head of the list that begins at an offset; empty where there is none."""
+    """The first item of the list at an offset if it is text, otherwise empty."""
     place = offset + _LISTS.get(data[offset], 0) if len(data) > offset else 0
     if place <= offset or len(data) <= place or data[place] not in _TEXTS:
         return ""
@@ -63,7 +63,7 @@ def name_in(data: bytes, offset: int = 0) -> str:
 
 
 def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
-    """Raise ProtocolError where a member's message is larger than its declaration allows."""
+    """Raise ProtocolError if a member's message is larger than its declaration allows."""
     size = len(data)
     name = wire.name or name_in(data)
     if size > limits.message_bytes:
@@ -81,7 +81,7 @@ def check_weight(data: bytes, wire: Wire, limits: Limits) -> None:
 
 
 def lightest(limits: Limits) -> int:
-    """Bytes up to which a message is within every limit: a value has at least one byte."""
+    """Bytes up to which a message is within all limits, since a value has at least one byte."""
     return min(
         limits.message_bytes,
         limits.emitted_bytes,

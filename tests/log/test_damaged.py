@@ -57,7 +57,7 @@ def frames_of_chunks(data, folder):
     with record_of(data, folder) as record:
         chunks = record._chunks
         return [
-            [message.sequence for _, message in chunks.messages_in(place, (c.FRAME,))]
+            [message.sequence for _, message in chunks.messages_in(place, (c.FRAME,)) or ()]
             for place in range(len(chunks.places))
         ]
 
@@ -306,7 +306,7 @@ ZEROS = 1 << 30
 
 @pytest.mark.parametrize(
     ("declared", "complaint"),
-    [(1000, "unpacks to more than it says"), (ZEROS, "unpacks to more than a file may hold")],
+    [(1000, "unpacks to more than it declares"), (ZEROS, "unpacks to more than a file may hold")],
 )
 def test_a_chunk_that_unpacks_to_very_much(declared, complaint, tmp_path):
     said, more, _ = measured(bomb([(zeros(ZEROS), declared, 0)]), tmp_path)

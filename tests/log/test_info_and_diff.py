@@ -6,6 +6,7 @@
 import io
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -20,11 +21,11 @@ from tests.log.recorded_runs import bytes_of, description, happened, strings_of
 mcap = pytest.importorskip("mcap")
 
 
-def files(folder, *data):
-    paths = [folder / f"{name}.mcap" for name in "ab"]
-    for path, one in zip(paths, data, strict=False):
+def files(folder, *data) -> tuple[Any, Any]:
+    a, b = (folder / f"{name}.mcap" for name in "ab")
+    for path, one in zip((a, b), data, strict=False):
         path.write_bytes(one)
-    return paths
+    return a, b
 
 
 def written(frames, **changed):
@@ -141,7 +142,7 @@ def test_one_that_goes_on_and_one_with_a_hole(tmp_path, capsys):
     frames = happened("meadow")[1]
     code, found = diff(tmp_path, written(frames[:20]), bytes_of("meadow"), capsys)
     assert (code, found["same"], found["frame"]) == (1, False, None)
-    assert found["ended"] == "the same for 20 frames, all that A has; B goes on"
+    assert found["ended"] == "the same for 20 frames, all frames of A; B continues"
     code, found = diff(tmp_path, bytes_of("meadow"), written([*frames[:9], *frames[10:]]), capsys)
     assert (code, found["frame"]) == (1, 9)
     assert found["before"] == ["frame 9 is missing in B"]
@@ -175,5 +176,5 @@ def test_for_people(tmp_path, capsys):
     assert show_difference(*files(tmp_path, bytes_of("robot"), stream.getvalue()), False) == 1
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "frame 4 is the first that differs"
-    assert said[1].startswith("  ARobot#r1, told eLaser<")
+    assert said[1].startswith("  ARobot#r1, received eLaser<")
     assert said[2] == f"    grid[5, 7]: {grid[5, 7] - 1} in A, {grid[5, 7]} in B"

@@ -118,7 +118,7 @@ def test_a_restarted_world_gets_a_restarted_member(tmp_path):
             world.kill()
             steps.says("cannot be seen since")
             with World(path, "--json", "--listen", f"tcp/127.0.0.1:{port}") as again:
-                steps.says("has begun anew, at frame 0; joining again")
+                steps.says("has restarted, at frame 0; joining again")
                 found = again.summary()
             assert steps.ends() == 0
     assert (found["frames"], found["digest"]) == (30, undisturbed["digest"])

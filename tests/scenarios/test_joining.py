@@ -319,7 +319,7 @@ def test_a_hello_out_of_turn_is_ignored():
         """
         > add: hello, generator
         > nobody: hello, generator
-            says nobody: is no member and is not heard
+            says nobody: unknown member: message ignored
         > begin
             ~tick ← tick 1
         > add: ticked 1: eAdd<n=1>
