@@ -98,7 +98,7 @@ def test_every_message_of_the_coordinator_is_in_the_document_and_no_other() -> N
 
 
 def test_whatever_can_be_written_is_in_the_document() -> None:
-    everyone = table("For all who listen")
+    everyone = table("For all subscribers")
     assert everyone == {name: message.size for name, message in codec.FOR_ALL.items()}
 
 
