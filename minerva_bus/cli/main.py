@@ -32,7 +32,7 @@ GROUPS: Final = {
     "Control": ("pub", "pause", "resume", "step", "rate", "restart", "drain", "stop"),
     "Records": ("info", "replay", "seek", "diff", "plot", "conversation", "recover", "map"),
     "Studies": ("sweep", "evolve"),
-    "Set up": ("new", "doctor", "keys", "version"),
+    "Set up": ("new", "schema", "doctor", "keys", "version"),
 }
 """The commands by topic, in the order of the help."""
 

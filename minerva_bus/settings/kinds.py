@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError, nearest
@@ -17,14 +18,15 @@ class Kind:
     """A type with its limits.
 
     `convert` returns a checked value, or raises MisuseError with what the value must be. `phrase`
-    describes the kind in documents; `python` is the type of one value on a command line, and
-    `repeats` whether the option may be given more than once.
+    describes the kind in documents, `schema` in JSON Schema; `python` is the type of one value on
+    a command line, and `repeats` whether the option may be given more than once.
     """
 
     phrase: str
     convert: Callable[[Any], Any]
     python: type = str
     repeats: bool = False
+    schema: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 def _checked(value: Any, types: tuple[type, ...], phrase: str) -> Any:
@@ -66,7 +68,8 @@ def single(what: str) -> Kind:
             raise MisuseError(f"must be one {what}")
         return "".join(texts)
 
-    return Kind(what, convert)
+    at_most_one = {"type": "array", "items": {"type": "string"}, "maxItems": 1}
+    return Kind(what, convert, schema={"anyOf": [{"type": "string"}, at_most_one]})
 
 
 def address(text: str) -> tuple[str, int]:
@@ -104,12 +107,17 @@ def _topics(value: Any) -> tuple[str, ...]:
 ALL: Final = "*"
 """In place of topics: all of them."""
 
-TEXT: Final = Kind("text", _text)
-BOOLEAN: Final = Kind("boolean", _boolean, bool)
-TEXTS: Final = Kind("list of texts", _texts, repeats=True)
-TABLE: Final = Kind("table", _table)
-ADDRESS: Final = Kind("address", _address)
-TOPICS: Final = Kind("list of topics", _topics)
+_STRING: Final = {"type": "string"}
+_STRINGS: Final = {"anyOf": [_STRING, {"type": "array", "items": _STRING}]}
+
+TEXT: Final = Kind("text", _text, schema=_STRING)
+BOOLEAN: Final = Kind("boolean", _boolean, bool, schema={"type": "boolean"})
+TEXTS: Final = Kind("list of texts", _texts, repeats=True, schema=_STRINGS)
+TABLE: Final = Kind("table", _table, schema={"type": "object"})
+ADDRESS: Final = Kind("address", _address, schema=_STRING)
+TOPICS: Final = Kind(
+    "list of topics", _topics, schema={"anyOf": [{"type": "boolean"}, *_STRINGS["anyOf"]]}
+)
 ANY: Final = Kind("any value", lambda value: value)
 
 
@@ -126,7 +134,7 @@ def whole(least: int = 0, most: int = MAX_WHOLE) -> Kind:
 
     limit = f"{least:,} to {most:,}" if most < MAX_WHOLE else f"{least:,}"
     phrase = f"whole number from {limit}" if least > -MAX_WHOLE else "whole number, 64 bits"
-    return Kind(phrase, convert, int)
+    return Kind(phrase, convert, int, schema={"type": "integer", "minimum": least, "maximum": most})
 
 
 def number(least: float = 0.0, unit: str = "") -> Kind:
@@ -139,7 +147,8 @@ def number(least: float = 0.0, unit: str = "") -> Kind:
             raise MisuseError(f"must be a number{of_unit} from {least:g}")
         return float(checked)
 
-    return Kind(f"{unit or 'number'} from {least:g}", convert, float)
+    schema = {"type": "number"} | ({"minimum": least} if isfinite(least) else {})
+    return Kind(f"{unit or 'number'} from {least:g}", convert, float, schema=schema)
 
 
 def choice(*words: str) -> Kind:
@@ -152,7 +161,7 @@ def choice(*words: str) -> Kind:
             raise MisuseError(f"must be one of {', '.join(words)}{close}")
         return word
 
-    return Kind(", ".join(f'`"{word}"`' for word in words), convert)
+    return Kind(", ".join(f'`"{word}"`' for word in words), convert, schema={"enum": list(words)})
 
 
 _BY_TYPE: Final = {
