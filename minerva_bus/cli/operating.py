@@ -7,7 +7,7 @@ import time
 from minerva_bus.cli.places import client
 from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
-from minerva_bus.launch.loglines import Entry
+from minerva_bus.launch.console import json_line
 from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import LogLine
 
@@ -85,7 +85,7 @@ def show_logs(member: str, follow: bool, connect: str, world: str, json_too: boo
                 return  # The followed world has ended.
             answered = True
             for line in lines:
-                say(_entry(line, asked.world).json() if json_too else _shown(line))
+                say(_json(line, asked.world) if json_too else _shown(line))
                 since = line.number
             if not follow and len(lines) < LAST:
                 return
@@ -99,8 +99,8 @@ def _check_member(asked: Client, member: str) -> None:
         raise MinervaError(f"{asked.world} has no member {member!r}{nearest(member, known)}")
 
 
-def _entry(line: LogLine, world: str) -> Entry:
-    return Entry(line.time, line.level, world, line.frame, line.member, line.text)
+def _json(line: LogLine, world: str) -> str:
+    return json_line(line.time, line.level, world, line.frame, line.member, line.text)
 
 
 def _shown(line: LogLine) -> str:

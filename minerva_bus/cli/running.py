@@ -18,7 +18,7 @@ from minerva_bus.launch.interrupts import end_signals
 from minerva_bus.launch.profiling import NOTHING, Profiling
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.specs import find_world
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
@@ -66,7 +66,7 @@ def run_world(file: WorldFile, began: float, options: RunOptions) -> None:
         raise typer.Exit(FAILED)
 
 
-def _print_summary(summary: Summary, console: Console, as_json: bool) -> None:
+def _print_summary(summary: RunSummary, console: Console, as_json: bool) -> None:
     """Print a summary; without the coordinator's part, as text only the cause of the end."""
     if not summary.digest:
         console.problem(summary.ended)

@@ -1,4 +1,4 @@
-"""What this machine can carry: cores, open files, threads and memory, before a world starts."""
+"""Resources of this machine: cores, open files, threads and memory, checked before a start."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from typing import Final
 from minerva_bus.errors import MisuseError
 from minerva_bus.wording import counted
 
-FILES_BESIDE: Final = 256
-"""Files that launcher and coordinator have open beside one for each process, at most."""
+BASE_FILES: Final = 256
+"""Maximum number of open files of the launcher and coordinator, besides one per process."""
 
-THREADS_EACH: Final = 10
-"""Threads of one process: Python's main one and the lifeline's, and Zenoh's; measured: 8."""
+THREADS_PER_PROCESS: Final = 10
+"""Main thread, lifeline and Zenoh's threads; 8 were measured."""
 
-BYTES_EACH: Final = 8 << 20
-"""Memory that one process has for itself before it does anything; measured: 7.3 MB."""
+BYTES_PER_PROCESS: Final = 8 << 20
+"""Private memory of a process that does nothing; 7.3 MB were measured."""
 
-CHECKED_FROM: Final = 32
-"""Processes from which on it is looked at: fewer fit wherever Python does."""
+MIN_CHECKED: Final = 32
+"""Number of processes from which resources are checked; fewer fit wherever Python runs."""
 
 _GROUPS: Final = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
-    """What may still be had here; None: nobody sets a bound, or it cannot be told.
+class Headroom:
+    """What is still available; None: unlimited or unknown.
 
-    `files` are open files of one process, and `threads` those of all processes together.
+    `files`: open files of one process; `threads` and `bytes`: of all processes together.
     """
 
     files: int | None = None
@@ -40,92 +40,94 @@ class Bounds:
     bytes: int | None = None
 
 
-def shortage(processes: int, bounds: Bounds) -> str:
-    """Why a world of so many processes cannot start here, and what helps; empty where it can."""
-    files, threads = processes + FILES_BESIDE, processes * THREADS_EACH
-    if bounds.files is not None and files > bounds.files:
+def shortage(processes: int, free: Headroom) -> str:
+    """What prevents this number of processes, and what to do; empty if they fit."""
+    files, threads = processes + BASE_FILES, processes * THREADS_PER_PROCESS
+    if free.files is not None and files > free.files:
         return (
-            f"{files} open files in one process, and {bounds.files} are allowed:"
+            f"{files} open files in one process, and {free.files} are allowed:"
             f" raise the limit (ulimit -n {files})"
         )
-    if bounds.threads is not None and threads > bounds.threads:
+    if free.threads is not None and threads > free.threads:
         return (
-            f"about {threads} threads, and {bounds.threads} more are allowed:"
+            f"about {threads} threads, and {free.threads} more are allowed:"
             " raise the limit (ulimit -u, or the container's limit of processes)"
         )
-    needed = processes * BYTES_EACH
-    if bounds.bytes is not None and needed > bounds.bytes:
-        return f"at least {needed >> 20} MiB of memory, and {bounds.bytes >> 20} MiB are free"
+    needed = processes * BYTES_PER_PROCESS
+    if free.bytes is not None and needed > free.bytes:
+        return f"at least {needed >> 20} MiB of memory, and {free.bytes >> 20} MiB are free"
     return ""
 
 
-def make_room(processes: int) -> None:
-    """See to it that so many processes can run here. Raises MisuseError where they cannot.
+def check_capacity(processes: int) -> None:
+    """Check that this number of processes can run here. Raises MisuseError if not.
 
-    The soft limit of open files is raised as far as needed, which needs no rights.
+    Raises the soft limit of open files if necessary, which needs no privileges.
     """
-    if processes < CHECKED_FROM:
+    if processes < MIN_CHECKED:
         return
-    found = shortage(processes, _this_machine())
-    if found:
+    problem = shortage(processes, _this_machine())
+    if problem:
         raise MisuseError(
-            f"{counted(processes, 'process')} cannot start here: they need {found}."
-            " Or let fewer processes run the same agents (processes = N)"
+            f"{counted(processes, 'process')} cannot start here: they need {problem}."
+            " Or use fewer processes for the same agents (processes = N)"
         )
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = processes + FILES_BESIDE
+    needed = processes + BASE_FILES
     if soft != resource.RLIM_INFINITY and soft < needed:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 def cores() -> int:
-    """How many cores this process may use, as its affinity and its container allow."""
+    """Number of cores that this process may use, by its affinity and its container's quota."""
     try:
-        mine = len(os.sched_getaffinity(0))
-    except AttributeError:  # Not on every system.
-        mine = os.cpu_count() or 1
-    return max(1, min([mine, *_quotas(_own_groups())]))
+        allowed = len(os.sched_getaffinity(0))
+    except AttributeError:  # Not available on every system.
+        allowed = os.cpu_count() or 1
+    return max(1, min([allowed, *_quotas(_own_groups())]))
 
 
 def _quotas(groups: Iterable[Path]) -> list[int]:
-    found: list[int] = []
+    quotas: list[int] = []
     for group in groups:
         quota, _, period = _text(group / "cpu.max").partition(" ")
         if quota.isdecimal() and period.isdecimal():
-            found.append(math.ceil(int(quota) / int(period)))
-    return found
+            quotas.append(math.ceil(int(quota) / int(period)))
+    return quotas
 
 
-def _this_machine() -> Bounds:
+def _this_machine() -> Headroom:
     groups = _own_groups()
-    return Bounds(
-        _bound(resource.getrlimit(resource.RLIMIT_NOFILE)[1]),
-        _least([_user_threads(), *(_left(group, "pids.max", "pids.current") for group in groups)]),
-        _least([_free_bytes(), *map(_left_bytes, groups)]),
+    return Headroom(
+        _limit(resource.getrlimit(resource.RLIMIT_NOFILE)[1]),
+        _smallest(
+            [_user_threads(), *(_left(group, "pids.max", "pids.current") for group in groups)]
+        ),
+        _smallest([_free_bytes(), *map(_left_bytes, groups)]),
     )
 
 
-def _bound(limit: int) -> int | None:
+def _limit(limit: int) -> int | None:
     return None if limit == resource.RLIM_INFINITY else limit
 
 
-def _least(bounds: list[int | None]) -> int | None:
-    return min((bound for bound in bounds if bound is not None), default=None)
+def _smallest(limits: list[int | None]) -> int | None:
+    return min((limit for limit in limits if limit is not None), default=None)
 
 
 def _user_threads() -> int | None:
-    """How many threads this user may still have; the administrator has no such bound."""
-    limit = _bound(resource.getrlimit(resource.RLIMIT_NPROC)[0])
+    """Number of threads that this user may still start; root has no limit."""
+    limit = _limit(resource.getrlimit(resource.RLIMIT_NPROC)[0])
     return None if limit is None or os.geteuid() == 0 else limit - _threads_of(os.getuid())
 
 
 def _threads_of(user: int) -> int:
-    found = 0
+    threads = 0
     for path in Path("/proc").glob("[0-9]*/status"):
         fields = _fields(path)
         if fields.get("Uid", "").split()[:1] == [str(user)]:
-            found += int(fields.get("Threads", "1"))
-    return found
+            threads += int(fields.get("Threads", "1"))
+    return threads
 
 
 def _free_bytes() -> int | None:
@@ -135,7 +137,7 @@ def _free_bytes() -> int | None:
 
 
 def _own_groups() -> list[Path]:
-    """The control group of this process, and those around it."""
+    """The control group of this process, and its parents."""
     for line in _text(Path("/proc/self/cgroup")).splitlines():
         if line.startswith("0::/"):
             own = _GROUPS / line.removeprefix("0::/")
@@ -144,12 +146,12 @@ def _own_groups() -> list[Path]:
 
 
 def _left(group: Path, limit: str, used: str) -> int | None:
-    most, now = _text(group / limit), _text(group / used)
-    return int(most) - int(now) if most.isdecimal() and now.isdecimal() else None
+    allowed, now = _text(group / limit), _text(group / used)
+    return int(allowed) - int(now) if allowed.isdecimal() and now.isdecimal() else None
 
 
 def _left_bytes(group: Path) -> int | None:
-    """Memory that a control group may still use; what it holds of files can be had back."""
+    """Bytes that a control group may still use; the system can reclaim its page cache."""
     left = _left(group, "memory.max", "memory.current")
     files = _fields(group / "memory.stat", " ").get("file", "0")
     return None if left is None else left + int(files)

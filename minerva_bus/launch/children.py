@@ -1,4 +1,4 @@
-"""What runs in the launcher's children: a member, or the coordinator with its reports."""
+"""The code of the launcher's child processes: a member, or the coordinator with its reports."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from minerva_bus.launch.access import security
 from minerva_bus.launch.collecting import CollectSink, collect_sink
 from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.journaling import RunJournal, find_past, next_epoch
-from minerva_bus.launch.profiling import Profiling, profile_of, sampled
+from minerva_bus.launch.pipes import LineBuffer, ReportPipe
+from minerva_bus.launch.profiling import Profiling, profile_path, sampled
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.reports import Lines, Reports
 from minerva_bus.launch.sizes import check_sizes
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.journal import resume_from
@@ -31,10 +31,10 @@ from minerva_bus.runtime.watchers import Printed, Started, Watchers
 
 
 @dataclass(frozen=True, slots=True)
-class Coordinating:
-    """A coordinator to be started: of which world, made by what, and whether it goes on.
+class CoordinatorStart:
+    """What a coordinator's process needs; `again`: it succeeds another one.
 
-    `queued` are the members yet to be started.
+    `make` creates the coordinator; `queued` are the members that are yet to be started.
     """
 
     file: WorldFile
@@ -46,8 +46,8 @@ class Coordinating:
 
 
 @dataclass(frozen=True, slots=True)
-class Joining:
-    """A member to be started: which process, and where its world is."""
+class MemberStart:
+    """What a member's process needs: its description, and where its world is."""
 
     process: Process
     world: str
@@ -56,96 +56,98 @@ class Joining:
     profiling: Profiling
 
 
-def take_part(work: Joining) -> int:
-    """Be a member of a world; the exit code."""
-    process, world = work.process, work.world
+def run_member(start: MemberStart) -> int:
+    """Run a member of a world to its end; returns the exit code."""
+    process, world = start.process, start.world
 
-    def tell(line: str) -> None:
+    def log(line: str) -> None:
         print(line, flush=True)  # noqa: T201
 
     member = MemberProcess(
-        process.participant(), world, work.endpoint, tell, shared=work.shared, arrival=STARTED_HERE
+        process.participant(), world, start.endpoint, log, shared=start.shared, arrival=STARTED_HERE
     )
-    sample = process.name == work.profiling.member
-    return sampled(member.run, profile_of(world, process.name)) if sample else member.run()
+    if process.name == start.profiling.member:
+        return sampled(member.run, profile_path(world, process.name))
+    return member.run()
 
 
-def coordinate(work: Coordinating, reports: Reports, commands: int) -> int:
-    """Be a world's coordinator, which reports to the launcher and obeys it; the exit code."""
-    shift = Shift(work, reports)
-    threading.Thread(target=_obey, args=(commands, shift.coordinator), daemon=True).start()
-    name, listen, ask = work.file.world.name, work.file.watch.metrics, shift.coordinator.ask
-    with exported(name, listen, ask, lambda text: reports.tell("noted", text=text)):
-        return run_through(shift.life())
+def run_coordinator(start: CoordinatorStart, reports: ReportPipe, commands: int) -> int:
+    """Run a world's coordinator; `commands` is a pipe. Returns the exit code."""
+    run = CoordinatorRun(start, reports)
+    threading.Thread(target=_read_commands, args=(commands, run.coordinator), daemon=True).start()
+    name, listen, ask = start.file.world.name, start.file.watch.metrics, run.coordinator.ask
+    with exported(name, listen, ask, lambda text: reports.send("note", text=text)):
+        return run_through(run.life())
 
 
-class Shift:
-    """One coordinator's share of a run, from where the one before it ended."""
+class CoordinatorRun:
+    """A coordinator's part of a run, from the end of its predecessor."""
 
-    def __init__(self, work: Coordinating, reports: Reports, system: System = REAL) -> None:
-        """Raises RecordError and BusError where it cannot begin."""
-        file, again = work.file, work.again
-        started = [one.name for one in file.processes if not one.elsewhere]
-        told = self._told = _Told(reports, [one.name for one in file.processes if one.elsewhere])
-        past = find_past(file, again=again)
+    def __init__(self, start: CoordinatorStart, reports: ReportPipe, system: System = REAL) -> None:
+        """Raises RecordError and BusError if the coordinator cannot begin."""
+        file = start.file
+        local = [process.name for process in file.processes if not process.elsewhere]
+        remote = [process.name for process in file.processes if process.elsewhere]
+        reporter = self._reporter = _Reporter(reports, remote)
+        past = find_past(file, again=start.again)
         algorithm = FrameAlgorithm(file.world if past is None else past.world)
         check_sizes(algorithm.composition.fragments, file.processes)
 
-        def say(text: str) -> None:
-            reports.tell("said", member="record", text=text)
-
-        told.record = recording(file, algorithm, say, again=past is not None)
-        if past is not None:
-            resume_from(past, algorithm, told.record.frame)
-            lost = f"; {past.lost:,} bytes behind it cannot be read" if past.lost else ""
-            reports.tell("noted", text=f"goes on from frame {algorithm.frame} of its journal{lost}")
+        def log(text: str) -> None:
+            reports.send("log", member="record", text=text)
 
         def note(text: str) -> None:
-            reports.tell("noted", text=text)
+            reports.send("note", text=text)
 
-        told.collected = collect_sink(file.collect, algorithm, note, again=past is not None)
-        self.coordinator = told.coordinator = work.make(
+        reporter.record = recording(file, algorithm, log, again=past is not None)
+        if past is not None:
+            resume_from(past, algorithm, reporter.record.frame)
+            lost = f"; {past.lost:,} bytes at its end are unreadable" if past.lost else ""
+            note(f"continuing from frame {algorithm.frame} of its journal{lost}")
+        again = past is not None
+        reporter.collected = collect_sink(file.collect, algorithm, note, again=again)
+        self.coordinator = reporter.coordinator = start.make(
             file.world,
-            told.watchers(),
+            reporter.watchers(),
             rate=file.rate,
             where=ListenConfig(
                 file.bus.listen,
-                work.shared,
+                start.shared,
                 file.access.routers,
-                security(file.access, file.world.name, started),
+                security(file.access, file.world.name, local),
             ),
             deadlines=file.deadlines,
             limits=file.access.limits,
-            keep=work.profile,
+            keep=start.profile,
             epoch=next_epoch(past, system.time()),
             algorithm=algorithm,
-            queued=work.queued,
+            queued=start.queued,
             system=system,
         )
-        told.journal = RunJournal(file, told.coordinator, past, say)
+        reporter.journal = RunJournal(file, self.coordinator, past, log)
 
     def life(self) -> Generator[None, None, int]:
-        """Run the world to its end, turn by turn; the exit code."""
-        told = self._told
+        """Run the world to its end, one turn per iteration; returns the exit code."""
+        reporter = self._reporter
         try:
             ended = yield from self.coordinator.life()
         finally:
-            told.record.close()
-            told.journal.close()
-            if told.collected is not None:
-                told.collected.close()
-        told.ended(ended)
+            reporter.record.close()
+            reporter.journal.close()
+            if reporter.collected is not None:
+                reporter.collected.close()
+        reporter.ended(ended)
         return 0
 
 
-class _Told:
-    """What the launcher is told, and the record, of a world that runs."""
+class _Reporter:
+    """Passes the notices of a coordinator to the launcher, its record and its journal."""
 
     coordinator: Coordinator
     journal: RunJournal
 
-    def __init__(self, reports: Reports, elsewhere: Collection[str]) -> None:
-        self._elsewhere = elsewhere
+    def __init__(self, reports: ReportPipe, remote: Collection[str]) -> None:
+        self._remote = remote
         self.record = RunRecord()
         self.collected: CollectSink | None = None
         self._reports = reports
@@ -153,28 +155,29 @@ class _Told:
         self._members = 0
 
     def watchers(self) -> Watchers:
-        """Those who tell it."""
-        tell = self._reports.tell
+        """The callbacks for the coordinator."""
+        send = self._reports.send
         return Watchers(
-            said=self._said,
+            said=self._log,
             status=self._status,
-            listening=lambda endpoint: tell(
+            listening=lambda endpoint: send(
                 "listening", endpoint=endpoint, listens_at=self.coordinator.admission.listens_at
             ),
-            stalled=lambda member, waited: tell("stalled", member=member, waited=waited),
-            came=lambda member: tell("came", member=member),
+            stalled=lambda member, waited: send("timed_out", member=member, waited=waited),
+            came=lambda member: send("joined", member=member),
             frame_done=self._frame_done,
+            # `record` and `journal` are set later than the callbacks.
             idle=lambda: self.record.idle(),
             operated=lambda: self.journal.operated(),
-            stopping=lambda reason: tell("stopping", reason=reason),
+            stopping=lambda reason: send("stopping", reason=reason),
             restart=self._restart,
             opened=self._opened,
         )
 
     def _restart(self, member: str) -> str:
-        if member in self._elsewhere:
-            return f"{member} does not run here: start it anew where it runs"
-        self._reports.tell("restart", member=member)
+        if member in self._remote:
+            return f"{member} runs on another machine: restart it there"
+        self._reports.send("restart", member=member)
         return ""
 
     def _opened(self, session: Any) -> list[Any]:
@@ -182,6 +185,7 @@ class _Told:
         return overhear(session, keys, record.topics, record.received) if record.topics else []
 
     def _frame_done(self, done: s.FrameDone) -> None:
+        # The journal first: a successor can restore the record from it, not the reverse.
         self.journal.frame(done)
         self.record.frame(done)
         if self.collected is not None:
@@ -189,24 +193,23 @@ class _Told:
         if not self._began:
             self._began = True
             self._members = len(self.coordinator.algorithm.members.active())
-            self._reports.tell(
-                "first_frame", frame=done.frame, at=self.coordinator.schedule.last_frame_at
-            )
+            at = self.coordinator.schedule.last_frame_at
+            self._reports.send("first_frame", frame=done.frame, at=at)
 
-    def _said(self, member: str, text: str, details: str) -> None:
+    def _log(self, member: str, text: str, details: str) -> None:
         self.record.said(member, f"{text}\n{details}" if details else text)
-        self._reports.tell("said", member=member, text=text, details=details)
+        self._reports.send("log", member=member, text=text, details=details)
 
     def _status(self, now: Status) -> None:
-        self._reports.tell(
+        self._reports.send(
             "status", frame=now.frame, rate=now.rate, members=now.members, phase=now.phase,
             paused=now.paused, waiting=now.waiting, waited=now.waited,
         )  # fmt: skip
 
     def ended(self, ended: s.Ended) -> None:
-        """The world is over."""
+        """Report the end of the world."""
         coordinator, algorithm = self.coordinator, self.coordinator.algorithm
-        self._reports.tell(
+        self._reports.send(
             "ended",
             reason=ended.reason,
             failed=algorithm.failed,
@@ -220,22 +223,22 @@ class _Told:
         )
 
 
-def _obey(commands: int, coordinator: Coordinator) -> None:
-    lines = Lines()
+def _read_commands(commands: int, coordinator: Coordinator) -> None:
+    lines = LineBuffer()
     while data := os.read(commands, 4096):
         for line in lines.feed(data):
-            obey(line, coordinator)
+            handle_command(line, coordinator)
 
 
-def obey(line: str, coordinator: Coordinator) -> None:
-    """Do what the launcher commands; from any thread."""
+def handle_command(line: str, coordinator: Coordinator) -> None:
+    """Handle a command of the launcher; may be called from any thread."""
     word, _, rest = line.partition(" ")
     if word == "log":
         level, member, text = rest.split(" ", 2)
         coordinator.inbox.put(Printed(member, text, level))
     elif word == "started":
         coordinator.inbox.put(Started(rest))
-    elif word == "gave_up":
+    elif word == "abandoned":
         coordinator.inbox.put(s.Abandoned(rest))
     elif word == "end":
         coordinator.inbox.put(s.End(rest))

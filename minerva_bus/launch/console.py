@@ -1,31 +1,50 @@
-"""What a person sees of a run: a line that lives at the bottom, and log lines above it."""
+"""The console of a run: a status line at the bottom, and log lines above it, as text or JSON."""
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, TextIO
+from datetime import UTC, datetime
+from typing import Any, Final, TextIO
 
-from minerva_bus.launch.loglines import Entry
 from minerva_bus.wording import counted, named_some
 
-SHOWN_NAMES = 8
-NOW_AND_THEN = 5.0
-"""Seconds between two lines about something that goes on, where no person looks at a terminal."""
+SHOWN_NAMES: Final = 8
+PERIOD_SECONDS: Final = 5.0
+"""Time between two lines about progress where there is no terminal for a status line."""
 
 _COLORS = (36, 33, 35, 32, 34, 96, 93, 95, 92, 94)
 
 
+def json_line(at: float, level: str, world: str, frame: int, member: str, message: str) -> str:
+    """A log line as a JSON object, the same for a run and for `minerva logs`.
+
+    `at`: seconds since 1970, written as RFC 3339 in UTC. `level`: info, warning or error.
+    `frame`: the current one, -1 if unknown. `member` is empty for the world itself.
+    """
+    written = datetime.fromtimestamp(at, UTC).isoformat(timespec="milliseconds")
+    entry = {
+        "time": written.replace("+00:00", "Z"),
+        "level": level,
+        "world": world,
+        "frame": frame,
+        "member": member,
+        "message": message,
+    }
+    return json.dumps(entry, ensure_ascii=False)
+
+
 @dataclass(slots=True)
 class Console:
-    """Writes to a terminal, or plainly to anything else; or JSON, one object a line.
+    """Writes log lines with a status line to a terminal, plain lines elsewhere, or JSON lines.
 
-    `quiet` leaves out all but what went wrong. `world` and `frame` are those that lines in JSON
-    are about; the frame is the last one that was heard of. `traceback` shows what else is only in
-    the log: all frames of an error in user code.
+    `quiet` suppresses all but errors. `world` and `frame` go into JSON lines; the frame is the last
+    one that was reported. `traceback`: also show all frames of errors in user code, which otherwise
+    are only in the log.
     """
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
@@ -35,16 +54,16 @@ class Console:
     frame: int = -1
     traceback: bool = False
     _live: str = ""
-    _said_at: float | None = None
+    _noted_at: float | None = None
     _names: dict[str, int] = field(default_factory=dict[str, int])
 
     @property
     def terminal(self) -> bool:
-        """Whether a person looks at it."""
+        """Whether the output is a terminal and not JSON."""
         return self.stream.isatty() and not self.json
 
     def log(self, name: str, line: str, level: str = "info") -> None:
-        """A line about a member, with its name in front."""
+        """Write a line about a member, after its name."""
         if self.json:
             self._write(level, name, line)
             return
@@ -52,15 +71,15 @@ class Console:
         if self.terminal:
             color = _COLORS[self._names.setdefault(name, len(self._names)) % len(_COLORS)]
             shown = f"\x1b[{color}m{name}\x1b[0m"
-        self._above("".join(f"{shown} │ {one}\n" for one in line.rstrip("\n").split("\n")))
+        self._above("".join(f"{shown} │ {text}\n" for text in line.rstrip("\n").split("\n")))
 
     def details(self, name: str, text: str) -> None:
-        """What else there is to an error in a member's code, where people want all of it."""
+        """Write all frames of an error in a member's code, if `traceback` is set."""
         if text and self.traceback:
             self.log(name, text, "warning")
 
     def note(self, line: str) -> None:
-        """A line about the world."""
+        """Write a line about the world."""
         if self.quiet:
             return
         if self.json:
@@ -68,16 +87,16 @@ class Console:
         else:
             self._above(line + "\n")
 
-    def now_and_then(self, line: str, now: float) -> None:
-        """A line about the world that will soon be out of date; `now` is of a monotonic clock."""
-        if self._said_at is None:
-            self._said_at = now
-        if now >= self._said_at + NOW_AND_THEN:
-            self._said_at = now
+    def periodic(self, line: str, now: float) -> None:
+        """Write a line about progress if the last one is long ago; `now` is monotonic."""
+        if self._noted_at is None:
+            self._noted_at = now
+        if now >= self._noted_at + PERIOD_SECONDS:
+            self._noted_at = now
             self.note(line)
 
     def problem(self, line: str) -> None:
-        """What went wrong with the world as a whole."""
+        """Write an error of the world as a whole."""
         if self.json:
             self._write("error", "", line)
         else:
@@ -87,31 +106,30 @@ class Console:
     def _write(self, level: str, member: str, text: str) -> None:
         now = time.time()
         for line in text.rstrip("\n").split("\n"):
-            entry = Entry(now, level, self.world, self.frame, member, line)
-            self._put(entry.json() + "\n")
+            self._put(json_line(now, level, self.world, self.frame, member, line) + "\n")
 
     def live(self, line: str) -> None:
-        """Let the line at the bottom be this."""
+        """Replace the status line."""
         if not self.terminal or self.quiet:
             return
-        width = shutil.get_terminal_size().columns - 1
-        line = line[:width]
+        # A wrapped line would leave its upper part behind when it is replaced.
+        line = line[: shutil.get_terminal_size().columns - 1]
         if line != self._live:
             self._put(f"\r\x1b[2K{line}")
             self._live = line
 
     def progress(self, name: str, done: int, total: int, rest: str) -> None:
-        """Let the line at the bottom say how much of something is done."""
+        """Show a progress bar in the status line."""
         self.live(f"{name} {_bar(done, total, 20)}  {done}/{total} {rest}")
 
     def end(self) -> None:
-        """Take the line at the bottom away."""
+        """Remove the status line."""
         if self._live:
             self._put("\r\x1b[2K")
             self._live = ""
 
     def _put(self, text: str) -> None:
-        """Write to a terminal that may have been closed: the run goes on to its regular end."""
+        """Write, ignoring a closed terminal: the run continues to its regular end."""
         with suppress(OSError):
             self.stream.write(text)
             self.stream.flush()
@@ -125,33 +143,30 @@ class Console:
 
 
 def starting_line(status: dict[str, Any], total: int) -> str:
-    """What is left to do until a world begins: who has come, and for whom it waits."""
+    """The status line of a start: how many members have joined, and which are missing."""
     here = min(int(status["members"]), total)
-    shown = f"{here:,} of {counted(total, 'member')} here"
+    shown = f"{here:,} of {counted(total, 'member')} joined"
     waiting = [str(name) for name in status["waiting"]]
     return f"{shown}; waiting for {named_some(waiting, SHOWN_NAMES)}" if waiting else shown
 
 
 def live_line(world: str, status: dict[str, Any], frames: int, began: float) -> str:
-    """The line at the bottom of a run."""
+    """The status line of a running world."""
     seconds = time.monotonic() - began
+    speed = "paused" if status.get("paused") else f"{status['rate']:.0f} Hz"
     frame = int(status["frame"])
     total = f"/{frames}" if frames else ""
     bar = f" {_bar(frame, frames, 12)}" if frames else ""
     shown = (
-        f"{world}{bar}  frame {frame}{total}  {_speed(status)}  "
+        f"{world}{bar}  frame {frame}{total}  {speed}  "
         f"{counted(int(status['members']), 'member')}  {seconds:.0f} s"
     )
     if status["waiting"] and status["waited"] >= 0.3:
         names = named_some(status["waiting"], SHOWN_NAMES)
-        shown += f"  waiting for {names} since {status['waited']:.1f} s"
+        shown += f"  waiting for {names} for {status['waited']:.1f} s"
     return shown
 
 
 def _bar(done: int, total: int, width: int) -> str:
     part = min(width, width * done // total)
     return f"{'█' * part}{'░' * (width - part)}"
-
-
-def _speed(status: dict[str, Any]) -> str:
-    return "paused" if status.get("paused") else f"{status['rate']:.0f} Hz"

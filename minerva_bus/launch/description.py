@@ -1,22 +1,22 @@
-"""The table [world] of a world file: what the world is, independent of where it runs."""
+"""The tables [world] and [placement]: what the world is, and which hosts may have which agents."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from minerva_bus.errors import MisuseError, WorldFileError, nearest
+from minerva_bus.frame.constraints import PlacementRules, Rule
 from minerva_bus.frame.description import World
 from minerva_bus.frame.senders import ID
 from minerva_bus.grammar.scene import AGENT_ID, Scene
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.launch.placement import read_placement
 from minerva_bus.launch.specs import called, load
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.worldfile import Process
-from minerva_bus.settings.kinds import number
-from minerva_bus.settings.tables import WorldSettings
+from minerva_bus.settings.kinds import TEXT, TEXTS, number
+from minerva_bus.settings.tables import PlacementSettings, WorldSettings
 from minerva_bus.world.evolution import Policy
 from minerva_bus.world.order import Order
 
@@ -53,7 +53,7 @@ def read_description(
         give_up=_sent(top, "give_up", settings.give_up, vocabulary),
         expected=frozenset(process.name for process in processes),
         real_time=settings.real_time,
-        placement=read_placement(top.table("placement"), vocabulary),
+        placement=_placement(top.table("placement"), vocabulary),
     )
     if not processes:
         raise WorldFileError(f"{path}: no [process.NAME]: no process would run this world")
@@ -143,3 +143,34 @@ def _sent(top: Table, key: str, name: str, vocabulary: Vocabulary) -> str:
         problem = f"must be an event that agents send; {name} is visual"
         top.wrong_setting(WorldSettings, key, problem)
     return name
+
+
+def _placement(table: Table, vocabulary: Vocabulary) -> PlacementRules:
+    """The placement rules of a world file. Raises WorldFileError."""
+    limit = table.read(PlacementSettings).agents_per_host
+    rules: dict[str, Rule] = {}
+    for kind, hosts in table.rest().items():
+        if kind not in vocabulary.kinds:
+            known = list(vocabulary.kinds)
+            table.wrong(
+                kind,
+                f"is not an agent kind of this world{nearest(kind, [*known, 'agents_per_host'])};"
+                f" it has {', '.join(known) or 'none'}",
+            )
+        rules[kind] = _rule(table, kind, hosts)
+    return PlacementRules(rules, limit)
+
+
+def _rule(table: Table, kind: str, hosts: Any) -> Rule:
+    if isinstance(hosts, dict):
+        inner = table.table(kind)
+        rule = Rule(inner.get("only", TEXTS, ()), inner.get("near", TEXT, ""))
+        inner.done()
+    else:
+        names = cast("list[Any]", hosts if isinstance(hosts, list) else [hosts])
+        if not all(isinstance(name, str) for name in names):
+            table.wrong(kind, 'must be a list of hosts, or { only = ["HOST"], near = "MEMBER" }')
+        rule = Rule(tuple(names))
+    if rule == Rule():
+        table.wrong(kind, 'allows nothing; name hosts, or near = "MEMBER"')
+    return rule

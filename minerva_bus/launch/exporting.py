@@ -10,12 +10,13 @@ import socket
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, Self, cast
 
 from minerva_bus.errors import BusError, MinervaError
-from minerva_bus.launch.health import Health, live, ready
+from minerva_bus.frame.phases import Phase
 from minerva_bus.runtime.totals import read_totals
 from minerva_bus.settings.kinds import address
 from minerva_bus.wire.status import read_status
@@ -24,11 +25,50 @@ from minerva_bus.world.operator import WorldStatus
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-KEPT_AWAKE: Final = 2.0
-"""Seconds between queries for the totals, which are counted only while queries arrive."""
+QUERY_SECONDS: Final = 2.0
+"""Time between queries for the totals, which are counted only while queries arrive."""
+
+READY_SECONDS: Final = 2.0
+"""Time that a frame may wait for a member while the world counts as ready."""
 
 Ask = Callable[..., Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """The result of a health check, with a reason."""
+
+    ok: bool
+    text: str
+
+    @property
+    def code(self) -> int:
+        """The HTTP status: 200 or 503."""
+        return 200 if self.ok else 503
+
+
 Check = Callable[[WorldStatus | None, str], Health]
+
+
+def live(status: WorldStatus | None, problem: str = "") -> Health:
+    """Whether the coordinator answers; `status` is its answer, `problem` why there is none."""
+    if status is None:
+        return Health(False, f"the coordinator does not answer: {problem}")
+    return Health(True, f"{status.world}: the coordinator answers")
+
+
+def ready(status: WorldStatus | None, problem: str = "") -> Health:
+    """Whether the world runs frames or could; a paused world is ready, too."""
+    if status is None:
+        return live(status, problem)
+    names = ", ".join(status.waiting)
+    if status.phase == Phase.WAITING.value:
+        return Health(False, f"{status.world}: waiting for {names or 'members'} to join")
+    if status.waiting and status.waited >= READY_SECONDS:
+        waiting = f"frame {status.frame} has been waiting for {names} for {status.waited:.1f} s"
+        return Health(False, f"{status.world}: {waiting}")
+    doing = "paused before" if status.paused else "running"
+    return Health(True, f"{status.world}: {doing} frame {status.frame}")
 
 
 class Exporter:
@@ -77,7 +117,7 @@ class Exporter:
         self._server.server_close()
 
     def health(self, check: Check) -> Health:
-        """The result of one of the checks of `launch/health.py`."""
+        """The result of one of the health checks."""
         try:
             return check(self._status(), "")
         except MinervaError as error:
@@ -85,19 +125,19 @@ class Exporter:
 
     def collect(self) -> Iterator[Metric]:
         """Collect metrics, as Prometheus requires of a collector."""
-        from minerva_bus.launch.metrics import figures, no_figures
+        from minerva_bus.launch.metrics import down_metrics, world_metrics
 
         try:
             status, totals = self._status(), read_totals(self._ask("totals").get("totals"))
         except MinervaError:
-            return no_figures(self.world)
-        return figures(status, totals)
+            return down_metrics(self.world)
+        return world_metrics(status, totals)
 
     def _status(self) -> WorldStatus:
         return read_status(self._ask("status").get("status"))
 
     def _keep_awake(self) -> None:
-        while not self._closed.wait(KEPT_AWAKE):
+        while not self._closed.wait(QUERY_SECONDS):
             try:
                 self._ask("totals")
             except MinervaError:
@@ -145,9 +185,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._metrics()
         elif path in _CHECKS:
             health = self._exporter.health(_CHECKS[path])
-            self._reply(health.code, "text/plain; charset=utf-8", f"{health.words}\n".encode())
+            self._reply(health.code, "text/plain; charset=utf-8", f"{health.text}\n".encode())
         else:
-            self._reply(404, "text/plain; charset=utf-8", b"there are /metrics, /live, /ready\n")
+            self._reply(
+                404, "text/plain; charset=utf-8", b"not found; expected /metrics, /live or /ready\n"
+            )
 
     def _metrics(self) -> None:
         from prometheus_client import CollectorRegistry

@@ -23,7 +23,7 @@ from minerva_bus.launch.exporting import exported
 from minerva_bus.launch.free_running import FreeRunning, close_services
 from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.control import Operated, answer
 from minerva_bus.runtime.direct import InProcessRunner
@@ -79,7 +79,7 @@ class InProcessRun:
             self._parts is not None and self._parts.runner.ended is not None
         )
 
-    def run(self) -> Summary:
+    def run(self) -> RunSummary:
         """Run the world to its end. Raises WorldStopped where user code failed."""
         try:
             self.open()
@@ -308,11 +308,11 @@ class _Progress(Sink):
             status = {"frame": frame, "rate": rate, "members": 1, "waiting": (), "waited": 0.0}
             self._console.live(live_line(self._file.world.name, status, frames, self._began))
 
-    def summary(self, ended: s.Ended | None, reason: str) -> Summary:
+    def summary(self, ended: s.Ended | None, reason: str) -> RunSummary:
         """The summary of the run; `reason` replaces that of the world."""
         first, algorithm, file = self._first_frame_at, self._algorithm, self._file
         figures = dict(ended.figures) if ended is not None else {}
-        return Summary(
+        return RunSummary(
             world=file.world.name,
             frames=algorithm.frame,
             digest=algorithm.scene.digest.hex(),

@@ -1,4 +1,4 @@
-"""The signals that a launcher handles: those that ask it to end, and that of a child's end."""
+"""Signals that end a run, and the signal that a child has ended."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from minerva_bus.launch.pipes import Pipes
 
 
 def end_signals() -> tuple[signal.Signals, ...]:
-    """The signals that ask this process to end: Ctrl-C, SIGTERM, and the terminal's hang-up.
+    """The signals that ask this process to end: Ctrl-C, SIGTERM and the terminal's hang-up.
 
     A hang-up that is ignored, as under `nohup`, stays ignored.
     """
@@ -23,7 +23,7 @@ def end_signals() -> tuple[signal.Signals, ...]:
 
 @contextmanager
 def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Generator[None]:
-    """Let all of them end the wait for pipes, and call `interrupted` with those that ask to end."""
+    """Wake a wait for `pipes` at each signal; call `interrupted` for those that end the process."""
 
     def interrupt(number: int, _: FrameType | None) -> None:
         interrupted(signal.Signals(number))
@@ -31,6 +31,7 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
     read, write = os.pipe()
     os.set_blocking(read, False)
     os.set_blocking(write, False)
+    # Without the pipe, a signal just before the wait begins would not end it.
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     pipes.listen(read, lambda: pipes.read(read))
     wanted = {signal.SIGCHLD: _ignore, **dict.fromkeys(end_signals(), interrupt)}
@@ -46,4 +47,4 @@ def caught(pipes: Pipes, interrupted: Callable[[signal.Signals], None]) -> Gener
 
 
 def _ignore(number: int, frame: FrameType | None) -> None:
-    """Do nothing: the pipe has told already."""
+    """Do nothing: the signal has written to the pipe already."""

@@ -34,7 +34,7 @@ def next_epoch(past: Journaled | None, now: float) -> int:
 
 
 class RunJournal:
-    """Writes the journal of a running world; `say` reports when that fails.
+    """Writes the journal of a running world; `log` receives a failure to do so.
 
     A configured journal is deleted when the world has come to its own end; without configuration,
     it is deleted whenever the run ends. Raises BusError if it cannot be created.
@@ -45,10 +45,10 @@ class RunJournal:
         file: WorldFile,
         coordinator: Coordinator,
         past: Journaled | None,
-        say: Callable[[str], None],
+        log: Callable[[str], None],
     ) -> None:
         self._coordinator = coordinator
-        self._say = say
+        self._log = log
         self._configured = bool(file.bus.journal)
         self._members: MemberIndex | None = None
         self._journal: Journal | None = Journal(
@@ -57,10 +57,8 @@ class RunJournal:
         if past is not None:
             self._journal.members(past.members)
             if past.rate is not None:
-                coordinator.schedule.pace.rate, coordinator.schedule.pace.left = (
-                    past.rate,
-                    past.left,
-                )
+                pace = coordinator.schedule.pace
+                pace.rate, pace.left = past.rate, past.left
         self._note_pace(self._journal)
 
     def frame(self, done: s.FrameDone) -> None:
@@ -103,7 +101,7 @@ class RunJournal:
     def _give_up(self, journal: Journal, error: OSError) -> None:
         journal.close(over=True)
         self._journal = None
-        self._say(
+        self._log(
             f"{journal.path}: cannot be written: {error.strerror}; the world continues, but"
             " ends if its coordinator is killed"
         )

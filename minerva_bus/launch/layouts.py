@@ -1,7 +1,7 @@
-"""Layouts of processes in which one world has to give the same strings, frame by frame.
+"""Process layouts in which a world must produce the same strings, frame by frame.
 
-What an agent becomes depends on its state, its events and its stream of random numbers (equation
-3), and on nothing that another process, another hour or another hash seed has differently.
+An agent evolves by its state, its events and its stream of random numbers (equation 3) only, so the
+result must not depend on the process, the hash seed or the time zone.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Final
 from minerva_bus.launch.access import Access
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings
-from minerva_bus.world.services import Device, Generator, Service
+from minerva_bus.world.services import Device, Generator
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How a world runs, and what its code must not see of it.
+    """How to run a world.
 
-    `hosts` is how many processes each process of agents becomes; with `in_process` all members are
-    in one process, unless one of them is a command.
+    `hosts`: number of processes for each process of agents. `in_process`: all members in one
+    process, unless one of them is a command.
     """
 
     name: str
@@ -45,49 +45,46 @@ LAYOUTS: Final = (
     Layout("one process for all members", True, 1, "5", "MNVA+12"),
     Layout("two processes for each kind of agents", False, 2, "36", "MNVB-14"),
 )
-"""Local dates always differ between the two. With these two hash seeds, sets of two to four short
-texts such as {"a", "b"} or {"left", "right"} have different orders, which they may share by chance
-with others.
+"""Chosen so that mistakes show: local dates always differ between the two layouts. Sets of two to
+four short texts such as {"a", "b"} have different orders with these seeds, unlike with many others.
 """
 
 
 def left_out(file: WorldFile) -> dict[str, str]:
-    """The processes whose events differ from run to run, or that emit none; and why, by name."""
+    """Processes that cannot be compared, by name, with the reason."""
     reasons = {process.name: _reason(process) for process in file.processes}
     return {name: reason for name, reason in reasons.items() if reason}
 
 
 def _reason(process: Process) -> str:
-    service = process.make_service() if process.make_service is not None else None
-    return _reason_of(service) if service is not None else ""
-
-
-def _reason_of(service: Service) -> str:
+    if process.make_service is None:
+        return ""
+    service = process.make_service()
     if service.interactive or (isinstance(service, Generator) and service.people):
-        return "people sit before it"
+        return "people operate it"
     if isinstance(service, Generator) and not service.lockstep:
-        return "it emits events whenever they come"
+        return "it runs freely"
     if isinstance(service, Device) and service.rate > 0:
-        return "it asks for views by the clock"
+        return "it requests views by the clock"
     return "" if isinstance(service, Generator) else "it only shows views"
 
 
 def laid_out(
     file: WorldFile, layout: Layout, omitted: Mapping[str, str], frames: int, record: Path
 ) -> WorldFile:
-    """A world file as it runs in a layout for so many frames: recorded, and closed to others."""
+    """A world file for a run of `frames` in a layout: recorded, and closed to other members."""
     processes = tuple(
-        replace(one, name=name, elsewhere=False)
-        for one in file.processes
-        if one.name not in omitted
-        for name in _names(one, layout.hosts)
+        replace(process, name=name, elsewhere=False)
+        for process in file.processes
+        if process.name not in omitted
+        for name in _names(process, layout.hosts)
     )
     return replace(
         file,
         world=replace(
             file.world,
             frames=min(frames, file.world.frames or frames),
-            expected=frozenset(one.name for one in processes),
+            expected=frozenset(process.name for process in processes),
         ),
         rate=0.0,
         processes=processes,

@@ -1,146 +1,130 @@
-"""What the launcher has of the system that it runs on: a clock, processes and their pipes.
+"""The operating system as the launcher uses it, and what all processes of a run share.
 
-It takes it as an argument, so that a simulation can give it another one.
+A simulation passes a machine of its own.
 """
 
 from __future__ import annotations
 
 import os
 import time
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
-from minerva_bus.launch.capacity import cores
-from minerva_bus.launch.children import Coordinating, Joining, coordinate, take_part
-from minerva_bus.launch.ending import kill, kill_rest, next_ended
-from minerva_bus.launch.pipes import Pipes
-from minerva_bus.launch.reports import Reports
-from minerva_bus.launch.starters import Child, command, fork
-from minerva_bus.wire.keys import COORDINATOR
-
-
-class Machine(Protocol):
-    """A clock in seconds, child processes by their ids, and pipes by their descriptors."""
-
-    def monotonic(self) -> float:
-        """The time of a clock that never goes back."""
-        ...
-
-    def pipes(self) -> Pipes:
-        """Where pipes are heard."""
-        ...
-
-    def lifeline(self) -> tuple[int, int]:
-        """A pipe that ends when the launcher dies."""
-        ...
-
-    def close(self, descriptor: int) -> None:
-        """Close a pipe's end."""
-        ...
-
-    def write(self, descriptor: int, data: bytes) -> None:
-        """Write to a pipe. Raises OSError."""
-        ...
-
-    def start_coordinator(self, work: Coordinating, lifeline: int) -> tuple[Child, int, int]:
-        """Start a coordinator: its process, where to write commands, where to read reports."""
-        ...
-
-    def start_member(self, work: Joining, lifeline: int) -> Child:
-        """Start a member's process."""
-        ...
-
-    def cores(self) -> int:
-        """How many cores there are for the world's processes."""
-        ...
-
-    def signal(self, pid: int, number: int) -> None:
-        """Send a process a signal."""
-        ...
-
-    def kill(self, pid: int) -> None:
-        """Kill a child and what it has started."""
-        ...
-
-    def kill_rest(self, pid: int) -> None:
-        """Kill what a child has started."""
-        ...
-
-    def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
-        """A child that has ended, or that ends while we wait, and its exit code; else None."""
-        ...
+from minerva_bus.launch import capacity, forking
+from minerva_bus.launch.children import (
+    CoordinatorStart,
+    MemberStart,
+    run_coordinator,
+    run_member,
+)
+from minerva_bus.launch.forking import ChildProcess
+from minerva_bus.launch.pipes import Pipes, ReportPipe
+from minerva_bus.launch.profiling import Profiling
+from minerva_bus.launch.worldfile import WorldFile
 
 
-class RealMachine:
-    """The operating system."""
+class Machine:
+    """A clock, child processes by their ids, and pipes by their descriptors."""
 
     def monotonic(self) -> float:
-        """The time of a clock that never goes back."""
+        """Seconds of a clock that never goes back."""
         return time.monotonic()
 
+    def cores(self) -> int:
+        """Number of cores for the processes of a world."""
+        return capacity.cores()
+
+    # --- pipes ---
+
     def pipes(self) -> Pipes:
-        """Where pipes are heard."""
+        """A set of pipes to wait for."""
         return Pipes()
 
     def lifeline(self) -> tuple[int, int]:
-        """A pipe that ends when the launcher dies."""
+        """A pipe that closes when the launcher dies."""
         return os.pipe()
 
     def close(self, descriptor: int) -> None:
-        """Close a pipe's end."""
+        """Close an end of a pipe."""
         os.close(descriptor)
 
     def write(self, descriptor: int, data: bytes) -> None:
         """Write to a pipe. Raises OSError."""
         os.write(descriptor, data)
 
-    def start_coordinator(self, work: Coordinating, lifeline: int) -> tuple[Child, int, int]:
-        """Fork a coordinator: its process, where to write commands, where to read reports."""
-        down_read, down_write = os.pipe()
-        up_read, up_write = os.pipe()
-        child = fork(
-            COORDINATOR,
-            lambda: coordinate(work, Reports(up_write), down_read),
-            (down_read, up_write),
+    # --- processes ---
+
+    def start_coordinator(
+        self, start: CoordinatorStart, lifeline: int
+    ) -> tuple[ChildProcess, int, int]:
+        """Start a coordinator: its process, where to write commands, where to read reports."""
+        command_read, command_write = os.pipe()
+        report_read, report_write = os.pipe()
+        child = forking.fork(
+            lambda: run_coordinator(start, ReportPipe(report_write), command_read),
+            (command_read, report_write),
             lifeline,
         )
-        os.close(down_read)
-        os.close(up_write)
-        os.set_blocking(up_read, False)
-        os.set_blocking(down_write, False)
-        return child, down_write, up_read
+        os.close(command_read)
+        os.close(report_write)
+        os.set_blocking(report_read, False)
+        os.set_blocking(command_write, False)  # A stuck coordinator must not block the launcher.
+        return child, command_write, report_read
 
-    def start_member(self, work: Joining, lifeline: int) -> Child:
-        """Fork a member's process, or start its command."""
-        process = work.process
+    def start_member(self, start: MemberStart, lifeline: int) -> ChildProcess:
+        """Start the process of a member, or its command."""
+        process = start.process
         if process.command:
             environment = {
-                "MINERVA_WORLD": work.world,
-                "MINERVA_CONNECT": work.endpoint,
+                "MINERVA_WORLD": start.world,
+                "MINERVA_CONNECT": start.endpoint,
                 "MINERVA_NAME": process.name,
             }
-            return command(process.name, process.command, environment, process.folder, lifeline)
-        return fork(process.name, partial(take_part, work), (), lifeline)
-
-    def cores(self) -> int:
-        """How many cores there are for the world's processes."""
-        return cores()
+            return forking.command(process.command, environment, process.folder, lifeline)
+        return forking.fork(partial(run_member, start), (), lifeline)
 
     def signal(self, pid: int, number: int) -> None:
-        """Send a process a signal."""
+        """Send a signal to a process."""
         os.kill(pid, number)
 
     def kill(self, pid: int) -> None:
-        """Kill a child and what it has started."""
-        kill(pid)
+        """Kill a child and its process group."""
+        forking.kill(pid)
 
-    def kill_rest(self, pid: int) -> None:
-        """Kill what a child has started."""
-        kill_rest(pid)
+    def kill_group(self, pid: int) -> None:
+        """Kill the processes that a child has started."""
+        forking.kill_group(pid)
 
     def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
-        """A child that has ended, or that ends while we wait, and its exit code; else None."""
-        return next_ended(wait=wait)
+        """Process id and exit code of a child that has ended, or with `wait` of the next one."""
+        return forking.next_ended(wait=wait)
 
 
-REAL: Final = RealMachine()
+REAL: Final = Machine()
+
+
+@dataclass(slots=True)
+class LaunchContext:
+    """One world, and what its processes share while it runs.
+
+    `endpoint` is where local processes connect ("": not known yet), `shared` whether large
+    messages use shared memory. `lifeline` is a pipe that closes when the launcher dies.
+    """
+
+    file: WorldFile
+    profiling: Profiling
+    machine: Machine = REAL
+    pipes: Pipes = field(init=False)
+    lifeline: tuple[int, int] = field(init=False)
+    shared: bool = False
+    endpoint: str = ""
+
+    def __post_init__(self) -> None:
+        self.pipes, self.lifeline = self.machine.pipes(), self.machine.lifeline()
+
+    def close(self) -> None:
+        """Close the pipes after all processes have ended."""
+        self.pipes.close()
+        for end in self.lifeline:
+            self.machine.close(end)

@@ -1,7 +1,7 @@
-"""Shared memory of sessions: whether there is room for it, and an end of what is left over.
+"""Shared memory of sessions: whether there is enough, and removal of orphaned files.
 
-A process that is killed leaves its files behind. Zenoh locks those that are in use, and the lock
-ends with the process: a file without one is nobody's.
+A killed process leaves its files behind. Zenoh locks the files that are in use, and the system
+releases a lock when its process ends: a file without a lock is an orphan.
 """
 
 from __future__ import annotations
@@ -11,26 +11,25 @@ import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from minerva_bus.grammar.columns import columns_in
 from minerva_bus.grammar.scene import Scene
 
-FOLDER = Path("/dev/shm")  # noqa: S108
+FOLDER: Final = Path("/dev/shm")  # noqa: S108
+LARGE_BYTES: Final = 4 * 1024 * 1024
+"""Size of a string's columns from which the processes of a world share memory by default."""
 
 
-LARGE = 4 * 1024 * 1024
-"""Bytes of columns from which on a world's own processes share memory."""
+def prepare(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str], None]) -> bool:
+    """Whether the processes of a world share memory, after orphaned files are removed.
 
-
-def prepared(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str], None]) -> bool:
-    """Whether a world's processes share memory, once what is left over there is gone.
-
-    They do where every process can have its part of the bytes needed: more would end by a signal.
-    `wanted` is what the world file says; None: where the string is large.
+    `needed`: bytes for all processes. `wanted` is the setting; None: if the string is large.
     """
-    if wanted is False or (wanted is None and column_bytes(scene) < LARGE):
+    if wanted is False or (wanted is None and column_bytes(scene) < LARGE_BYTES):
         return False
-    sweep()
+    remove_orphans()
+    # A process that writes beyond the free space would be killed by SIGBUS.
     shared = has_room(needed)
     if wanted and not shared:
         note(f"no room for {needed >> 20} MB of shared memory; large messages go through sockets")
@@ -38,7 +37,7 @@ def prepared(wanted: bool | None, scene: Scene, needed: int, note: Callable[[str
 
 
 def column_bytes(scene: Scene) -> int:
-    """How many bytes the numbers in a string's columns have: what its populations will send."""
+    """Bytes of the numbers in a string's columns: what its populations will send."""
     return sum(
         column.array.nbytes
         for piece in columns_in(scene)
@@ -48,15 +47,15 @@ def column_bytes(scene: Scene) -> int:
 
 
 def has_room(needed: int, folder: Path = FOLDER) -> bool:
-    """Whether so many bytes of shared memory can be had here."""
+    """Whether this much shared memory is free, in bytes."""
     try:
         return shutil.disk_usage(folder).free >= needed
     except OSError:
         return False
 
 
-def sweep(folder: Path = FOLDER) -> int:
-    """Remove the files of sessions that are no more; how many there were."""
+def remove_orphans(folder: Path = FOLDER) -> int:
+    """Remove the files of sessions that have ended; returns their number."""
     return sum([_removed(path) for path in sorted(folder.glob("*.zenoh"))])
 
 
@@ -64,7 +63,7 @@ def _removed(path: Path) -> bool:
     try:
         descriptor = os.open(path, os.O_RDWR)
     except OSError:
-        return False  # Another's, or just gone.
+        return False  # It belongs to another user, or has just been removed.
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         path.unlink()

@@ -1,4 +1,4 @@
-"""A world's figures for Prometheus, from its status and its totals.
+"""Metrics of a world for Prometheus, from its status and its totals.
 
 Every name begins with `minerva_` and has the label `world`; docs/fleet.md has the table. Needs the
 extra `metrics`.
@@ -7,7 +7,9 @@ extra `metrics`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
+from itertools import accumulate
+from typing import Any
 
 from prometheus_client.core import (
     CounterMetricFamily,
@@ -19,127 +21,104 @@ from prometheus_client.core import (
 from minerva_bus.runtime.totals import BOUNDS, Durations, Totals
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
-_MICRO = 1e-6
+_UP = "1 while the coordinator answers."
+
+Samples = Iterable[tuple[tuple[str, ...], float]]
+"""Values of labels, without that of `world`, with the value of the metric."""
 
 
-def figures(status: WorldStatus, totals: Totals) -> Iterator[Metric]:
-    """All metric families of a world that answers."""
-    yield _gauge("up", "1 while the coordinator answers.", status, 1)
+def world_metrics(status: WorldStatus, totals: Totals) -> Iterator[Metric]:
+    """All metrics of a world that answers."""
     yield from _frames(status)
-    yield from _counted(status.world, totals)
+    yield from _totals(status.world, totals)
     yield from _members(status)
 
 
-def no_figures(world: str) -> Iterator[Metric]:
-    """What there is to say of a world that does not answer."""
-    up = GaugeMetricFamily("minerva_up", "1 while the coordinator answers.", labels=["world"])
-    up.add_metric([world], 0)
-    yield up
+def down_metrics(world: str) -> Iterator[Metric]:
+    """The metrics of a world that does not answer."""
+    yield _gauge(world, "up", _UP, 0)
 
 
-def _gauge(name: str, words: str, status: WorldStatus, value: float) -> Metric:
-    family = GaugeMetricFamily(f"minerva_{name}", words, labels=["world"])
-    family.add_metric([status.world], value)
+def _family(
+    cls: type[Any], world: str, name: str, help: str, samples: Samples, labels: tuple[str, ...] = ()
+) -> Metric:
+    family = cls(f"minerva_{name}", help, labels=["world", *labels])
+    for values, value in samples:
+        family.add_metric([world, *values], value)
     return family
 
 
+def _gauge(world: str, name: str, help: str, value: float) -> Metric:
+    return _family(GaugeMetricFamily, world, name, help, [((), value)])
+
+
+def _counter(world: str, name: str, help: str, samples: Samples, *labels: str) -> Metric:
+    return _family(CounterMetricFamily, world, name, help, samples, labels)
+
+
 def _frames(status: WorldStatus) -> Iterator[Metric]:
-    yield _gauge("frame", "The frame that runs or comes next.", status, status.frame)
-    yield _gauge("frame_rate_hertz", "Frames per second, as reached.", status, status.hz)
-    yield _gauge(
-        "frame_rate_wanted_hertz", "Frames per second that are wanted; 0: as many as go.",
-        status, status.rate,
-    )  # fmt: skip
-    yield _gauge("simulated_seconds", "Simulated time since the world began.", status, status.time)
-    yield from _late(status)
-    yield _gauge("paused", "1 while no frame may begin.", status, status.paused)
-    yield _gauge("agents", "Agents in the string.", status, status.agents)
-    yield _gauge(
-        "waiting_seconds", "For how long the frame has waited for members.", status, status.waited
-    )
-    yield _gauge(
-        "waiting_members",
-        "For how many members the frame has waited.",
-        status,
-        len(status.waiting) if status.waited else 0,
-    )
+    waiting = len(status.waiting) if status.waited else 0
+    for name, help, value in (
+        ("up", _UP, 1),
+        ("frame", "The current or next frame.", status.frame),
+        ("frame_rate_hertz", "Measured frames per second.", status.hz),
+        ("frame_rate_wanted_hertz", "Requested frames per second; 0: no limit.", status.rate),
+        ("simulated_seconds", "Simulated time since the world began.", status.time),
+        ("paused", "1 while the world is paused.", status.paused),
+        ("agents", "Agents in the string.", status.agents),
+        ("waiting_seconds", "How long the frame has waited for members.", status.waited),
+        ("waiting_members", "Members that the frame waits for.", waiting),
+    ):
+        yield _gauge(status.world, name, help, value)
+    for name, help, value in (
+        ("late_frames", "Frames that took longer than real time.", status.late_frames),
+        ("behind_seconds", "Time by which late frames were late.", status.behind),
+    ):
+        yield _counter(status.world, name, help, [((), value)])
 
 
-def _late(status: WorldStatus) -> Iterator[Metric]:
-    words = "Frames that took longer than real time."
-    frames = CounterMetricFamily("minerva_late_frames", words, labels=["world"])
-    frames.add_metric([status.world], status.late_frames)
-    yield frames
-    words = "Seconds by which they took longer."
-    behind = CounterMetricFamily("minerva_behind_seconds", words, labels=["world"])
-    behind.add_metric([status.world], status.behind)
-    yield behind
-
-
-def _counted(world: str, totals: Totals) -> Iterator[Metric]:
+def _totals(world: str, totals: Totals) -> Iterator[Metric]:
     phases = HistogramMetricFamily(
-        "minerva_frame_phase_seconds", "Parts of a frame; `frame` is all of it, waiting included.",
+        "minerva_frame_phase_seconds", "Parts of a frame; `frame`: all of it, with waiting.",
         labels=["world", "phase"],
     )  # fmt: skip
     for name, durations in totals.phases.items():
         phases.add_metric([world, name], _buckets(durations), durations.seconds)
     yield phases
-    events = CounterMetricFamily("minerva_events", "Events by type.", labels=["world", "type"])
-    for name, count in totals.events.items():
-        events.add_metric([world, name], count)
-    yield events
-    size = CounterMetricFamily(
-        "minerva_bytes", "Bytes from (in) and to (out) members.", labels=["world", "direction"]
-    )
-    size.add_metric([world, "in"], totals.bytes_in)
-    size.add_metric([world, "out"], totals.bytes_out)
-    yield size
+    events = [((name,), count) for name, count in totals.events.items()]
+    yield _counter(world, "events", "Events by type.", events, "type")
+    sizes = [(("in",), totals.bytes_in), (("out",), totals.bytes_out)]
+    yield _counter(world, "bytes", "Bytes from (in) and to (out) members.", sizes, "direction")
 
 
 def _buckets(durations: Durations) -> list[tuple[str, float]]:
-    found: list[tuple[str, float]] = []
-    total = 0
-    for bound, count in zip([*map(str, BOUNDS), "+Inf"], durations.counts, strict=True):
-        total += count
-        found.append((bound, total))
-    return found
+    bounds = [*map(str, BOUNDS), "+Inf"]
+    return list(zip(bounds, accumulate(durations.counts), strict=True))
 
 
 def _members(status: WorldStatus) -> Iterator[Metric]:
-    there = GaugeMetricFamily(
-        "minerva_members", "Members by role and state.", labels=["world", "role", "state"]
-    )
-    counts = Counter((role, one.state) for one in status.members for role in one.roles or ("none",))
-    for (role, state), count in sorted(counts.items()):
-        there.add_metric([status.world, role, state], count)
-    yield there
-    wait = GaugeMetricFamily(
-        "minerva_member_wait_seconds", "For how long a frame waits for a member's answers, mean.",
-        labels=["world", "member"],
-    )  # fmt: skip
-    for one in status.members:
-        wait.add_metric([status.world, one.name], one.wait * _MICRO)
-    yield wait
-    refused = CounterMetricFamily(
-        "minerva_refused", "What was refused, by whose it was.", labels=["world", "who"]
-    )
-    for who, count in sorted(status.refused.items()):
-        refused.add_metric([status.world, who], count)
-    yield refused
-    for name, (words, figure) in _COUNTED.items():
-        family = CounterMetricFamily(name, words, labels=["world", "member"])
-        for one in status.members:
-            family.add_metric([status.world, one.name], figure(one))
-        yield family
+    world, members = status.world, status.members
+    counts = Counter((role, m.state) for m in members for role in m.roles or ("none",))
+    text = "Members by role and state."
+    roles = sorted(counts.items())
+    yield _family(GaugeMetricFamily, world, "members", text, roles, ("role", "state"))
+    text = "Mean time that a frame waits for a member's answers."
+    waits = [((m.name,), m.wait / 1e6) for m in members]  # The status has µs.
+    yield _family(GaugeMetricFamily, world, "member_wait_seconds", text, waits, ("member",))
+    refused = [((who,), count) for who, count in sorted(status.refused.items())]
+    yield _counter(world, "refused", "Refused messages and connections.", refused, "who")
+    for name, text, samples in (
+        ("late_answers", "Answers that arrived too late.", [((m.name,), m.late) for m in members]),
+        ("dropped_events", "Events dropped from a full queue.", [_dropped(m) for m in members]),
+        ("restarts", "Times that a member has joined again.", [_restarts(m) for m in members]),
+    ):
+        yield _counter(world, name, text, samples, "member")
 
 
-def _dropped(member: MemberStatus) -> float:
+def _dropped(member: MemberStatus) -> tuple[tuple[str], float]:
     dropped = member.figures.get("dropped", 0)
-    return dropped if isinstance(dropped, int | float) else 0
+    return (member.name,), dropped if isinstance(dropped, int | float) else 0
 
 
-_COUNTED: Mapping[str, tuple[str, Callable[[MemberStatus], float]]] = {
-    "minerva_late_answers": ("Answers that came when nobody waited for them.", lambda m: m.late),
-    "minerva_dropped_events": ("Events of which too many waited already.", _dropped),
-    "minerva_restarts": ("How often a member has come again.", lambda m: max(0, m.joins - 1)),
-}
+def _restarts(member: MemberStatus) -> tuple[tuple[str], float]:
+    return (member.name,), max(0, member.joins - 1)

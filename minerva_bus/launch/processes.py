@@ -14,19 +14,19 @@ from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.options import beside
-from minerva_bus.launch.patience import KEYS, patience, read_patience
 from minerva_bus.launch.specs import bind, find_agents, find_service
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.typed import by_process, read_view
 from minerva_bus.launch.worldfile import Process
 from minerva_bus.runtime.waiting import Patience
-from minerva_bus.settings.tables import ProcessSettings
+from minerva_bus.settings.declaring import settings_of
+from minerva_bus.settings.tables import PatienceSettings, ProcessSettings
 from minerva_bus.wire.keys import COORDINATOR
 from minerva_bus.world.services import Service
 
 
 def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
-    """The processes of a world file, in its order, and after them the views of the command line.
+    """The processes of a world file, in its order, followed by the views of the command line.
 
     Raises WorldFileError.
     """
@@ -49,7 +49,7 @@ def read_processes(top: Table, path: Path) -> tuple[Process, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Reads the tables [process.NAME], one at a time."""
+    """Reads single tables [process.NAME]."""
 
     top: Table
     path: Path
@@ -87,7 +87,7 @@ class _Reader:
             ]
         table.done()
         if own.command and shutil.which(own.command[0], path=self._path()) is None:
-            table.wrong("command", f"names {own.command[0]!r}, which is not a program")
+            table.wrong("command", f"names {own.command[0]!r}, which is not an executable file")
         with table.loading("agents"):
             classes = tuple(cls for spec in own.agents for cls in find_agents(spec, folder))
         plain = replace(plain, agents=classes, command=own.command, folder=folder)
@@ -103,10 +103,19 @@ class _Reader:
         return bind(cls, options, f"{self.path.name}: [process.{name}]")
 
     def _patience(self, table: Table) -> Patience | None:
-        """The patience with a process; None: that with all members."""
-        if not any(key in table for key in KEYS):
+        """How long frames wait for a process; None: as long as for all members."""
+        if not any(key in table for key in settings_of(PatienceSettings)):
             return None
-        return patience(read_patience(table, read_patience(self.top.table("bus"))))
+        bus = self.top.table("bus").read(PatienceSettings)
+        return read_patience(table, bus)
+
+
+def read_patience(table: Table, defaults: PatienceSettings | None = None) -> Patience:
+    """How long a frame waits for members, in [bus] or for one process. Raises WorldFileError."""
+    settings = table.read(PatienceSettings, defaults)
+    if settings.soft > settings.hard:
+        table.wrong("soft", f"must be at most hard, {settings.hard:g}")
+    return Patience(settings.soft, settings.hard, settings.late)
 
 
 def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Path) -> list[Member]:
@@ -119,10 +128,10 @@ def check_members(processes: Iterable[Process], vocabulary: Vocabulary, path: Pa
     members: list[Member] = []
     for process in processes:
         if process.name in seen:
-            raise WorldFileError(f"{path}: two processes are called {process.name}")
+            raise WorldFileError(f"{path}: two processes are named {process.name}")
         seen.add(process.name)
         if process.name == COORDINATOR:
-            raise WorldFileError(f"{path}: the name {COORDINATOR} is taken")
+            raise WorldFileError(f"{path}: the process name {COORDINATOR} is reserved")
         if not process.command and process.alike in ("", process.name):
             members.append(process.participant())
             reason = incompatibility(members[-1].hello(), vocabulary)

@@ -1,4 +1,4 @@
-"""What of a run is measured: the frames at the coordinator, and one member's Python code."""
+"""Profiles of a run: the frames at the coordinator, and the Python code of one member."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from minerva_bus.errors import MisuseError, nearest
 from minerva_bus.launch.worldfile import WorldFile
@@ -16,13 +16,13 @@ from minerva_bus.outputs import check_output, write_output
 
 @dataclass(frozen=True, slots=True)
 class Profiling:
-    """`frames`: where the time of frames goes; `member`: whose code to sample, or nobody's."""
+    """What to profile: the `frames`, and the code of a `member` ("": of none)."""
 
     frames: bool = False
     member: str = ""
 
     def check(self, file: WorldFile) -> None:
-        """Complain of what cannot be measured. Raises MisuseError."""
+        """Check that the member can be profiled. Raises MisuseError."""
         if not self.member:
             return
         known = {process.name: process for process in file.processes}
@@ -33,26 +33,26 @@ class Profiling:
             )
         if known[self.member].command:
             raise MisuseError(
-                f"--profile-member: {self.member} is a command of its own, whose code is not seen"
-                " from here"
+                f"--profile-member: {self.member} is a command; only members that run Python code"
+                " in the launcher's processes can be profiled"
             )
         if importlib.util.find_spec("pyinstrument") is None:
             raise MisuseError(
                 "--profile-member needs pyinstrument: pip install 'minerva-bus[profile]'"
             )
-        check_output(profile_of(file.world.name, self.member), "profile")
+        check_output(profile_path(file.world.name, self.member), "profile")
 
 
-NOTHING = Profiling()
+NOTHING: Final = Profiling()
 
 
-def profile_of(world: str, member: str) -> Path:
-    """The file that a member's profile is written to, in the folder of the run."""
+def profile_path(world: str, member: str) -> Path:
+    """The file for a member's profile, in the current folder."""
     return Path.cwd() / f"{world}-{member}.html"
 
 
 def sampled(body: Callable[[], int], path: Path) -> int:
-    """Run `body` and write a page that shows where its time went."""
+    """Run `body` under a sampling profiler and write its flame graph."""
     profiler: Any = importlib.import_module("pyinstrument").Profiler()
     profiler.start()
     try:
@@ -60,4 +60,4 @@ def sampled(body: Callable[[], int], path: Path) -> int:
     finally:
         profiler.stop()
         write_output(path, str(profiler.output_html()).encode(), "profile")
-        print(f"its profile is in {path}", flush=True)  # noqa: T201
+        print(f"profile written to {path}", flush=True)  # noqa: T201

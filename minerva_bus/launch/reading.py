@@ -7,23 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, cast
 
-from minerva_bus.errors import WorldFileError
+from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.access import read_access
 from minerva_bus.launch.collecting import read_collecting
 from minerva_bus.launch.description import read_description
-from minerva_bus.launch.keeping import read_recording
 from minerva_bus.launch.norms import read_norms
 from minerva_bus.launch.options import filled, read_options
-from minerva_bus.launch.patience import patience, read_patience
-from minerva_bus.launch.processes import check_members, read_processes
+from minerva_bus.launch.processes import check_members, read_patience, read_processes
 from minerva_bus.launch.specs import called
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.toml import TomlError, read_toml
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.outputs import note_read
-from minerva_bus.settings.kinds import TEXT
+from minerva_bus.settings.kinds import TEXT, TOPICS
 from minerva_bus.settings.overrides import AS_WRITTEN, Overrides
-from minerva_bus.settings.tables import BusSettings, WatchSettings, WorldSettings
+from minerva_bus.settings.tables import BusSettings, RecordSettings, WatchSettings, WorldSettings
 
 MAX_BYTES: Final = 16 * 1024 * 1024
 TABLES: Final = (
@@ -91,9 +89,9 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
             top.put(name, filled(top.data[name], options, path))
     processes = read_processes(top, path)
     bus = top.read(BusSettings)
-    waiting = patience(read_patience(top.table("bus")))
+    waiting = read_patience(top.table("bus"))
     access = read_access(top, bus, path.parent)
-    record = read_recording(top)
+    record = _record_settings(top)
     settings = top.read(WorldSettings)
     world = read_description(top, settings, path, options, processes)
     names = [process.name for process in processes]
@@ -120,6 +118,26 @@ def _read(top: Table, text: str, path: Path) -> WorldFile:
     )
     interactive = any(each.service is not None and each.service.interactive for each in members)
     return _interactive(file, overrides) if interactive else file
+
+
+def _record_settings(top: Table) -> RecordSettings:
+    """Where and how a run is recorded; `record` in [world] is a file or a table.
+
+    Raises WorldFileError, and MisuseError for topics without a record.
+    """
+    world, defaults = top.table("world"), RecordSettings()
+    nested: Any = world.data.get("record")
+    if isinstance(nested, dict):
+        table = world.table("record")
+        defaults = RecordSettings(table.get("file", TEXT, ""), table.get("topics", TOPICS, ()))
+        table.done()
+        del world.data["record"]
+    settings = top.read(RecordSettings, defaults)
+    if settings.path and not settings.path.endswith(".mcap"):
+        raise WorldFileError(f"a record is a file .mcap, not {settings.path!r}")
+    if settings.topics and not settings.path:
+        raise MisuseError("topics are recorded in a record: name one, --record FILE.mcap")
+    return settings
 
 
 def _notes(spec: str, options: Mapping[str, Any], path: Path) -> tuple[str, ...]:

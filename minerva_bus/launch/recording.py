@@ -18,73 +18,54 @@ from minerva_bus.settings.kinds import ALL
 if TYPE_CHECKING:
     from minerva_bus.log.description import Description
     from minerva_bus.log.reader import Record
+    from minerva_bus.log.recorder import Recorder
 
 
 class RunRecord:
-    """Receives the events of a run; this base class records nothing.
+    """The record of a run; records nothing until `open` is called.
 
     `topics` are the sensor topics to record.
     """
 
     topics: tuple[str, ...] = ()
+    _recorder: Recorder | None = None
 
-    def frame(self, done: s.FrameDone) -> None:
-        """Record a frame that has ended."""
-
-    def idle(self) -> None:
-        """Do pending work: the caller of `frame` waits for members now."""
-
-    def said(self, member: str, text: str) -> None:
-        """Record a log line about a member, or a line that it printed."""
-
-    def sensed(self, readings: Readings) -> None:
-        """Record readings of a sensor topic; like `received` callable from any thread."""
-
-    def received(self, topic: str, member: str, data: bytes) -> None:
-        """Record readings of a sensor topic as received from the bus."""
-
-    def close(self) -> None:
-        """Finish the record."""
-
-
-class FileRecord(RunRecord):
-    """A record in a file. Raises RecordError, and MisuseError if mcap is not installed."""
-
-    def __init__(
-        self,
-        file: WorldFile,
-        algorithm: FrameAlgorithm,
-        say: Callable[[str], None],
-        again: bool,
+    def open(
+        self, file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], again: bool
     ) -> None:
+        """Record in a file; `again`: continue the record of a coordinator that was killed.
+
+        Raises RecordError, and MisuseError if mcap is not installed.
+        """
         from minerva_bus.log.description import Description
         from minerva_bus.log.errors import RecordError
         from minerva_bus.log.reader import Record
 
         self._algorithm = algorithm
-        self._say = say
-        self.topics = file.record.topics
+        self._log = log
         self._next = algorithm.frame
         origin = _origin(file, again)
-        if origin is not None:
+        if origin is None:
+            options = {name: option_text(value) for name, value in file.options.items()}
+            began, path = time.time_ns(), str(file.path)
+            description = Description(
+                file.world, file.text, file.rate, options, began=began, path=path
+            )
+            self._record(file, description)
+        else:
             with Record(origin) as past:
                 for what in differing(file.world, past.description.world) if again else ():
                     raise RecordError(f"{origin}: it is the record of another world: {what}")
                 self._next = past.end()[0].frame
                 description = _continued(past.description, file)
                 # The new record contains everything of the previous coordinator's.
-                self._record(file, description, say, past, keep_old=not again)
-            return
-        options = {name: option_text(value) for name, value in file.options.items()}
-        began, path = time.time_ns(), str(file.path)
-        description = Description(file.world, file.text, file.rate, options, began=began, path=path)
-        self._record(file, description, say)
+                self._record(file, description, past, keep_old=not again)
+        self.topics = file.record.topics
 
     def _record(
         self,
         file: WorldFile,
         description: Description,
-        say: Callable[[str], None],
         past: Record | None = None,
         *,
         keep_old: bool = True,
@@ -97,42 +78,46 @@ class FileRecord(RunRecord):
             description,
             flush_seconds=file.record.flush,
             durable=file.record.durable,
-            say=say,
+            say=self._log,
             past=past,
             keep_old=keep_old,
         )
 
     def frame(self, done: s.FrameDone) -> None:
         """Record a frame that has ended."""
-        if done.frame < self._next:
+        if self._recorder is None or done.frame < self._next:
             return  # The previous coordinator has recorded it.
         if done.frame > self._next:
-            self._say(f"frames {self._next} to {done.frame - 1} are not in the record")
+            self._log(f"frames {self._next} to {done.frame - 1} are not in the record")
         self._next = done.frame + 1
-        algorithm = self._algorithm
-        checkpoint = algorithm.checkpoint
-        self._recorder.frame(done, algorithm.scene, self._seconds(), checkpoint=checkpoint)
+        scene, checkpoint = self._algorithm.scene, self._algorithm.checkpoint
+        self._recorder.frame(done, scene, self._seconds(), checkpoint=checkpoint)
 
     def idle(self) -> None:
-        """Do pending work."""
-        self._recorder.idle()
+        """Do pending work: the caller of `frame` waits for members now."""
+        if self._recorder is not None:
+            self._recorder.idle()
 
     def said(self, member: str, text: str) -> None:
-        """Record a line about a member."""
-        self._recorder.log(member, text, self._seconds())
+        """Record a log line about a member, or a line that it printed."""
+        if self._recorder is not None:
+            self._recorder.log(member, text, self._seconds())
 
     def sensed(self, readings: Readings) -> None:
-        """Record readings of a sensor topic."""
-        if ALL in self.topics or readings.topic in self.topics:
+        """Record readings of a sensor topic; like `received` callable from any thread."""
+        wanted = ALL in self.topics or readings.topic in self.topics
+        if self._recorder is not None and wanted:
             self._recorder.sensed(readings, self._seconds())
 
     def received(self, topic: str, member: str, data: bytes) -> None:
         """Record readings of a sensor topic as received from the bus."""
-        self._recorder.received(topic, member, data, self._seconds())
+        if self._recorder is not None:
+            self._recorder.received(topic, member, data, self._seconds())
 
     def close(self) -> None:
         """Finish the record."""
-        self._recorder.close()
+        if self._recorder is not None:
+            self._recorder.close()
 
     def _seconds(self) -> float:
         return time.monotonic() - self._began
@@ -167,23 +152,23 @@ def _continued(description: Description, file: WorldFile) -> Description:
 
 
 def recording(
-    file: WorldFile, algorithm: FrameAlgorithm, say: Callable[[str], None], *, again: bool = False
+    file: WorldFile, algorithm: FrameAlgorithm, log: Callable[[str], None], *, again: bool = False
 ) -> RunRecord:
     """The record that the settings ask for.
 
     `again`: continue the record of a coordinator that was killed, if possible.
     """
-    if not file.record.path:
-        return RunRecord()
-    from minerva_bus.log.errors import RecordError
+    record = RunRecord()
+    if file.record.path:
+        from minerva_bus.log.errors import RecordError
 
-    try:
-        return FileRecord(file, algorithm, say, again)
-    except RecordError as error:
-        if not again:
-            raise
-        say(f"{error}; the world continues without a record")
-        return RunRecord()
+        try:
+            record.open(file, algorithm, log, again)
+        except RecordError as error:
+            if not again:
+                raise
+            log(f"{error}; the world continues without a record")
+    return record
 
 
 def check_record(file: WorldFile) -> None:

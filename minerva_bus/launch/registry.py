@@ -23,7 +23,7 @@ from minerva_bus.outputs import open_itself
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class RunningWorld:
     """A running world of this machine."""
 
     world: str
@@ -31,7 +31,7 @@ class Running:
     pid: int
 
 
-class Claim:
+class WorldLock:
     """The exclusive right to run a world of this name here, held until `release`.
 
     Raises BusError if such a world already runs.
@@ -53,7 +53,8 @@ class Claim:
                 where = f" (process {other.pid}, {other.endpoint})" if other is not None else ""
                 raise BusError(
                     f"a world {self.world!r} runs here already{where}; attach to it, stop it"
-                    f" (minerva stop --world {self.world}), or give this one another name (--name)"
+                    f" (minerva stop --world {self.world}), or start this one under another name"
+                    " (--name)"
                 ) from None
             if _same_file(file, self._path):
                 return file
@@ -70,7 +71,7 @@ class Claim:
         """Publish the endpoint of the world to local processes."""
         self._file.seek(0)
         self._file.truncate()
-        json.dump(asdict(Running(self.world, endpoint, os.getpid())), self._file)
+        json.dump(asdict(RunningWorld(self.world, endpoint, os.getpid())), self._file)
         self._file.flush()
 
     def release(self) -> None:
@@ -80,39 +81,39 @@ class Claim:
 
 
 def _same_file(file: IO[str], path: Path) -> bool:
-    """Whether the file that was locked is still the one that others will find."""
+    """Whether the locked file is still the one at this path: a run that ended removes it."""
     try:
         return os.fstat(file.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:
         return False
 
 
-def _read(path: Path) -> Running | None:
+def _read(path: Path) -> RunningWorld | None:
     try:
         with os.fdopen(open_itself(path, os.O_RDONLY), encoding="utf-8") as file:
-            found = json.load(file)
-        return Running(str(found["world"]), str(found["endpoint"]), int(found["pid"]))
+            entry = json.load(file)
+        return RunningWorld(str(entry["world"]), str(entry["endpoint"]), int(entry["pid"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def running() -> list[Running]:
-    """The worlds that run here, by name; what is left over of others is removed.
+def running() -> list[RunningWorld]:
+    """The worlds that run here, by name; removes files of worlds that have ended.
 
-    Raises BusError where another user could have written of them.
+    Raises BusError if another user could have written to the folder.
     """
-    found: list[Running] = []
+    worlds: list[RunningWorld] = []
     place = runtime_folder()
     if not check_runtime_folder(place):
-        return found
+        return worlds
     for path in sorted(place.glob("*.json")):
         world = _read(path)
         if _is_locked(path):
             if world is not None:
-                found.append(world)
+                worlds.append(world)
         else:
             path.unlink(missing_ok=True)
-    return found
+    return worlds
 
 
 def _is_locked(path: Path) -> bool:
@@ -126,7 +127,7 @@ def _is_locked(path: Path) -> bool:
         return True
 
 
-def find(world: str = "") -> Running:
+def find(world: str = "") -> RunningWorld:
     """The running world of a name, or the only one. Raises BusError."""
     worlds = running()
     if world:
@@ -138,7 +139,9 @@ def find(world: str = "") -> Running:
     if len(worlds) == 1:
         return worlds[0]
     if not worlds:
-        raise BusError("no world runs on this machine; start one (minerva run), or name one"
-                       " elsewhere with --connect tcp/HOST:PORT --world NAME")  # fmt: skip
+        raise BusError(
+            "no world runs on this machine; start one (minerva run), or use a remote one with"
+            " --connect tcp/HOST:PORT --world NAME"
+        )
     names = ", ".join(each.world for each in worlds)
     raise BusError(f"several worlds run on this machine ({names}); choose one with --world")

@@ -67,7 +67,7 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
         past = replace(file.world, scene=scene, past=checkpoint, shown=shown)
         check_unfinished(past, path)
     kept = replace(file.record, path=file.record.path or str(path))
-    notes = (f"goes on from frame {checkpoint.frame} of {path}", *damage)
+    notes = (f"continuing from frame {checkpoint.frame} of {path}", *damage)
     notes += tuple(_unused(checkpoint, file))
     notes += file.notes
     settings: dict[str, Any] = {f.name: getattr(file, f.name) for f in fields(WorldFile)}

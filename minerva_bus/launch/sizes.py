@@ -1,4 +1,4 @@
-"""Check that the initial string fits into the messages that give it to the hosts.
+"""Check that the initial string fits into the messages that send it to the hosts.
 
 A host receives all of its fragments in one message. A message that is too long is reported before
 any process starts: a member that cannot read it would fail at each restart.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from typing import Final
 
 from minerva_bus.errors import WorldFileError
 from minerva_bus.frame.composition import PART, Fragment
@@ -20,8 +21,8 @@ from minerva_bus.wire.codec import encode
 from minerva_bus.wire.limits import DEFAULT
 from minerva_bus.wording import counted
 
-LARGEST = DEFAULT.message_bytes
-"""Bytes of the largest message that a member reads."""
+MAX_BYTES: Final = DEFAULT.message_bytes
+"""Size of the largest message that a member reads."""
 
 
 def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process]) -> None:
@@ -34,14 +35,14 @@ def check_sizes(fragments: Mapping[str, Fragment], processes: Iterable[Process])
     for kinds, group in _by_kinds(fragments).items():
         hosts = sum(kinds <= offered for offered in offers)
         size = _size(group)
-        if hosts and size > LARGEST * hosts:
-            more = f"Let {-(-size // LARGEST)} processes or more run them, or begin"
+        if hosts and size > MAX_BYTES * hosts:
+            more = f"Use {-(-size // MAX_BYTES)} or more processes for them, or start"
             agents = f"the agents of {', '.join(sorted(kinds))} are"
-            raise WorldFileError(_told(agents, size, f" for {counted(hosts, 'process')}", more))
-        for name in group if hosts and size > LARGEST else ():
+            raise WorldFileError(_text(agents, size, f" for {counted(hosts, 'process')}", more))
+        for name in group if hosts and size > MAX_BYTES else ():
             own = 0 if name.startswith(PART) else _size({name: group[name]})
-            if own > LARGEST:
-                raise WorldFileError(_told(f"the agent {name} with all in it is", own, "", "Begin"))
+            if own > MAX_BYTES:
+                raise WorldFileError(_text(f"the agent {name} with its scope is", own, "", "Start"))
 
 
 def _offered(process: Process) -> frozenset[str]:
@@ -50,18 +51,18 @@ def _offered(process: Process) -> frozenset[str]:
 
 
 def _by_kinds(fragments: Mapping[str, Fragment]) -> Mapping[frozenset[str], dict[str, Fragment]]:
-    found: defaultdict[frozenset[str], dict[str, Fragment]] = defaultdict(dict)
+    groups: defaultdict[frozenset[str], dict[str, Fragment]] = defaultdict(dict)
     for name, node in fragments.items():
-        found[kinds_of(node)][name] = node
-    return found
+        groups[kinds_of(node)][name] = node
+    return groups
 
 
 def _size(group: Mapping[str, Fragment]) -> int:
     return len(encode(Fragments({name: Scene((node,)) for name, node in group.items()})))
 
 
-def _told(what: str, size: int, shared: str, more: str) -> str:
+def _text(what: str, size: int, shared: str, more: str) -> str:
     return (
-        f"{what} {size:,} bytes on the bus{shared}, and a message has {LARGEST:,} at most."
+        f"{what} {size:,} bytes on the bus{shared}; a message is limited to {MAX_BYTES:,}."
         f" {more} with a shorter string"
     )

@@ -1,60 +1,60 @@
-"""Which processes start when: no more at once than the machine's cores can carry.
+"""Limits how many processes start at the same time.
 
-A process that starts needs a core for some milliseconds. Hundreds that start at once need seconds
-each, and none of them answers in time. So each waits in a queue for a place, and leaves the place
-when it has said hello, when it has ended, or when it takes long for another reason than its
-neighbours.
+A starting process needs a core for some milliseconds. If hundreds start at once, each takes seconds
+and all of them exceed their time-outs. So each waits in a queue for a slot. It frees the slot when
+it has sent `hello`, when it has ended, or after `SLOT_SECONDS`: then it waits for something else
+than a core.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-PER_CORE: Final = 4
-"""Processes that start at once on each core: while one waits for an answer, others compute."""
+STARTS_PER_CORE: Final = 4
+"""More than one, because a process that waits for an answer leaves its core to others."""
 
-MAKES_ROOM_AFTER: Final = 2.0
-"""Seconds after which a process that still starts keeps others from starting no more."""
+SLOT_SECONDS: Final = 2.0
+"""Time after which a starting process no longer keeps others from starting."""
 
 
-class Starting:
-    """A queue of names; times are seconds of one monotonic clock."""
+class StartQueue:
+    """A queue of process names with a number of slots; times are seconds of one monotonic clock."""
 
-    def __init__(self, at_once: int) -> None:
-        self._at_once = at_once
+    def __init__(self, slots: int) -> None:
+        self._slots = slots
         self._queue: dict[str, None] = {}
-        self._places: dict[str, float] = {}
+        self._started: dict[str, float] = {}
 
     @property
     def queued(self) -> frozenset[str]:
-        """Those whose turn has yet to come."""
+        """The names that wait for a slot."""
         return frozenset(self._queue)
 
     def add(self, name: str) -> None:
-        """Let a process wait for its turn."""
+        """Add a process to the queue."""
         self._queue[name] = None
 
     def next(self, now: float) -> str | None:
-        """Whose turn it is now, which takes a place; None where there is none, or no place."""
-        busy = sum(since + MAKES_ROOM_AFTER > now for since in self._places.values())
-        if not self._queue or busy >= self._at_once:
+        """Take the first process that has a slot; None if the queue is empty or all are busy."""
+        busy = sum(since + SLOT_SECONDS > now for since in self._started.values())
+        if not self._queue or busy >= self._slots:
             return None
         name = next(iter(self._queue))
         del self._queue[name]
-        self._places[name] = now
+        self._started[name] = now
         return name
 
-    def over(self, name: str) -> None:
-        """A process has started, or has ended: its place is free."""
-        self._places.pop(name, None)
+    def free(self, name: str) -> None:
+        """Free the slot of a process that has started or ended."""
+        self._started.pop(name, None)
 
-    def cancel(self) -> None:
-        """Let none start any more."""
+    def clear(self) -> None:
+        """Remove all processes from the queue."""
         self._queue.clear()
 
-    def look_at(self, now: float) -> float | None:
-        """When there may be a place although nothing has happened; None where nobody waits."""
+    def next_at(self, now: float) -> float | None:
+        """When the next slot becomes free by time alone; None if no process waits for one."""
         if not self._queue:
             return None
-        ends = [since + MAKES_ROOM_AFTER for since in self._places.values()]
+        ends = [since + SLOT_SECONDS for since in self._started.values()]
         return min((end for end in ends if end > now), default=now)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
-from minerva_bus.launch.context import LaunchContext
-from minerva_bus.launch.machine import Coordinating
-from minerva_bus.launch.pipes import NOWHERE
-from minerva_bus.launch.reports import Lines, parsed
-from minerva_bus.launch.starters import FAILED, Child
+from minerva_bus.launch.children import CoordinatorStart
+from minerva_bus.launch.forking import FAILED, ChildProcess
+from minerva_bus.launch.machine import LaunchContext
+from minerva_bus.launch.pipes import CLOSED, LineReader, parse_report
 from minerva_bus.runtime.coordinator import Coordinator
 
-MAX_SUCCESSIONS = 100
-MAX_FAILURES = 3
+MAX_SUCCESSIONS: Final = 100
+MAX_FAILURES: Final = 3
 """Coordinators that may fail in the same frame before the run is given up."""
 
 
@@ -28,18 +27,18 @@ class Succession:
 
     def __init__(
         self,
-        around: LaunchContext,
+        context: LaunchContext,
         make: Callable[..., Coordinator],
         on_report: Callable[[dict[str, Any]], None],
         on_line: Callable[[str], None],
     ) -> None:
-        self._around = around
+        self._context = context
         self._make = make
         self._on_report = on_report
         self._on_line = on_line
-        self._commands = self._reports = self._output = NOWHERE
-        self._report_lines, self._output_lines = Lines(), Lines()
-        self.child: Child | None = None
+        self._commands = CLOSED
+        self._readers: list[LineReader] = []
+        self.child: ChildProcess | None = None
         self.count = 0
         self.listens_at = ""
         self.frame = 0
@@ -50,37 +49,35 @@ class Succession:
 
         `queued`: members that are yet to be started.
         """
-        around, again = self._around, self.count > 0
-        file = around.file
+        context, again = self._context, self.count > 0
+        file, pipes = context.file, context.pipes
         if again:
             file = replace(file, bus=replace(file.bus, listen=self.listens_at))
-        profile, shared = around.profiling.frames, around.shared
-        work = Coordinating(file, self._make, profile, shared, again, queued)
-        started = around.machine.start_coordinator(work, around.lifeline[0])
-        self.child, self._commands, self._reports = started
-        self._output = self.child.output
-        self._report_lines, self._output_lines = Lines(), Lines()
-        around.pipes.listen(self._reports, self._read_reports)
-        around.pipes.listen(self._output, self._read_output)
+        profile, shared = context.profiling.frames, context.shared
+        start = CoordinatorStart(file, self._make, profile, shared, again, queued)
+        started = context.machine.start_coordinator(start, context.lifeline[0])
+        self.child, self._commands, reports = started
+        self._readers = [
+            LineReader(pipes, reports, self._read_report),
+            LineReader(pipes, self.child.output, self._on_line),
+        ]
 
     def command(self, line: str) -> None:
         """Send the coordinator a line; a stuck coordinator must not block the launcher."""
         try:
-            self._around.machine.write(self._commands, line.encode() + b"\n")
+            self._context.machine.write(self._commands, line.encode() + b"\n")
         except OSError:
             return  # It has died or is stuck; the launcher detects both.
 
     def ended(self) -> None:
         """Read the last reports and lines of a process that has ended."""
         self.child = None
-        self._around.machine.close(self._commands)
-        self._commands = NOWHERE
-        if self._reports != NOWHERE:
-            self._read_reports()
-        if self._output != NOWHERE:
-            self._read_output()
+        self._context.machine.close(self._commands)
+        self._commands = CLOSED
+        for reader in self._readers:
+            reader.finish()
 
-    def may_go_on(self, code: int) -> bool:
+    def may_continue(self, code: int) -> bool:
         """Whether to start a successor: the world runs, and the process was killed or failed.
 
         A failure that repeats in the same frame is not transient.
@@ -89,27 +86,14 @@ class Succession:
             self._failures = self._failures + 1 if self.frame <= self._failed_at else 1
             self._failed_at = max(self._failed_at, self.frame)
         unexpected = code < 0 or (code == FAILED and self._failures < MAX_FAILURES)
-        return unexpected and bool(self._around.endpoint) and self.count < MAX_SUCCESSIONS
+        return unexpected and bool(self._context.endpoint) and self.count < MAX_SUCCESSIONS
 
-    def go_on(self, queued: frozenset[str]) -> None:
+    def start_successor(self, queued: frozenset[str]) -> None:
         """Start a successor."""
         self.count += 1
-        self._around.pipes.forget(self._reports)
-        self._around.pipes.forget(self._output)
         self.start(queued)
 
-    def _read_reports(self) -> None:
-        data = self._around.pipes.read(self._reports)
-        if data is None:
-            self._reports = NOWHERE
-        for line in self._report_lines.feed(data or b""):
-            report = parsed(line)
-            if report is not None:
-                self._on_report(report)
-
-    def _read_output(self) -> None:
-        data = self._around.pipes.read(self._output)
-        if data is None:
-            self._output = NOWHERE
-        for line in self._output_lines.feed(data or b""):
-            self._on_line(line)
+    def _read_report(self, line: str) -> None:
+        report = parse_report(line)
+        if report is not None:
+            self._on_report(report)

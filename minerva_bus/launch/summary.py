@@ -8,46 +8,61 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
+from minerva_bus.frame.description import World
 from minerva_bus.wording import counted
+
+Profile = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(slots=True)
-class Laps:
-    """Duration of each part of a start, seconds; `began` is on the monotonic clock."""
+class Startup:
+    """Duration of each part of a start, seconds; `began` is on the monotonic clock.
+
+    `first_frame` is the number of the first completed frame, `first_at` its end on the
+    coordinators' clock, which successors share, `first_seconds` the time until then.
+    """
 
     began: float
     parts: dict[str, float] = field(default_factory=dict[str, float])
-
-    @property
-    def total(self) -> float:
-        """Seconds from the start to the end of the last part."""
-        return sum(self.parts.values())
+    first_frame: int | None = None
+    first_at: float = 0.0
+    first_seconds: float | None = None
 
     def end(self, part: str) -> None:
-        """Note the end of a part, with the time since the part before."""
-        self.parts[part] = time.monotonic() - self.began - self.total
+        """Note the end of a part: its time is that since the part before."""
+        self.parts[part] = time.monotonic() - self.began - sum(self.parts.values())
+
+    def completed(self, frame: int, at: float) -> None:
+        """Note a completed frame; only the first one counts."""
+        if self.first_frame is None:
+            self.end("members and frame 0")
+            self.first_frame, self.first_at = frame, at
+            self.first_seconds = sum(self.parts.values())
 
 
 @dataclass(frozen=True, slots=True)
-class FirstFrame:
-    """The first frame that a run completed: its number, when, and the seconds until then.
+class EndReport:
+    """The coordinator's last report; `last_frame_at` is on the monotonic clock, seconds."""
 
-    `at` is of the coordinators' clock, which is the same for all that follow one another.
-    """
-
-    frame: int
-    at: float
-    seconds: float
+    reason: str
+    frames: int
+    last_frame_at: float
+    members: int
+    failed: bool = False
+    digest: str = ""
+    reached: bool = False
+    figures: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
-    """A run's end in figures; members add their own (`distance_driven`, `collisions`, ...).
+class RunSummary:
+    """The result of a run; members add figures of their own (`distance_driven`, ...).
 
-    `before` is how many of the frames ran before this run, which went on from a record or a
-    journal. `wall_seconds` is from the end of its first frame to the end of its last one, also
-    where another coordinator followed in between. `first_frame_seconds` is None where no frame was
-    completed. `digest` is empty where the world ended without a word of its coordinator.
+    `before` is the number of frames that ran before this run, if it resumed a record or a journal.
+    `wall_seconds` is from the end of its first frame to the end of its last one, successions
+    included. `first_frame_seconds` is None if no frame was completed. `digest` is empty if the
+    coordinator ended without a report.
     """
 
     world: str
@@ -62,13 +77,31 @@ class Summary:
     startup: Mapping[str, float]
     figures: Mapping[str, Any]
     before: int = 0
-    profile: Mapping[str, Mapping[str, float]] = field(
-        default_factory=dict[str, Mapping[str, float]]
-    )
+    profile: Profile = field(default_factory=dict[str, Mapping[str, float]])
+
+    @staticmethod
+    def of(world: World, report: EndReport, startup: Startup, failure: str) -> RunSummary:
+        """The summary of a run over the bus."""
+        began = startup.first_frame is not None
+        return RunSummary(
+            world=world.name,
+            frames=report.frames,
+            digest=report.digest,
+            reached=report.reached,
+            ended=failure or report.reason,
+            wall_seconds=max(0.0, report.last_frame_at - startup.first_at) if began else 0.0,
+            first_frame_seconds=startup.first_seconds,
+            members=report.members,
+            seed=world.seed,
+            startup=startup.parts,
+            figures=report.figures,
+            before=world.past.frame if startup.first_frame is None else startup.first_frame,
+            profile=report.profile,
+        )
 
     @property
     def frames_per_second(self) -> float:
-        """Frames per second, from the first frame's end to the last one's."""
+        """Frames per second, from the end of the first frame to that of the last."""
         ran = self.frames - self.before
         return ran / self.wall_seconds if self.wall_seconds > 0 else 0.0
 
@@ -94,31 +127,26 @@ class Summary:
         figures = {name: _plain(value) for name, value in self.figures.items()}
         return own | {name: value for name, value in figures.items() if name not in own}
 
-    def _first_frame_shown(self) -> str:
-        seconds = self.first_frame_seconds
-        return "no frame was completed" if seconds is None else f"first frame after {seconds:.2f} s"
-
-    def _startup_shown(self) -> str:
-        parts = [f"{name} {value:.2f}" for name, value in self.startup.items()]
-        return f" ({', '.join(parts)})" if parts else ""
-
     def lines(self) -> list[str]:
         """The summary as text."""
         earlier = f" ({self.before} before)" if self.before else ""
+        first = self.first_frame_seconds
+        began = "no frame was completed" if first is None else f"first frame after {first:.2f} s"
+        parts = ", ".join(f"{name} {value:.2f}" for name, value in self.startup.items())
         shown = [
             f"{self.world}: {self.ended}",
             f"  {counted(self.frames, 'frame')}{earlier} in {self.wall_seconds:.1f} s"
             f" ({self.frames_per_second:.0f} per second), {counted(self.members, 'member')}",
-            f"  {self._first_frame_shown()}" + self._startup_shown(),
+            f"  {began}" + (f" ({parts})" if parts else ""),
         ]
         for name, value in self.figures.items():
             text = f"{value:.2f}" if isinstance(value, float) else str(value)
             shown.append(f"  {name.replace('_', ' ')}: {text}")
         digest = f"  digest {self.digest}  (seed {self.seed})"
-        return [*shown, digest, *_profile_shown(self.profile)]
+        return [*shown, digest, *_profile_lines(self.profile)]
 
 
-def _profile_shown(profile: Mapping[str, Mapping[str, float]]) -> list[str]:
+def _profile_lines(profile: Profile) -> list[str]:
     """A profile as a table."""
     if not profile:
         return []

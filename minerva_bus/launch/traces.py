@@ -1,7 +1,7 @@
-"""Where a member stands that does not answer: the stacks that Python's faulthandler writes.
+"""Stacks of a member that does not answer, as Python's faulthandler writes them.
 
-The handler runs at once, whatever Python code or blocking call the process is in; a process that is
-stopped writes nothing. It writes where the process prints, so its lines are told from others.
+The handler runs at once, whatever Python code or blocking call the process is in; a stopped process
+writes nothing. It writes to the output of the process, among the lines that the process prints.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Final
 
 from minerva_bus.source import Place, innermost
 
-ASK: Final = signal.SIGUSR1
-"""The signal that lets a process write the stacks of its threads."""
+STACK_SIGNAL: Final = signal.SIGUSR1
+"""The signal at which a process writes the stacks of its threads."""
 
 _THREAD: Final = re.compile(r"(?:Current thread|Thread) 0x[0-9a-f]+ .*\(most recent call first\):$")
 _FRAME: Final = re.compile(r'  File "(?P<file>.*)", line (?P<line>\d+) in (?P<function>.*)$')
@@ -25,19 +25,19 @@ _CURRENT: Final = "Current thread"
 
 
 def register() -> None:
-    """Let this process write its stacks on standard error when it is asked by the signal."""
-    faulthandler.register(ASK, file=sys.stderr, all_threads=True, chain=False)
+    """Write the stacks of this process to standard error at each STACK_SIGNAL."""
+    faulthandler.register(STACK_SIGNAL, file=sys.stderr, all_threads=True, chain=False)
 
 
 def is_stack(line: str) -> bool:
-    """Whether a printed line is one of a stack."""
+    """Whether a printed line is part of a stack."""
     return bool(_THREAD.match(line) or _FRAME.match(line)) or line == "  ..."
 
 
 def blocked_at(stacks: Sequence[str], began_in: str) -> Place | None:
-    """The line of user code in which the thread that was asked is.
+    """The line of user code that the thread with the signal was in.
 
-    `began_in` is the source file whose frame started the process: what is beyond is not its own.
+    `began_in` is the source file that forked the process: older frames belong to the launcher.
     """
     return innermost(list(takewhile(lambda place: place.file != began_in, _current(stacks))))
 

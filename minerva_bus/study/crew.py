@@ -21,8 +21,8 @@ from typing import Any, Self
 
 from minerva_bus.errors import MinervaError
 from minerva_bus.launch.interrupts import end_signals
-from minerva_bus.launch.reports import Lines, Reports, parsed
-from minerva_bus.launch.starters import Child, fork
+from minerva_bus.launch.pipes import LineBuffer as Lines, ReportPipe as Reports, parse_report as parsed
+from minerva_bus.launch.forking import ChildProcess as Child, fork
 
 Task = Callable[[], Mapping[str, Any]]
 LAST_LINES = 2000
@@ -121,7 +121,7 @@ class WorkerPool:
     def _start(self, number: int, task: Task) -> None:
         folder, (read, write) = self._folder.name, os.pipe()
         child = fork(
-            f"task {number}", lambda: _body(task, write, folder), (write,), self._lifeline[0]
+            lambda: _body(task, write, folder), (write,), self._lifeline[0]
         )
         os.close(write)
         os.set_blocking(read, False)
@@ -181,11 +181,11 @@ def _body(task: Task, results: int, folder: str) -> int:
     tempfile.tempdir = os.environ["TMPDIR"] = folder
     reports = Reports(results)
     try:
-        reports.tell("done", told=dict(task()))
+        reports.send("done", told=dict(task()))
     except MinervaError as error:
-        reports.tell("done", error=str(error))
+        reports.send("done", error=str(error))
     except Exception as error:
-        reports.tell("done", error=f"raised {error!r}")
+        reports.send("done", error=f"raised {error!r}")
     return 0
 
 

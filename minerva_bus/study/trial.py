@@ -18,7 +18,7 @@ from minerva_bus.frame.description import World
 from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
@@ -106,7 +106,7 @@ def _alone(file: WorldFile) -> Outcome:
     return _outcome(file, summary, str(alone.algorithm.scene), counts)
 
 
-def _outcome(file: WorldFile, summary: Summary, text: str, events: dict[str, int]) -> Outcome:
+def _outcome(file: WorldFile, summary: RunSummary, text: str, events: dict[str, int]) -> Outcome:
     return Outcome(
         scene=file.world.vocabulary.read(text, f"{file.path}: the last string"),
         frames=summary.frames,

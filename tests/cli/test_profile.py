@@ -56,7 +56,7 @@ def test_a_members_profile_is_written_to_the_output_path(tmp_path):
     assert done.returncode == 0, done.stderr
     page = tmp_path / f"{path.stem}-steps.html"
     assert page.read_text().startswith("<p>started, stopped</p>\n")
-    assert f"steps │ its profile is in {page}" in done.stderr
+    assert f"steps │ profile written to {page}" in done.stderr
 
 
 def test_what_cannot_be_profiled(tmp_path):
@@ -65,7 +65,7 @@ def test_what_cannot_be_profiled(tmp_path):
     (tmp_path / "pyinstrument.py").write_text(SAMPLER)
     for words, said in [
         (["--profile-member", "stps"], "no process 'stps'; did you mean 'steps'"),
-        (["--profile-member", "other"], "other is a command of its own"),
+        (["--profile-member", "other"], "other is a command; only members"),
         (["--profile", "--in-process"], "omit --in-process"),
     ]:
         done = minerva(tmp_path, "run", path, *words)

@@ -18,13 +18,13 @@ RULES = yaml.safe_load((DEPLOY / "prometheus" / "rules.yaml").read_text(encoding
 def exported():
     """The names of all samples that a world's figures have."""
     pytest.importorskip("prometheus_client")
-    from minerva_bus.launch.metrics import figures
+    from minerva_bus.launch.metrics import world_metrics
 
     totals = Totals(1, {"frame": Durations()}, {"eStep": 1}, 1, 1)
     status = WorldStatus("pond", 1, 0.1, "events", members=(MemberStatus("a", "present"),),
                          refused={"m": 1})  # fmt: skip
     found = {}
-    for family in figures(status, totals):
+    for family in world_metrics(status, totals):
         for one in family.samples:
             found.setdefault(one.name, set()).update(one.labels)
     return found

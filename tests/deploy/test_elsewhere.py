@@ -67,16 +67,16 @@ def got(url, path):
 
 def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, url):
     assert got(url, "live")[0] == 200
-    eventually(lambda: "waits for walkers to join" in got(url, "ready")[1], "only for them")
+    eventually(lambda: "waiting for walkers to join" in got(url, "ready")[1], "only for them")
     assert got(url, "ready")[0] == 503
     with attached(world):
         eventually(lambda: got(url, "ready")[0] == 200, "frames")
         assert "minerva_events_total" in got(url, "metrics")[1]
-    eventually(lambda: "waits for walkers" in got(url, "ready")[1], "the dead one is missed")
+    eventually(lambda: "waiting for walkers" in got(url, "ready")[1], "the dead one is missed")
     assert got(url, "ready")[0] == 503
     refused = here(world.folder, "restart", "walkers", "--connect", world.endpoint())
     assert refused.returncode == 2
-    assert "walkers does not run here: start it anew where it runs" in refused.stderr
+    assert "walkers runs on another machine: restart it there" in refused.stderr
     with attached(world) as again:
         eventually(lambda: got(url, "ready")[0] == 200, "frames again")
         found = got(url, "metrics")[1]
@@ -98,7 +98,7 @@ def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, u
             assert other.ends() == 0
     printed = [json.loads(line) for line in world.lines]
     assert all(list(one) == FIELDS and one["world"] == world.name for one in printed)
-    assert [one for one in printed if "walkers have to be attached to it" in one["message"]]
+    assert [one for one in printed if "to be attached from other machines: walkers" in one["message"]]
     assert {one["message"] for one in lines} <= {one["message"] for one in printed}
     assert json.loads("\n".join(world.output))["ended"] == "terminated"
 

@@ -8,8 +8,7 @@ from urllib.error import HTTPError
 import pytest
 
 from minerva_bus.errors import BusError, MisuseError, ProtocolError
-from minerva_bus.launch.exporting import Exporter, address
-from minerva_bus.launch.health import live, ready
+from minerva_bus.launch.exporting import Exporter, address, live, ready
 from minerva_bus.runtime.totals import BOUNDS, Durations, Totals, read_totals
 from minerva_bus.wire.plain import pack, unpack
 from minerva_bus.wire.status import plain_status
@@ -132,20 +131,20 @@ def test_a_world_that_does_not_answer_is_down(url, world):
 
 
 def test_another_path_is_not_there(url):
-    assert got(f"{url}/") == (404, "there are /metrics, /live, /ready\n")
+    assert got(f"{url}/") == (404, "not found; expected /metrics, /live or /ready\n")
 
 
 def test_a_world_is_ready_while_it_runs_or_rests():
-    assert ready(STATUS).words == "pond: runs frame 7"
-    assert ready(replace(STATUS, paused=True)).words == "pond: is paused before frame 7"
-    assert ready(replace(STATUS, waiting=("host",), waited=0.4)).well
+    assert ready(STATUS).text == "pond: running frame 7"
+    assert ready(replace(STATUS, paused=True)).text == "pond: paused before frame 7"
+    assert ready(replace(STATUS, waiting=("host",), waited=0.4)).ok
 
 
 def test_a_waiting_world_is_not_ready_and_names_the_members():
     gathering = replace(STATUS, phase="gathering members", waiting=("a", "b"))
-    assert (ready(gathering).code, ready(gathering).words) == (503, "pond: waits for a, b to join")
+    assert (ready(gathering).code, ready(gathering).text) == (503, "pond: waiting for a, b to join")
     stuck = replace(STATUS, waiting=("host",), waited=3.25)
-    assert ready(stuck).words == "pond: frame 7 waits for host since 3.2 s"
+    assert ready(stuck).text == "pond: frame 7 has been waiting for host for 3.2 s"
     assert (ready(stuck).code, live(stuck).code) == (503, 200)
 
 

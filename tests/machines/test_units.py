@@ -110,7 +110,7 @@ for unit in minerva-world@yard minerva-member@lidar; do
     nsenter --target $pid --mount touch /var/lib/minerva/yes
 done
 systemctl kill --kill-whom=main --signal=KILL minerva-world@yard
-eventually says minerva-world@yard 'goes on from frame'
+eventually says minerva-world@yard 'continuing from frame'
 eventually curl --silent --fail http://127.0.0.1:9464/ready
 systemctl stop minerva-world@yard
 test "$(systemctl show --property Result --value minerva-world@yard)" = success

@@ -60,10 +60,10 @@ def blocking_world(folder, blocked, **world):
 @pytest.mark.parametrize(("blocked", "member"), [("generate", "steps"), ("walk", "walkers")])
 def test_a_blocked_member_is_killed_with_its_line(blocked, member, tmp_path):
     with World(blocking_world(tmp_path, blocked)) as world:
-        world.says(f"{member} │ has not answered for", "it is killed; it is still in")
+        world.says(f"{member} │ no answer for", "killing it; it is blocked in")
         world.says(f"{member} │", "blocking.py:10, in waits")
         world.says(f"{member} │     time.sleep(60)")
-        world.says(f"{member} │ has not answered for", "it is killed (as above)")
+        world.says(f"{member} │ no answer for", "killing it (as above)")
         world.says(f"{member} │ was killed by SIGKILL, 2 times in a row")
         assert world.ends() == 1
     assert "most recent call first" not in world.text
@@ -88,7 +88,7 @@ def test_the_log_has_all_frames_and_so_has_the_terminal_on_demand(tmp_path):
 
 def test_a_member_that_prints_without_end_is_killed(tmp_path):
     with World(blocking_world(tmp_path, "prints")) as world:
-        world.says("steps │ has not answered for", "it is killed")
+        world.says("steps │ no answer for", "killing it")
         world.says("steps │ was killed by SIGKILL; restart 1 of 1")
         world.kill(signal.SIGINT)
         world.ends()
@@ -97,8 +97,8 @@ def test_a_member_that_prints_without_end_is_killed(tmp_path):
 def test_a_frozen_member_is_killed_without_it(tmp_path):
     with World(blocking_world(tmp_path, "")) as world:
         os.kill(world.runs("steps", "walkers")["walkers"], signal.SIGSTOP)
-        said = world.says("walkers │ has not answered for", "it is killed")
-        assert said.endswith("it is killed")
+        said = world.says("walkers │ no answer for", "killing it")
+        assert said.endswith("killing it")
         world.says("walkers │ was killed by SIGKILL; restart 1 of 1")
         world.kill(signal.SIGINT)
         world.ends()

@@ -157,7 +157,7 @@ def test_what_a_command_leaves_behind_ends_with_it(tmp_path):
         'on_failure = "ignore"\n'
     )
     with World(write_world(tmp_path, members, frames=0, rate=50)) as world:
-        world.says("other │ was killed by SIGTERM; the world goes on without it")
+        world.says("other │ was killed by SIGTERM; continuing without it")
         (left,) = [line.split()[-1] for line in world.lines if line.startswith("other │ ")][:1]
         eventually(lambda: not alive(int(left)), "what it had started is gone")
         world.runs("steps", "walkers")

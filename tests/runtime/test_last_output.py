@@ -57,5 +57,5 @@ def test_a_view_that_never_finishes_is_killed(tmp_path):
     with World(path) as world:
         os.kill(world.runs("steps", "walkers", "painter")["painter"], signal.SIGSTOP)
         assert minerva(tmp_path, "stop", path.stem).returncode == 0
-        world.says("painter │ is still running after the world's end: it is killed")
+        world.says("painter │ still running after the end of the world: killing it")
         assert world.ends(patience=5) == 0

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from running import MINERVA, World, alive, environment, eventually
 
-from minerva_bus.launch.capacity import CHECKED_FROM, cores
-from minerva_bus.launch.starting import MAKES_ROOM_AFTER, PER_CORE
+from minerva_bus.launch.capacity import MIN_CHECKED, cores
+from minerva_bus.launch.starting import SLOT_SECONDS, STARTS_PER_CORE
 
 CHECKED = 1
 """The launcher makes one of them itself, to see whether it fits the world."""
@@ -41,7 +41,7 @@ def crowd(folder, number, seconds=0.0, frames=1):
 def most_at_once(folder):
     """How many starts overlap at most, of those that took no longer than keeps others waiting."""
     spans = [tuple(map(float, path.read_text().split())) for path in folder.iterdir()]
-    spans = [(begin, end) for begin, end in spans if end - begin < MAKES_ROOM_AFTER / 2]
+    spans = [(begin, end) for begin, end in spans if end - begin < SLOT_SECONDS / 2]
     return max(sum(begin <= at < end for begin, end in spans) for at, _ in spans)
 
 
@@ -59,7 +59,7 @@ def test_many_members_start_in_turns_on_a_busy_machine(tmp_path):
     assert "restart" not in world.text
     starts = tmp_path / "starts"
     assert len(list(starts.iterdir())) == 60 + CHECKED
-    assert most_at_once(starts) <= PER_CORE * cores()
+    assert most_at_once(starts) <= STARTS_PER_CORE * cores()
 
 
 def test_a_start_of_many_is_interrupted_and_leaves_nothing(tmp_path):
@@ -82,11 +82,11 @@ def test_a_world_that_cannot_be_carried_is_refused_before_it_starts(tmp_path):
         resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
 
     done = subprocess.run(
-        [*MINERVA, "run", crowd(tmp_path, CHECKED_FROM)], cwd=tmp_path, env=environment(tmp_path),
+        [*MINERVA, "run", crowd(tmp_path, MIN_CHECKED)], cwd=tmp_path, env=environment(tmp_path),
         capture_output=True, text=True, timeout=60, preexec_fn=few_files, check=False,
     )  # fmt: skip
     assert done.returncode == 2
-    assert f"{CHECKED_FROM} processes cannot start here" in done.stderr
+    assert f"{MIN_CHECKED} processes cannot start here" in done.stderr
     assert f"{files} are allowed: raise the limit (ulimit -n" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert len(list((tmp_path / "starts").iterdir())) == CHECKED
@@ -105,8 +105,8 @@ def test_a_soft_limit_of_files_is_raised_as_far_as_needed(tmp_path):
 
 
 HANGING = """
-import minerva_bus.launch.members as members
-members.CALM = 0.1
+import minerva_bus.launch.process_table as process_table
+process_table.HEALTHY_SECONDS = 0.1
 from minerva_bus.cli.main import main
 main()
 """

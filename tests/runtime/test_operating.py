@@ -97,9 +97,9 @@ def test_a_member_is_restarted(world, operator):
 
     eventually(successor, "another process")
     lines = [json.loads(one) for one in told(world, "logs", "walkers", "--json").splitlines()]
-    assert "is started anew, as a person wants it" in [one["message"] for one in lines]
+    assert "restarting on request" in [one["message"] for one in lines]
     assert {one["member"] for one in lines} == {"walkers"}
-    assert "walkers │ is started anew" in told(world, "logs")
+    assert "walkers │ restarting on request" in told(world, "logs")
 
 
 @pytest.mark.parametrize("answers", [0, 2])

@@ -113,4 +113,4 @@ def test_the_journal_gives_back_what_was_saved(tmp_path):
             eventually(partial(others, world, forms, before), "they restart")
         found = world.summary()
     assert found["digest"] == undisturbed["digest"]
-    assert "another one goes on from its journal" in world.text
+    assert "a successor continues from its journal" in world.text

@@ -32,7 +32,7 @@ def hosts(number):
 
 @pytest.fixture(autouse=True)
 def largest(monkeypatch):
-    monkeypatch.setattr(sizes, "LARGEST", 1000)
+    monkeypatch.setattr(sizes, "MAX_BYTES", 1000)
 
 
 def test_what_fits_may_begin():
@@ -46,19 +46,19 @@ def test_fragments_without_a_host_are_not_sent():
 
 def test_too_much_for_all_hosts_together_is_refused_with_their_number():
     with pytest.raises(
-        WorldFileError, match=r"AStone are 2,\d+ bytes .* for 2 processes, .* Let 3 "
+        WorldFileError, match=r"AStone are 2,\d+ bytes .* for 2 processes; .* Use 3 or more "
     ):
         sizes.check_sizes(fragments(*["x" * 800] * 3), hosts(2))
 
 
 def test_one_agent_that_is_too_long_is_refused_whatever_the_number_of_hosts():
-    with pytest.raises(WorldFileError, match=r"the agent s0 with all in it is 1,\d+ bytes"):
+    with pytest.raises(WorldFileError, match=r"the agent s0 with its scope is 1,\d+ bytes"):
         sizes.check_sizes(fragments("x" * 1500), hosts(4))
 
 
 SMALL = """
 import minerva_bus.launch.sizes as sizes
-sizes.LARGEST = 50
+sizes.MAX_BYTES = 50
 from minerva_bus.cli.main import main
 main()
 """
@@ -71,7 +71,7 @@ def test_a_world_of_too_long_a_string_ends_at_once(tmp_path):
     )  # fmt: skip
     assert done.returncode == 1
     assert "AWalker are" in done.stderr
-    assert "50 at most" in done.stderr
+    assert "limited to 50" in done.stderr
     assert "restart" not in done.stderr
     assert "bus at" not in done.stderr
     assert "Traceback" not in done.stderr

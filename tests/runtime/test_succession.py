@@ -47,7 +47,7 @@ def test_a_coordinator_that_is_killed_is_followed_and_members_stay(tmp_path):
     assert found["wall_seconds"] >= 149 / 30 - 0.1, "since the first coordinator's first frame"
     assert found["frames_per_second"] <= 31
     assert (
-        "coordinator │ was killed by SIGKILL; another one goes on from its journal (3 of"
+        "coordinator │ was killed by SIGKILL; a successor continues from its journal (3 of"
         in world.text
     )
     assert "is gone" not in world.text
@@ -90,7 +90,7 @@ def test_a_coordinator_that_fails_is_followed_as_one_that_is_killed(tmp_path):
     undisturbed = alone(tmp_path, path)
     done = failing_coordinator(tmp_path, ("run", path, "--json"), frame=20, times=2)
     assert summary(done)["digest"] == undisturbed["digest"]
-    assert "failed (LookupError: a defect of ours); another one goes on from its journal" in (
+    assert "failed (LookupError: a defect of ours); a successor continues from its journal" in (
         done.stderr
     )
 
@@ -163,7 +163,7 @@ def test_a_world_with_a_journal_goes_on_whatever_was_killed(tmp_path):
         world.ends()
         world.gone()
     with World(path, *words) as world:
-        world.says("goes on from frame", "of its journal")
+        world.says("continuing from frame", "of its journal")
         world.runs(*NAMES)
         world.kill(signal.SIGTERM)
         world.ends()
@@ -226,7 +226,7 @@ def test_the_older_of_two_coordinators_stops(tmp_path):
         path.rename(other / path.name)
         (tmp_path / "yard.py").rename(other / "yard.py")
         with World(other / path.name, "--journal", kept) as newer:
-            newer.says("goes on from frame")
+            newer.says("continuing from frame")
             newer.runs("steps", "walkers")
             older.look()
             for pid in older.pids.values():

@@ -1,7 +1,4 @@
-"""The launcher alone: how it counts failures, and that nothing is left where it fails itself."""
-
-# The values of these tests have narrower types than their declarations.
-# pyright: reportArgumentType=false
+"""The supervisor alone: it counts failures, and leaves nothing behind if it fails itself."""
 
 import os
 import subprocess
@@ -10,10 +7,15 @@ import sys
 import pytest
 from running import PATIENCE, write_world
 
-from minerva_bus.launch.ending import how_ended, next_ended
-from minerva_bus.launch.members import CALM, CALM_FRAMES, FIRST_WAIT, LONGEST_WAIT, Watched
-from minerva_bus.launch.pipes import Pipes
-from minerva_bus.launch.starters import Child
+from minerva_bus.launch.forking import ChildProcess, how_ended, next_ended
+from minerva_bus.launch.pipes import LineReader, Pipes
+from minerva_bus.launch.process_table import (
+    HEALTHY_FRAMES,
+    HEALTHY_SECONDS,
+    MAX_RESTART_SECONDS,
+    MIN_RESTART_SECONDS,
+    SupervisedProcess,
+)
 from minerva_bus.launch.worldfile import Process
 
 FAILING = """
@@ -52,20 +54,20 @@ def test_a_launcher_that_fails_leaves_nothing(tmp_path):
     )  # fmt: skip
     assert done.stdout == "no child is left\n", done.stderr
     assert "restart" not in done.stderr
-    assert "another one goes on" not in done.stderr
+    assert "successor" not in done.stderr
     assert not list((tmp_path / "runtime").glob("*.json"))
 
 
-def test_failures_are_counted_and_waited_for_longer_and_longer():
-    watched = Watched(Process("a", restarts=9))
-    waits = [watched.fail(0) for _ in range(10)]
-    assert waits[:3] == [FIRST_WAIT, 2 * FIRST_WAIT, 4 * FIRST_WAIT]
-    assert waits[8:] == [LONGEST_WAIT, None]
-    assert watched.failures == 10
+def test_each_failure_in_a_row_doubles_the_delay():
+    process = SupervisedProcess(Process("a", restarts=9))
+    waits = [process.fail(0) for _ in range(10)]
+    assert waits[:3] == [MIN_RESTART_SECONDS, 2 * MIN_RESTART_SECONDS, 4 * MIN_RESTART_SECONDS]
+    assert waits[8:] == [MAX_RESTART_SECONDS, None]
+    assert process.failures == 10
 
 
 class Clock:
-    """A machine of which only the time is used."""
+    """A machine with a clock only."""
 
     now = 100.0
 
@@ -73,68 +75,68 @@ class Clock:
         return self.now
 
 
-def lives(watched, clock, seconds, frames, waited=0.0):
-    """Let a member start, send hello, serve and fail; return the seconds until its restart."""
-    watched.begin(Child("a", 1, -1))
-    watched.come(7)
+def lives(process, clock, seconds, frames, waited=0.0):
+    """Let a member start, join, work and fail; returns the seconds until its restart."""
+    process.started(ChildProcess(1, -1))
+    process.joined(7)
     clock.now += seconds
-    watched.waited = waited
-    return watched.fail(7 + frames)
+    process.waited = waited
+    return process.fail(7 + frames)
 
 
-def test_what_has_served_well_for_long_has_failed_for_the_first_time():
+def test_a_healthy_process_starts_with_no_failures_counted():
     clock = Clock()
-    watched = Watched(Process("a"), clock, failures=5)
-    assert lives(watched, clock, CALM + 1, CALM_FRAMES) == FIRST_WAIT
-    assert watched.failures == 1
+    process = SupervisedProcess(Process("a"), clock, failures=5)
+    assert lives(process, clock, HEALTHY_SECONDS + 1, HEALTHY_FRAMES) == MIN_RESTART_SECONDS
+    assert process.failures == 1
 
 
 @pytest.mark.parametrize(("seconds", "frames", "waited"), [
-    (CALM - 1, 1000, 0.0),
-    (1000.0, CALM_FRAMES - 1, 0.0),
-    (1000.0, 1000, 1000.0 - CALM + 1),
+    (HEALTHY_SECONDS - 1, 1000, 0.0),
+    (1000.0, HEALTHY_FRAMES - 1, 0.0),
+    (1000.0, 1000, 1000.0 - HEALTHY_SECONDS + 1),
 ])  # fmt: skip
-def test_what_has_not_served_well_for_long_fails_in_a_row(seconds, frames, waited):
+def test_a_process_that_was_not_healthy_fails_in_a_row(seconds, frames, waited):
     clock = Clock()
-    watched = Watched(Process("a"), clock, failures=5)
-    assert lives(watched, clock, seconds, frames, waited) is None
-    assert watched.failures == 6
+    process = SupervisedProcess(Process("a"), clock, failures=5)
+    assert lives(process, clock, seconds, frames, waited) is None
+    assert process.failures == 6
 
 
-@pytest.mark.parametrize("hard", [0.1, CALM, 10 * CALM])
-def test_what_stops_in_every_frame_is_given_up_whatever_its_deadline(hard):
+@pytest.mark.parametrize("hard", [0.1, HEALTHY_SECONDS, 10 * HEALTHY_SECONDS])
+def test_a_process_that_hangs_in_every_frame_is_given_up_whatever_its_deadline(hard):
     clock = Clock()
-    watched = Watched(Process("a", restarts=3), clock)
-    ends = [lives(watched, clock, hard + 0.2, 1, hard) for _ in range(4)]
+    process = SupervisedProcess(Process("a", restarts=3), clock)
+    ends = [lives(process, clock, hard + 0.2, 1, hard) for _ in range(4)]
     assert [end is None for end in ends] == [False, False, False, True]
 
 
-def test_a_member_without_hello_is_given_up_despite_its_deadline():
+def test_a_process_that_never_joins_is_given_up_whatever_its_deadline():
     clock = Clock()
-    watched = Watched(Process("a", restarts=2), clock)
+    process = SupervisedProcess(Process("a", restarts=2), clock)
     for left in (True, True, False):
-        watched.begin(Child("a", 1, -1))
-        clock.now += 10 * CALM
-        assert (watched.fail(1000) is not None) == left
+        process.started(ChildProcess(1, -1))
+        clock.now += 10 * HEALTHY_SECONDS
+        assert (process.fail(1000) is not None) == left
 
 
 @pytest.mark.parametrize("policy", ["stop", "ignore"])
-def test_what_is_not_to_be_restarted_is_not(policy):
-    watched = Watched(Process("a", on_failure=policy))
-    assert watched.fail(0) is None
-    assert watched.restart_at is None
+def test_other_policies_do_not_restart(policy):
+    process = SupervisedProcess(Process("a", on_failure=policy))
+    assert process.fail(0) is None
+    assert process.restart_at is None
 
 
-def test_what_left_and_is_wanted_again_is_started_at_once():
-    watched = Watched(Process("a"))
-    watched.leave()
-    assert len(watched.times) == 1
-    watched.restart()
-    assert watched.restart_at is not None
-    assert not watched.wanted
+def test_a_process_that_has_exited_is_restarted_at_once_on_request():
+    process = SupervisedProcess(Process("a"))
+    process.exited()
+    assert len(process.due) == 1
+    process.restart()
+    assert process.restart_at is not None
+    assert not process.restarting
 
 
-def test_a_pipe_is_read_to_its_end():
+def test_a_pipe_is_read_until_its_end():
     pipes, heard = Pipes(), []
     read, write = os.pipe()
     os.set_blocking(read, False)
@@ -158,3 +160,19 @@ def test_an_end_is_reported_once():
     if not pid:
         os._exit(5)
     assert next_ended(wait=True) == (pid, 5)
+
+
+def test_a_line_reader_finishes_with_an_unterminated_line_although_the_pipe_stays_open():
+    pipes, lines = Pipes(), []
+    read, write = os.pipe()
+    os.set_blocking(read, False)
+    reader = LineReader(pipes, read, lines.append)
+    os.write(write, b"first\nsec")
+    pipes.wait(PATIENCE)
+    assert lines == ["first"]
+    os.write(write, b"ond")
+    reader.finish()
+    assert lines == ["first", "second"]
+    assert not reader.open
+    os.close(write)
+    pipes.close()

@@ -1,29 +1,29 @@
-"""Whether a machine can carry a world is known before anything is started."""
+"""The resources for a world are checked before any process starts."""
 
 import pytest
 
 from minerva_bus.launch.capacity import (
-    BYTES_EACH,
-    FILES_BESIDE,
-    THREADS_EACH,
-    Bounds,
+    BASE_FILES,
+    BYTES_PER_PROCESS,
+    THREADS_PER_PROCESS,
+    Headroom,
     cores,
     shortage,
 )
 
 
-def test_where_nothing_is_bounded_everything_fits():
-    assert shortage(1000, Bounds()) == ""
+def test_without_limits_everything_fits():
+    assert shortage(1000, Headroom()) == ""
 
 
 @pytest.mark.parametrize(("name", "enough", "said"), [
-    ("files", 500 + FILES_BESIDE, "open files in one process"),
-    ("threads", 500 * THREADS_EACH, "threads"),
-    ("bytes", 500 * BYTES_EACH, "MiB of memory"),
+    ("files", 500 + BASE_FILES, "open files in one process"),
+    ("threads", 500 * THREADS_PER_PROCESS, "threads"),
+    ("bytes", 500 * BYTES_PER_PROCESS, "MiB of memory"),
 ])  # fmt: skip
-def test_what_is_short_is_named(name, enough, said):
-    assert shortage(500, Bounds(**{name: enough})) == ""
-    assert said in shortage(500, Bounds(**{name: enough - 1}))
+def test_the_scarce_resource_is_named(name, enough, said):
+    assert shortage(500, Headroom(**{name: enough})) == ""
+    assert said in shortage(500, Headroom(**{name: enough - 1}))
 
 
 def test_there_is_a_core():

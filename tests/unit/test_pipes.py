@@ -1,22 +1,22 @@
-"""Pipes of which one is closed while another is read."""
+"""A handler may close the pipe of another one."""
 
 import os
 
 from minerva_bus.launch.pipes import Pipes
 
 
-def test_a_pipe_read_to_its_end_is_not_read_again():
-    pipes, heard = Pipes(), []
+def test_the_handler_of_a_closed_pipe_is_not_called():
+    pipes, calls = Pipes(), []
     ends = [os.pipe() for _ in range(2)]
 
-    def hear_all():
-        heard.append("once")
+    def read_all():
+        calls.append("once")
         for read, _ in ends:
             assert pipes.read(read) is None  # and closes it
 
     for read, write in ends:
-        pipes.listen(read, hear_all)
+        pipes.listen(read, read_all)
         os.close(write)
     pipes.wait(5.0)
-    assert heard == ["once"]
+    assert calls == ["once"]
     pipes.close()

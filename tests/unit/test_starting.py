@@ -1,65 +1,65 @@
-"""How many processes start at once."""
+"""The number of processes that start at the same time."""
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from minerva_bus.launch.starting import MAKES_ROOM_AFTER, Starting
+from minerva_bus.launch.starting import SLOT_SECONDS, StartQueue
 
 
-def taken(starting, now):
-    """All whose turn it is."""
-    return list(iter(lambda: starting.next(now), None))
+def taken(queue, now):
+    """All processes that have a slot."""
+    return list(iter(lambda: queue.next(now), None))
 
 
-def test_no_more_start_at_once_than_there_is_room_for():
-    starting = Starting(3)
+def test_no_more_processes_start_at_once_than_there_are_slots():
+    queue = StartQueue(3)
     for name in "abcde":
-        starting.add(name)
-    assert starting.queued == frozenset("abcde")
-    assert taken(starting, 0.0) == ["a", "b", "c"]
-    starting.over("b")
-    assert taken(starting, 0.1) == ["d"]
-    assert starting.queued == {"e"}
+        queue.add(name)
+    assert queue.queued == frozenset("abcde")
+    assert taken(queue, 0.0) == ["a", "b", "c"]
+    queue.free("b")
+    assert taken(queue, 0.1) == ["d"]
+    assert queue.queued == {"e"}
 
 
-def test_one_that_takes_long_does_not_keep_others_from_starting():
-    starting = Starting(1)
-    starting.add("waits for a camera")
-    starting.add("b")
-    assert taken(starting, 0.0) == ["waits for a camera"]
-    assert starting.look_at(0.5) == MAKES_ROOM_AFTER
-    assert taken(starting, MAKES_ROOM_AFTER) == ["b"]
-    assert starting.look_at(9.0) is None
+def test_a_slow_start_does_not_keep_others_waiting():
+    queue = StartQueue(1)
+    queue.add("waits for a camera")
+    queue.add("b")
+    assert taken(queue, 0.0) == ["waits for a camera"]
+    assert queue.next_at(0.5) == SLOT_SECONDS
+    assert taken(queue, SLOT_SECONDS) == ["b"]
+    assert queue.next_at(9.0) is None
 
 
-def test_one_that_is_to_start_twice_starts_once():
-    starting = Starting(4)
-    starting.add("a")
-    starting.add("a")
-    assert taken(starting, 0.0) == ["a"]
+def test_a_process_that_is_added_twice_starts_once():
+    queue = StartQueue(4)
+    queue.add("a")
+    queue.add("a")
+    assert taken(queue, 0.0) == ["a"]
 
 
-def test_none_starts_any_more_when_it_is_over():
-    starting = Starting(1)
-    starting.add("a")
-    starting.cancel()
-    assert taken(starting, 0.0) == []
+def test_a_cleared_queue_starts_nothing():
+    queue = StartQueue(1)
+    queue.add("a")
+    queue.clear()
+    assert taken(queue, 0.0) == []
 
 
 @given(
     st.integers(1, 4),
     st.lists(st.tuples(st.sampled_from("abcdefgh"), st.sampled_from(["add", "over"]))),
 )
-def test_each_gets_its_turn_in_order_and_never_too_many(at_once, steps):
-    starting, running, asked = Starting(at_once), set(), []
+def test_processes_start_in_order_and_never_too_many(at_once, steps):
+    queue, running, asked = StartQueue(at_once), set(), []
     for name, step in steps:
         if step == "over" and name in running:
             running.discard(name)
-            starting.over(name)
+            queue.free(name)
         elif step == "add" and name not in running and name not in asked:
             asked.append(name)
-            starting.add(name)
-        for turn in taken(starting, 0.0):
+            queue.add(name)
+        for turn in taken(queue, 0.0):
             assert turn == asked.pop(0)
             running.add(turn)
         assert len(running) <= at_once

@@ -2,7 +2,7 @@
 
 import pytest
 
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.wording import counted, frames_up_to
 
 
@@ -23,6 +23,6 @@ def test_counts(number, noun, text):
 
 
 def test_a_run_without_a_frame_has_no_time_of_its_first_frame():
-    summary = Summary("w", 0, "d", False, "interrupted", 0.0, None, 1, 0, {}, {})
+    summary = RunSummary("w", 0, "d", False, "interrupted", 0.0, None, 1, 0, {}, {})
     assert summary.plain()["first_frame_seconds"] is None
     assert "  no frame was completed" in summary.lines()

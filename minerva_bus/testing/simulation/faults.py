@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from minerva_bus.launch.journaling import journal_path
 from minerva_bus.testing.simulation.history import Fault
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 
 if TYPE_CHECKING:
     from minerva_bus.testing.simulation.playing import Play
@@ -44,7 +44,7 @@ class Faults:
         elif process is not None:
             self._do_to(process, fault)
 
-    def _do_to(self, process: Process, fault: Fault) -> None:
+    def _do_to(self, process: SimulatedProcess, fault: Fault) -> None:
         if fault.kind == "kill":
             process.kill()
         elif fault.kind == "crash":
@@ -56,14 +56,14 @@ class Faults:
         else:
             self._to_link(process, fault)
 
-    def _to_link(self, process: Process, fault: Fault) -> None:
+    def _to_link(self, process: SimulatedProcess, fault: Fault) -> None:
         for session in [one for one in self._network.clients if one.process is process]:
             if fault.kind == "cut":
                 self._network.cut(session, (RESET, fault.seconds))
             elif session.link is not None:
                 session.link.stall(fault.seconds, up=fault.count % 2 == 0, down=True)
 
-    def _crash(self, process: Process) -> None:
+    def _crash(self, process: SimulatedProcess) -> None:
         """Kill a process amid a turn: what it still writes to the journal has not been written."""
         before = _content(self._journal)
         process.after_turn = lambda: _restore(self._journal, before)

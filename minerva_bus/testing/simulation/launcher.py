@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final, cast
+from typing import Final
 
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.profiling import NOTHING
-from minerva_bus.launch.registry import Claim
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.coordinator import Coordinator
@@ -18,13 +17,6 @@ from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.timeline import Alarm, Timeline
 
 SOON: Final = 20e-6, 100e-6
-
-
-class _NoClaim:
-    """There is one world only."""
-
-    def publish(self, endpoint: str) -> None:
-        """Tell nobody where it is."""
 
 
 class Quiet(Console):
@@ -42,8 +34,8 @@ class Quiet(Console):
         """Nobody looks."""
 
 
-class Launcher(Supervisor):
-    """Runs a world on a simulated machine; `over` when nothing of it runs any more."""
+class Launcher:
+    """Runs a world on a simulated machine; `over` when none of its processes runs any more."""
 
     def __init__(
         self,
@@ -54,31 +46,35 @@ class Launcher(Supervisor):
     ) -> None:
         self.network = Network(timeline, weather)
         self.machine = SimulatedMachine(timeline, self.network, self._wake)
-        super().__init__(file, Quiet(timeline), 0.0, NOTHING, make, self.machine)
-        self._claim = cast("Claim", _NoClaim())
+        self._supervisor = Supervisor(file, Quiet(timeline), 0.0, NOTHING, make, self.machine)
         self._timeline = timeline
-        self._chance = timeline.stream("launcher")
+        self._rng = timeline.stream("launcher")
         self._next: Alarm | None = None
         self._in_turn = False
         self.over = False
 
     @property
     def endpoint(self) -> str:
-        """Where the world is; the empty text while it is nowhere."""
-        return self._around.endpoint
+        """Where local processes connect; empty before the coordinator listens."""
+        return self._supervisor.endpoint
+
+    @property
+    def failure(self) -> str:
+        """Why the world stopped before its end; empty if it did not."""
+        return self._supervisor.failure
 
     def begin(self) -> None:
         """Start the world."""
-        self._coordinator.start(self._members.names)
+        self._supervisor.start(lambda endpoint: None)  # There is one world only.
         self._wake()
 
-    def result(self) -> Summary:
-        """What became of the world."""
-        return self._summary()
+    def result(self) -> RunSummary:
+        """The summary of the run."""
+        return self._supervisor.summary()
 
     def _wake(self) -> None:
         if not self._in_turn and not self.over:
-            self._at(self._timeline.now + self._chance.uniform(*SOON))
+            self._at(self._timeline.now + self._rng.uniform(*SOON))
 
     def _at(self, time: float) -> None:
         if self._next is not None:
@@ -89,16 +85,13 @@ class Launcher(Supervisor):
         self._next = None
         self._in_turn = True
         self.machine.pipes().waits = False
-        self._turn()
+        self._supervisor.turn()
         self._in_turn = False
-        if not self._busy():
+        if not self._supervisor.busy:
             self.over = True
-            self._kill_all()
+            self._supervisor.kill_all()
             return
-        soon = self._chance.uniform(*SOON)
+        soon = self._rng.uniform(*SOON)
         waits = bool(self.machine.ended) or self.machine.pipes().readable()
-        self._at(self._timeline.now + (soon if waits else max(soon, self._patience())))
-
-    def _on_said(self, member: str, text: str, details: str = "") -> Any:
-        self._timeline.note(f"said of {member}", text.partition("\n")[0])
-        super()._on_said(member, text, details)
+        delay = soon if waits else max(soon, self._supervisor.patience())
+        self._at(self._timeline.now + delay)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 from minerva_bus.testing.simulation.sessions import Session
 from minerva_bus.testing.simulation.timeline import Timeline
 
@@ -32,7 +32,7 @@ class Weather:
 class _Way:
     """One direction: to whom, and when the last message arrives."""
 
-    to: Process
+    to: SimulatedProcess
     last: float = 0.0
     stalled_until: float = 0.0
 

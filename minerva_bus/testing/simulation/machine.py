@@ -8,14 +8,19 @@ from collections.abc import Callable, Generator
 from itertools import count
 from typing import Any, Final
 
-from minerva_bus.launch.children import Coordinating, Joining, Shift, obey
-from minerva_bus.launch.pipes import NOWHERE, Pipes
-from minerva_bus.launch.reports import Lines, Reports
-from minerva_bus.launch.starters import Child
+from minerva_bus.launch.children import (
+    CoordinatorRun,
+    CoordinatorStart,
+    MemberStart,
+    handle_command,
+)
+from minerva_bus.launch.forking import ChildProcess
+from minerva_bus.launch.machine import Machine
+from minerva_bus.launch.pipes import CLOSED, LineBuffer, Pipes, ReportPipe
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
 from minerva_bus.testing.simulation.network import Network
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.wire.keys import COORDINATOR
 
@@ -36,7 +41,7 @@ class SimulatedPipes(Pipes):
         self._numbers = count(1000)
         self._data: dict[int, bytearray] = {}
         self._over: dict[int, None] = {}
-        self._hear: dict[int, Callable[[], object]] = {}
+        self._handlers: dict[int, Callable[[], object]] = {}
 
     def open(self) -> int:
         """A new pipe's descriptor."""
@@ -54,18 +59,18 @@ class SimulatedPipes(Pipes):
             self._over[descriptor] = None
         self._wake()
 
-    def listen(self, descriptor: int, hear: Callable[[], object]) -> None:
-        """Let `hear` be called whenever there is something to read, or the end of it."""
-        self._hear[descriptor] = hear
+    def listen(self, descriptor: int, on_ready: Callable[[], object]) -> None:
+        """Call `on_ready` when the pipe has data to read or has reached its end."""
+        self._handlers[descriptor] = on_ready
 
-    def wait(self, seconds: float) -> None:
-        """Hear what has come; where the launcher `waits`, let time pass until something has."""
-        if self.waits:
+    def wait(self, seconds: float | None) -> None:
+        """Call the handlers of ready pipes; if the launcher `waits`, let time pass first."""
+        if self.waits and seconds is not None:
             self._timeline.run(self._timeline.now + seconds, lambda: bool(self.readable()))
         self.waits = True
         for descriptor in self.readable():
-            if descriptor in self._hear:
-                self._hear[descriptor]()
+            if descriptor in self._handlers:
+                self._handlers[descriptor]()
 
     def wait_for(self, descriptor: int, seconds: float) -> bool:
         """Whether a pipe has something to read, now."""
@@ -83,42 +88,42 @@ class SimulatedPipes(Pipes):
 
     def forget(self, descriptor: int) -> None:
         """Close one, if it is not closed already."""
-        if descriptor != NOWHERE:
-            self._hear.pop(descriptor, None)
+        if descriptor != CLOSED:
+            self._handlers.pop(descriptor, None)
             self._data.pop(descriptor, None)
             self._over.pop(descriptor, None)
 
     def close(self) -> None:
         """Close them all."""
         self._data.clear()
-        self._hear.clear()
+        self._handlers.clear()
 
     def readable(self) -> list[int]:
         """The pipes that have something to read, or have ended."""
-        return [one for one in self._hear if self._data.get(one) or one in self._over]
+        return [pipe for pipe in self._handlers if self._data.get(pipe) or pipe in self._over]
 
 
-class SimulatedReports(Reports):
+class SimulatedReports(ReportPipe):
     """Reports of a simulated coordinator."""
 
-    def __init__(self, process: Process, send: Callable[[bytes], None]) -> None:
-        super().__init__(NOWHERE)
+    def __init__(self, process: SimulatedProcess, send: Callable[[bytes], None]) -> None:
+        super().__init__(CLOSED)
         self._process = process
         self._send = send
 
-    def tell(self, kind: str, **what: Any) -> None:
-        """Send one report; a dead process sends none."""
+    def send(self, kind: str, **fields: Any) -> None:
+        """Send a report; a dead process sends none."""
         if self._process.alive:
-            self._send(json.dumps({"kind": kind, **what}).encode() + b"\n")
+            self._send(json.dumps({"kind": kind, **fields}).encode() + b"\n")
 
 
-class SimulatedMachine:
+class SimulatedMachine(Machine):
     """A machine whose processes share one thread; `woken` is called when the launcher has news."""
 
     def __init__(self, timeline: Timeline, network: Network, woken: Callable[[], None]) -> None:
         self.timeline = timeline
         self.network = network
-        self.processes: dict[int, Process] = {}
+        self.processes: dict[int, SimulatedProcess] = {}
         self.ended: deque[tuple[int, int]] = deque()
         self._pipes = SimulatedPipes(timeline, woken)
         self._woken = woken
@@ -155,7 +160,9 @@ class SimulatedMachine:
         if descriptor in self._commands:
             self._commands[descriptor](data)
 
-    def start_coordinator(self, work: Coordinating, lifeline: int) -> tuple[Child, int, int]:
+    def start_coordinator(
+        self, start: CoordinatorStart, lifeline: int
+    ) -> tuple[ChildProcess, int, int]:
         """Start a coordinator: its process, where to write commands, where to read reports."""
         commands, reports = self._pipes.open(), self._pipes.open()
         process, child = self._process(COORDINATOR, (reports,))
@@ -163,21 +170,21 @@ class SimulatedMachine:
         self._commands[commands] = obeyed = _Obeyed(process)
 
         def life() -> Generator[None, None, int]:
-            shift = Shift(work, told, process.system)
-            obeyed.begin(shift.coordinator)
-            return shift.life()
+            run = CoordinatorRun(start, told, process.system)
+            obeyed.begin(run.coordinator)
+            return run.life()
 
         process.start(life)
         return child, commands, reports
 
-    def start_member(self, work: Joining, lifeline: int) -> Child:
+    def start_member(self, start: MemberStart, lifeline: int) -> ChildProcess:
         """Start a member's process."""
-        process, child = self._process(work.process.name, ())
+        process, child = self._process(start.process.name, ())
 
         def life() -> Generator[None, None, int]:
-            participant, said = work.process.participant(), process.said
+            participant, said = start.process.participant(), process.said
             member = MemberProcess(
-                participant, work.world, work.endpoint, said, system=process.system
+                participant, start.world, start.endpoint, said, system=process.system
             )
             return member.life()
 
@@ -195,7 +202,7 @@ class SimulatedMachine:
         """Kill a process."""
         self.processes[pid].kill()
 
-    def kill_rest(self, pid: int) -> None:
+    def kill_group(self, pid: int) -> None:
         """A simulated process starts no others."""
 
     def next_ended(self, *, wait: bool = False) -> tuple[int, int] | None:
@@ -206,7 +213,7 @@ class SimulatedMachine:
 
     # --- how it works ---
 
-    def _process(self, name: str, pipes: tuple[int, ...]) -> tuple[Process, Child]:
+    def _process(self, name: str, pipes: tuple[int, ...]) -> tuple[SimulatedProcess, ChildProcess]:
         pid, output = next(self._pids), self._pipes.open()
 
         def said(line: str) -> None:
@@ -215,14 +222,14 @@ class SimulatedMachine:
 
         def exited(code: int) -> None:
             self.timeline.note(name, f"ended with {code}")
-            for one in (output, *pipes):
-                self._later(one, lambda one=one: self._pipes.arrive(one, b""))
-            last = max(self._arrives[one] for one in (output, *pipes))
+            for pipe in (output, *pipes):
+                self._later(pipe, lambda pipe=pipe: self._pipes.arrive(pipe, b""))
+            last = max(self._arrives[pipe] for pipe in (output, *pipes))
             self.timeline.at(last, lambda: self._has_ended(pid, code))
 
-        process = Process(name, self.timeline, self.network, exited, said)
+        process = SimulatedProcess(name, self.timeline, self.network, exited, said)
         self.processes[pid] = process
-        return process, Child(name, pid, output)
+        return process, ChildProcess(pid, output)
 
     def _has_ended(self, pid: int, code: int) -> None:
         """It is known only when all that it has written can be read."""
@@ -242,9 +249,9 @@ class SimulatedMachine:
 class _Obeyed:
     """The thread that reads a coordinator's commands, once there is a coordinator."""
 
-    def __init__(self, process: Process) -> None:
+    def __init__(self, process: SimulatedProcess) -> None:
         self._process = process
-        self._lines = Lines()
+        self._lines = LineBuffer()
         self._before: list[bytes] = []
         self._coordinator: Coordinator | None = None
 
@@ -264,4 +271,4 @@ class _Obeyed:
     def _obey(self, data: bytes) -> None:
         assert self._coordinator is not None
         for line in self._lines.feed(data):
-            obey(line, self._coordinator)
+            handle_command(line, self._coordinator)

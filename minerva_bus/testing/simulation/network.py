@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from typing import Any, Final
 
 from minerva_bus.testing.simulation.links import Link, Weather
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 from minerva_bus.testing.simulation.sessions import Declared, Query, Session, matches
 from minerva_bus.testing.simulation.timeline import EPOCH, Timeline
 from minerva_bus.wire.codec import declaration
@@ -41,20 +41,20 @@ class Network:
         self.clients: list[Session] = []
         self.graveyard: list[Generator[None, None, int] | None] = []
         self.crash_after: dict[str, int] = {}
-        self.crash: Callable[[Process], None] = Process.kill
+        self.crash: Callable[[SimulatedProcess], None] = SimulatedProcess.kill
         self.lossy_until = 0.0
         self.echoes_until: dict[str, float] = {}
         self._hubs = 0
 
     # --- sessions ---
 
-    def open_hub(self, process: Process, listen: str) -> tuple[Any, str]:
+    def open_hub(self, process: SimulatedProcess, listen: str) -> tuple[Any, str]:
         """A hub's session, and where clients find it."""
         self._hubs += 1
         self.hub = Session(self, process, hub=True)
         return self.hub, listen.replace(":0", ":7447")
 
-    def open_client(self, process: Process) -> Session:
+    def open_client(self, process: SimulatedProcess) -> Session:
         """A client's session; it is linked as soon as there is a hub."""
         session = Session(self, process, hub=False)
         self.clients.append(session)
@@ -74,7 +74,7 @@ class Network:
             if link is not None and not link.cut:
                 link.up(lambda: self._forget(link))
 
-    def gone(self, process: Process) -> None:
+    def gone(self, process: SimulatedProcess) -> None:
         """A process has ended."""
         if self.hub is not None and self.hub.process is process:
             self._close_hub(self.hub)
@@ -138,7 +138,7 @@ class Network:
         self._after(client, session.process, lambda: self._lost(link))
         self._after(hub, link.hub.process, lambda: self._forget(link))
 
-    def _after(self, seconds: float, process: Process, call: Callable[[], None]) -> None:
+    def _after(self, seconds: float, process: SimulatedProcess, call: Callable[[], None]) -> None:
         """Let a process notice something; one that is frozen does so later."""
 
         def notice() -> None:
@@ -169,14 +169,14 @@ class Network:
         for key in list(link.tokens):
             self._unseen(link, key)
 
-    def freeze(self, process: Process, seconds: float) -> None:
+    def freeze(self, process: SimulatedProcess, seconds: float) -> None:
         """Freeze a process: who is not heard for a lease loses its links."""
         process.freeze(seconds)
         if seconds <= LEASE:
             return
         self.timeline.after(LEASE, lambda: self._lease_over(process))
 
-    def _lease_over(self, process: Process) -> None:
+    def _lease_over(self, process: SimulatedProcess) -> None:
         if self.timeline.now >= process.frozen_until:
             return
         for link in list(self.links):
@@ -308,7 +308,7 @@ class Network:
             return False
         return self.timeline.stream(f"room for {link.client.process.name}").random() < LOST
 
-    def _may_speak(self, process: Process) -> bool:
+    def _may_speak(self, process: SimulatedProcess) -> bool:
         """Whether a process is there to speak; one that is to crash may do so on the way."""
         if not process.alive:
             return False

@@ -10,7 +10,7 @@ from minerva_bus.runtime.client import ANSWER_WITHIN
 from minerva_bus.testing.simulation.history import Act
 from minerva_bus.testing.simulation.network import Network
 from minerva_bus.testing.simulation.observing import Asked
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 from minerva_bus.testing.simulation.sessions import Session
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import NAME
@@ -43,7 +43,9 @@ class Person:
         self._unpausing = len(acts)
         self._next = 0
         self._key = question_key(NAME, None)
-        self._process = Process("person", timeline, network, lambda _: None, lambda _: None)
+        self._process = SimulatedProcess(
+            "person", timeline, network, lambda _: None, lambda _: None
+        )
         self._session: Session | None = None
 
     def begin(self) -> None:

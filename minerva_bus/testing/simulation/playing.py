@@ -10,7 +10,7 @@ from typing import Final
 from minerva_bus.frame.algorithm import FrameAlgorithm
 from minerva_bus.frame.member import Member
 from minerva_bus.launch.journaling import journal_path
-from minerva_bus.launch.summary import Summary
+from minerva_bus.launch.summary import RunSummary
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
@@ -21,7 +21,7 @@ from minerva_bus.testing.simulation.launcher import Launcher
 from minerva_bus.testing.simulation.links import Weather
 from minerva_bus.testing.simulation.observing import Asked, Observed, observing
 from minerva_bus.testing.simulation.person import Person
-from minerva_bus.testing.simulation.process import Process
+from minerva_bus.testing.simulation.process import SimulatedProcess
 from minerva_bus.testing.simulation.timeline import Timeline
 from minerva_bus.testing.simulation.worlds import GUESTS, NAME, world_file
 
@@ -42,7 +42,7 @@ class Played:
 
     history: History
     observed: Observed
-    result: Summary | None
+    result: RunSummary | None
     failure: str
     waits: str
     left: tuple[str, ...]
@@ -63,7 +63,7 @@ class Play:
         make = observing(self.timeline, self.observed, self._on_begin, self._on_end)
         self.launcher = Launcher(self.file, self.timeline, Weather(history.slow), make)
         self.network = self.launcher.network
-        self.guests: dict[str, tuple[Process, MemberProcess]] = {}
+        self.guests: dict[str, tuple[SimulatedProcess, MemberProcess]] = {}
         self._person = Person(self.timeline, self.network, history.acts, self._on_asked)
         self._faults = Faults(self)
         self._checked = history.seed % history.frames
@@ -95,11 +95,11 @@ class Play:
 
     # --- processes ---
 
-    def process(self, name: str) -> Process | None:
+    def process(self, name: str) -> SimulatedProcess | None:
         """The process of this name that is alive."""
         return next((one for one in self._processes() if one.name == name and one.alive), None)
 
-    def _processes(self) -> list[Process]:
+    def _processes(self) -> list[SimulatedProcess]:
         own = list(self.launcher.machine.processes.values())
         return [*own, *(process for process, _ in self.guests.values())]
 
@@ -116,7 +116,7 @@ class Play:
         def exited(code: int) -> None:
             self.timeline.note(name, f"ended with {code}")
 
-        process = Process(name, self.timeline, self.network, exited, said)
+        process = SimulatedProcess(name, self.timeline, self.network, exited, said)
         participant = Member(name, None, GUESTS[name])
         endpoint, system = self.launcher.endpoint, process.system
         member = MemberProcess(participant, NAME, endpoint, said, system=system)

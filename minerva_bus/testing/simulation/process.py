@@ -23,7 +23,7 @@ THREAD: Final = 10e-6, 200e-6
 """Seconds until a thread has begun."""
 
 
-class Process:
+class SimulatedProcess:
     """Runs a `life` turn by turn, until it ends or is killed; `exited` is told its exit code.
 
     One that is frozen takes no turn, and its timers wait. `said` gets what it prints.
@@ -137,7 +137,7 @@ class Process:
 class SimulatedSystem:
     """The clock, the timers and the sessions of one simulated process."""
 
-    def __init__(self, process: Process) -> None:
+    def __init__(self, process: SimulatedProcess) -> None:
         self._process = process
         self._timeline = process.timeline
 

@@ -14,7 +14,7 @@ from minerva_bus.runtime.presence import GONE, HERE
 if TYPE_CHECKING:
     from minerva_bus.testing.simulation.links import Link
     from minerva_bus.testing.simulation.network import Network
-    from minerva_bus.testing.simulation.process import Process
+    from minerva_bus.testing.simulation.process import SimulatedProcess
 
 CALLBACK: Final = 5e-6, 300e-6
 """Seconds until a callback with a thread of its own is called."""
@@ -73,7 +73,7 @@ class Query:
 class Channel:
     """What a process has heard and not yet taken; taking from an empty one is a knock in vain."""
 
-    def __init__(self, process: Process, pattern: str) -> None:
+    def __init__(self, process: SimulatedProcess, pattern: str) -> None:
         self._process = process
         self._queue: deque[Sample] = deque()
         self._in_vain = Sample(pattern.replace("*", "coordinator"), Bytes(WAKE_UP), HERE)
@@ -168,7 +168,7 @@ class Session:
     """One process's session: a hub's, or a client's with its `link` to the hub, if it has one."""
 
     network: Network
-    process: Process
+    process: SimulatedProcess
     hub: bool
     link: Link | None = None
     subscribers: list[Declared] = field(default_factory=list[Declared])

@@ -1,0 +1,239 @@
+"""The local processes of a world: their states, restarts, output and failures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from minerva_bus.launch.children import MemberStart
+from minerva_bus.launch.forking import ChildProcess
+from minerva_bus.launch.machine import REAL, LaunchContext, Machine
+from minerva_bus.launch.pipes import LineReader
+from minerva_bus.launch.starting import STARTS_PER_CORE, StartQueue
+from minerva_bus.launch.traces import STACK_SIGNAL, is_stack
+from minerva_bus.launch.worldfile import Process
+from minerva_bus.runtime.member import RAISED
+
+HEALTHY_SECONDS: Final = 30.0
+HEALTHY_FRAMES: Final = 10
+"""A process that has worked for this long starts again with no failures counted."""
+
+REPORT_SECONDS: Final = 0.4
+"""Time for the last reports about a process, or about the end of the world, to arrive."""
+
+STACK_SECONDS: Final = 0.5
+STACK_GAP_SECONDS: Final = 0.05
+"""Time to wait for the stacks of a process, and for each further line of them."""
+
+MIN_RESTART_SECONDS: Final = 0.05
+MAX_RESTART_SECONDS: Final = 5.0
+
+FAILURE_REPORT: Final = re.compile(r"failed(?: in frame \d+)?: ")
+"""How a member's report about an error in its user code begins."""
+
+
+@dataclass(slots=True)
+class SupervisedProcess:
+    """A process of the world file with its state; times are of the monotonic clock.
+
+    `restarting`: an operator requested a restart. `exited_at`: when an exit with code 0 counts as
+    a failure unless the world has ended. `cause`: its report about its failure. `stacks`: lines of
+    its stacks, None if they were not requested. `joined_at`, `joined_in`: time and frame of its
+    `hello`. `waited`: seconds that frames have waited for it.
+    """
+
+    spec: Process
+    machine: Machine = REAL
+    child: ChildProcess | None = None
+    output: LineReader | None = None
+    failures: int = 0
+    joined_at: float | None = None
+    joined_in: int = 0
+    waited: float = 0.0
+    restart_at: float | None = None
+    exited_at: float | None = None
+    cause: str = ""
+    restarting: bool = False
+    abandoned: bool = False
+    stacks: list[str] | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the process."""
+        return self.spec.name
+
+    @property
+    def due(self) -> list[float]:
+        """The times at which the supervisor has to look at it."""
+        return [at for at in (self.restart_at, self.exited_at) if at is not None]
+
+    def restart(self) -> None:
+        """Restart it on request; this does not count as a failure."""
+        self.restarting = self.child is not None
+        if self.child is not None:
+            self.machine.kill(self.child.pid)
+        else:
+            self.restart_at = self.machine.monotonic()
+
+    def exited(self) -> None:
+        """Note an exit with code 0: a report about the end of the world may follow."""
+        self.exited_at = self.machine.monotonic() + REPORT_SECONDS
+
+    def started(self, child: ChildProcess) -> None:
+        """Note a start or restart."""
+        self.child, self.restart_at, self.joined_at = child, None, None
+        self.cause, self.waited = "", 0.0
+
+    def joined(self, frame: int) -> None:
+        """Note its `hello`."""
+        self.joined_at, self.joined_in = self.machine.monotonic(), frame
+
+    def was_healthy(self, now: float, frame: int) -> bool:
+        """Whether it has worked for long enough; time that frames waited for it does not count.
+
+        Frames count too: a process that hangs in each frame is waited for most of the time.
+        """
+        if self.joined_at is None:
+            return False
+        worked = now - self.joined_at - self.waited
+        return worked > HEALTHY_SECONDS and frame - self.joined_in >= HEALTHY_FRAMES
+
+    def fail(self, frame: int) -> float | None:
+        """Count a failure; returns the seconds until its restart, None if there is none."""
+        now = self.machine.monotonic()
+        if self.was_healthy(now, frame):
+            self.failures = 0
+        self.failures += 1
+        self.exited_at = None
+        if self.spec.on_failure != "restart" or self.failures > self.spec.restarts:
+            return None
+        delay = min(MAX_RESTART_SECONDS, MIN_RESTART_SECONDS * 2 ** (self.failures - 1))
+        self.restart_at = now + delay
+        return delay
+
+
+class ProcessTable:
+    """All local processes of a world, by name; `on_line` receives process and printed line."""
+
+    def __init__(self, context: LaunchContext, on_line: Callable[[str, str], None]) -> None:
+        self._context = context
+        self._on_line = on_line
+        self._machine = context.machine
+        self._processes = {
+            spec.name: SupervisedProcess(spec, context.machine)
+            for spec in context.file.processes
+            if not spec.elsewhere
+        }
+        self.failures = FailureLog()
+        self.queue = StartQueue(STARTS_PER_CORE * context.machine.cores())
+
+    def __iter__(self) -> Iterator[SupervisedProcess]:
+        return iter(self._processes.values())
+
+    def __len__(self) -> int:
+        return len(self._processes)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names of all processes."""
+        return frozenset(self._processes)
+
+    @property
+    def running(self) -> bool:
+        """Whether any process runs."""
+        return any(process.child for process in self)
+
+    def get(self, name: str) -> SupervisedProcess | None:
+        """The process with this name, None if it is not a local one."""
+        return self._processes.get(name)
+
+    def enqueue(self, process: SupervisedProcess) -> None:
+        """Start or restart a process when it has a slot."""
+        process.restart_at = None
+        self.queue.add(process.name)
+
+    def start_next(self) -> SupervisedProcess | None:
+        """Start the next process that has a slot, and return it."""
+        name = self.queue.next(self._machine.monotonic())
+        if name is None:
+            return None
+        process, context = self._processes[name], self._context
+        world, endpoint = context.file.world.name, context.endpoint
+        start = MemberStart(process.spec, world, endpoint, context.shared, context.profiling)
+        child = self._machine.start_member(start, context.lifeline[0])
+        process.started(child)
+        process.output = LineReader(
+            context.pipes, child.output, lambda line: self._read(process, line)
+        )
+        return process
+
+    def _read(self, process: SupervisedProcess, line: str) -> None:
+        if process.stacks is not None and is_stack(line):
+            process.stacks.append(line)
+        else:
+            self._on_line(process.name, line)
+
+    def ended(self, pid: int) -> SupervisedProcess | None:
+        """The process that has ended, after its last lines; kills what it has started."""
+        for process in self:
+            if process.child is not None and process.child.pid == pid:
+                self._machine.kill_group(pid)
+                if process.output is not None:
+                    process.output.finish()
+                process.child = None
+                self.queue.free(process.name)
+                return process
+        return None
+
+    def kill(self) -> None:
+        """Kill all processes and restart none."""
+        self.queue.clear()
+        for process in self:
+            process.restart_at = process.exited_at = None
+            if process.child is not None:
+                self._machine.kill(process.child.pid)
+
+    def stacks(self, process: SupervisedProcess) -> list[str]:
+        """The stacks of a process as it writes them itself; empty for a stopped process."""
+        output = process.output
+        if process.child is None or output is None or process.spec.command:
+            return []
+        process.stacks = []
+        self._machine.signal(process.child.pid, STACK_SIGNAL)
+        until = self._machine.monotonic() + STACK_SECONDS
+        while output.open and (left := until - self._machine.monotonic()) > 0:
+            seconds = min(left, STACK_GAP_SECONDS) if process.stacks else left
+            if not self._context.pipes.wait_for(output.descriptor, seconds):
+                break
+            output.read()
+        return process.stacks
+
+
+class FailureLog:
+    """The failures of user code in a run: what was shown already, and what happened before."""
+
+    def __init__(self) -> None:
+        self._shown: set[str] = set()
+        self._before: set[tuple[str, str]] = set()
+
+    def abbreviate(self, text: str) -> str:
+        """A report without the lines that were shown before; empty if all of it was."""
+        first, _, rest = text.partition("\n")
+        seen, self._shown = self._shown, self._shown | {first, rest}
+        if first in seen and rest in seen:
+            return ""
+        return f"{first} (as above)" if rest and rest in seen else text
+
+    def repeated(self, process: Process, code: int, cause: str) -> bool:
+        """Whether this process, or another host, has failed by the same cause before.
+
+        The cause names the frame and the event: the same input fails again.
+        """
+        if code != RAISED or not cause:
+            return False
+        key = ("" if process.agents else process.name, cause)
+        repeated = key in self._before
+        self._before.add(key)
+        return repeated
