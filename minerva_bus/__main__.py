@@ -9,7 +9,7 @@ else:
     import _signal as signal  # signal imports enum, during which Ctrl-C would be a traceback
 
 INTERRUPTED = 130
-"""The value of cli/exit_codes.py, which may not be imported yet."""
+"""The value of cli/output.py, which may not be imported yet."""
 
 
 def leave(number: int, frame: object) -> None:

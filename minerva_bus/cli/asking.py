@@ -1,4 +1,4 @@
-"""`minerva list`, `echo`, `pub`, `stop` and `version`."""
+"""`minerva list`, `echo`, `pub` and `version`: queries, with their tables and JSON objects."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from minerva_bus.cli.options import Target
+from minerva_bus.cli.output import print_message, print_result, print_table
 from minerva_bus.cli.places import client, identity, place
-from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.frame.messages import FrameRecord
 from minerva_bus.grammar.batch import single
@@ -17,38 +18,37 @@ from minerva_bus.grammar.scene import Scene
 from minerva_bus.launch.registry import running
 from minerva_bus.runtime.client import Client
 from minerva_bus.security.credentials import Credentials
-from minerva_bus.wire.plain import on_screen
 from minerva_bus.wording import counted
 from minerva_bus.world.operator import MemberStatus, WorldStatus
 
 
-def list_members(connect: str, world: str, json_too: bool) -> None:
+def list_members(target: Target, as_json: bool) -> None:
     """Print the members of a world, or the worlds if several run."""
     worlds = running()
-    if not connect and not world and len(worlds) != 1:
-        if json_too:
-            say(json.dumps([{"world": w.world, "endpoint": w.endpoint, "pid": w.pid}
-                               for w in worlds]))  # fmt: skip
+    if not target.connect and not target.world and len(worlds) != 1:
+        if as_json:
+            print_result(json.dumps([asdict(world) for world in worlds]))
         elif worlds:
-            _table(
-                ["world", "endpoint", "pid"], [[w.world, w.endpoint, str(w.pid)] for w in worlds]
-            )
+            rows = [(w.world, w.endpoint, str(w.pid)) for w in worlds]
+            print_table([("world", "endpoint", "pid"), *rows])
         else:
-            tell("no world runs on this machine")
+            print_message("no world runs on this machine")
         return
-    with client(connect, world) as asked:
-        status = asked.operator.status()
-    if json_too:
-        say(json.dumps(listing(status)))
+    with client(target) as connected:
+        status = connected.operator.status()
+    if as_json:
+        print_result(json.dumps(listing(status)))
         return
     agents = counted(status.agents, "agent")
-    say(f"{status.world}: frame {status.frame} ({_doing(status)}), {agents}")
-    _table(
-        ["member", "state", "roles", "types", "last reply", "late", "pid", "host", "figures"],
-        [_row(member) for member in status.members],
-    )
+    print_result(f"{status.world}: frame {status.frame} ({_doing(status)}), {agents}")
+    print_table([_TITLES, *map(_row, status.members)])
     if status.refused:
-        say(f"refused: {', '.join(f'{count} of {who}' for who, count in status.refused.items())}")
+        print_result(
+            f"refused: {', '.join(f'{count} of {who}' for who, count in status.refused.items())}"
+        )
+
+
+_TITLES = ["member", "state", "roles", "types", "last reply", "late", "pid", "host", "figures"]
 
 
 def _doing(status: WorldStatus) -> str:
@@ -58,9 +58,7 @@ def _doing(status: WorldStatus) -> str:
 
 def listing(status: WorldStatus) -> dict[str, Any]:
     """A status as a JSON object."""
-    members = [{"member": each.name, **asdict(each)} for each in status.members]
-    for member in members:
-        del member["name"]
+    members = [{"member": member.pop("name"), **member} for member in map(asdict, status.members)]
     return {**asdict(status), "members": members, "happenings": []}
 
 
@@ -78,20 +76,12 @@ def _row(member: MemberStatus) -> list[str]:
     ]
 
 
-def _table(titles: list[str], rows: list[list[str]]) -> None:
-    rows = [[on_screen(cell) for cell in row] for row in rows]
-    widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
-    for row in [titles, *rows]:
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
-        say("  ".join(cells).rstrip())
-
-
-def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) -> None:
+def echo_type(type_: str, target: Target, count: int, as_json: bool) -> None:
     """Print events, fragments or views of a type as they arrive."""
-    own = identity() if connect else None
-    endpoint, world = place(connect, world, own)
-    with Client(endpoint, world, own) as asked:
-        vocabulary = asked.vocabulary()
+    own = identity() if target.connect else None
+    endpoint, world = place(target, own)
+    with Client(endpoint, world, own) as connected:
+        vocabulary = connected.vocabulary()
         declared = vocabulary.events.get(type_)
         if type_ and declared is None and type_ not in vocabulary.kinds:
             known = [*vocabulary.events, *vocabulary.kinds]
@@ -101,17 +91,18 @@ def echo_type(type_: str, connect: str, world: str, count: int, json_too: bool) 
             )
         if declared is None or not declared.visual:
             shown = 0
-            for record in asked.records():
-                for what in _of_interest(record, type_):
-                    say(json.dumps(what) if json_too else f"{what['frame']:>7}  {what['text']}")
+            for record in connected.records():
+                for entry in _entries(record, type_):
+                    text = f"{entry['frame']:>7}  {entry['text']}"
+                    print_result(json.dumps(entry) if as_json else text)
                     shown += 1
                     if shown == count:
                         return
             return
-    _echo_view(type_, endpoint, world, own, count, json_too)
+    _echo_view(type_, endpoint, world, own, count, as_json)
 
 
-def _of_interest(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
+def _entries(record: FrameRecord, type_: str) -> Iterator[dict[str, Any]]:
     for event in single(record.events):
         if type_ in ("", event.type):
             data = {name: _plain(value) for name, value in event.data.items()}
@@ -138,7 +129,7 @@ def _echo_view(
     world: str,
     own: Credentials | None,
     count: int,
-    json_too: bool,
+    as_json: bool,
 ) -> None:
     import os
 
@@ -155,14 +146,15 @@ def _echo_view(
         shown = 0
 
         def show(self, view: View) -> None:
-            what = {"frame": view.frame, "type": event_type, "text": str(view.scene)}
-            say(json.dumps(what) if json_too else f"{view.frame:>7}  {_short(view.scene)}")
+            entry = {"frame": view.frame, "type": event_type, "text": str(view.scene)}
+            text = f"{view.frame:>7}  {_short(view.scene)}"
+            print_result(json.dumps(entry) if as_json else text)
             self.shown += 1
             if self.shown == count:
                 member.leave()
 
     name = f"echo-{os.getpid()}" if own is None else own.name
-    member = MemberProcess(Member(name, Echo()), world, endpoint, tell, own=own)
+    member = MemberProcess(Member(name, Echo()), world, endpoint, print_message, own=own)
     leave_on_signals(member)
     member.run()
 
@@ -177,34 +169,26 @@ def publish(
     data: list[str],
     to: list[str],
     condition: str,
-    connect: str,
-    world: str,
-    json_too: bool,
+    target: Target,
+    as_json: bool,
 ) -> None:
     """Send an event."""
     pairs: dict[str, str] = {}
     for word in data:
         name, equals, value = word.partition("=")
         if not equals or not name:
-            raise MinervaError(f"what is {word!r}? Expected data as KEY=VALUE")
+            raise MinervaError(f"{word!r}: expected data as KEY=VALUE")
         pairs[name] = value
-    with client(connect, world) as asked:
-        answer = asked.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
-    if json_too:
-        say(json.dumps(answer))
+    with client(target) as connected:
+        answer = connected.ask("pub", type=type_, data=pairs, receivers=to, condition=condition)
+    if as_json:
+        print_result(json.dumps(answer))
         return
     through = f" through {', '.join(answer['through'])}" if answer["through"] else ""
-    say(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
+    print_result(f"{answer['event']} sent{through}, after frame {answer['frame']} began")
 
 
-def stop_world(connect: str, world: str) -> None:
-    """Stop a running world."""
-    with client(connect, world) as asked:
-        asked.ask("stop")
-        say(f"{asked.world}: asked to stop")
-
-
-def show_version(json_too: bool) -> None:
+def show_version(as_json: bool) -> None:
     """Print versions."""
     import platform
     from importlib.metadata import version
@@ -218,7 +202,8 @@ def show_version(json_too: bool) -> None:
     }
     for package in ("eclipse-zenoh", "msgpack", "numpy", "pymunk", "typer"):
         versions[package] = version(package)
-    if json_too:
-        say(json.dumps(versions))
+    if as_json:
+        print_result(json.dumps(versions))
     else:
-        _table(["part", "version"], [[name, str(value)] for name, value in versions.items()])
+        rows = [(name, str(value)) for name, value in versions.items()]
+        print_table([("part", "version"), *rows])

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from minerva_bus.cli.saying import say, tell
+from minerva_bus.cli.output import print_message, print_result
 from minerva_bus.errors import MinervaError, SceneError, WorldFileError
 from minerva_bus.grammar.parser import parse
 from minerva_bus.grammar.scene import walk
@@ -18,7 +18,7 @@ from minerva_bus.launch.structure import structure_of
 from minerva_bus.wording import counted
 
 
-def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True) -> int:
+def check_file(file: Path, vocabulary: str, as_json: bool, *, code: bool = True) -> int:
     """Check a file, running its code only if `code` is true; returns the exit code."""
     found: dict[str, Any] = {"file": str(file), "ok": True}
     try:
@@ -32,16 +32,16 @@ def check_file(file: Path, vocabulary: str, json_too: bool, *, code: bool = True
         found |= {"ok": False, "error": str(error)}
         if isinstance(error, SceneError):
             found |= {"line": error.line, "column": error.column, "expected": error.expected}
-    if json_too:
-        say(json.dumps(found))
+    if as_json:
+        print_result(json.dumps(found))
     elif found["ok"]:
-        say(f"{file}: {found['what']}")
+        print_result(f"{file}: {found['what']}")
         for name in found.get("code", []):
-            say(f"  not run: {name}")
+            print_result(f"  not run: {name}")
         for warning in found.get("warnings", []):
-            tell(f"warning: {warning}")
+            print_message(f"warning: {warning}")
     else:
-        tell(found["error"])
+        print_message(found["error"])
     return 0 if found["ok"] else 1
 
 

@@ -6,13 +6,13 @@ import json
 from pathlib import Path
 
 from minerva_bus.acl.exchanges import Exchange, check_drawable, exchange_of
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.output import print_result
 from minerva_bus.errors import MinervaError
 from minerva_bus.log.reader import Record
 from minerva_bus.outputs import check_output, write_output
 
 
-def show_conversation(file: Path, conversation: str, output: Path | None, json_too: bool) -> None:
+def show_conversation(file: Path, conversation: str, output: Path | None, as_json: bool) -> None:
     """Print a record's messages as Mermaid or JSON, or draw them into a file.
 
     Raises RecordError, and MinervaError for a file that cannot be written.
@@ -23,14 +23,14 @@ def show_conversation(file: Path, conversation: str, output: Path | None, json_t
         check_output(output, "conversation")
     with Record(file) as record:
         exchange = exchange_of(record, conversation)
-        if output is not None or not json_too:
+        if output is not None or not as_json:
             check_drawable(record, exchange)
     if output is not None:
         _write(output, exchange)
-    if json_too:
-        say(json.dumps(exchange.plain()))
+    if as_json:
+        print_result(json.dumps(exchange.plain()))
     else:
-        say(exchange.mermaid().rstrip() if output is None else str(output))
+        print_result(exchange.mermaid().rstrip() if output is None else str(output))
 
 
 def _write(output: Path, exchange: Exchange) -> None:

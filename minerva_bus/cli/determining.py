@@ -15,10 +15,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
 from minerva_bus.cli.options import RunOptions
+from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_message, print_result
 from minerva_bus.cli.running import run_world
-from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.launch.layouts import LAYOUTS, Layout, laid_out, left_out
 from minerva_bus.launch.reading import read_world_file
@@ -72,7 +71,7 @@ class Verdict:
         return ["two runs differ", *sides, *self.found.lines(), *omitted, *ADVICE]
 
 
-def check_determinism(spec: str, frames: int, json_too: bool) -> int:
+def check_determinism(spec: str, frames: int, as_json: bool) -> int:
     """Run a world twice and print the first difference; returns the exit code.
 
     Raises WorldFileError if there is no such world, and MisuseError if it is not a world.
@@ -82,11 +81,11 @@ def check_determinism(spec: str, frames: int, json_too: bool) -> int:
     path = find_world(spec)
     with TemporaryDirectory(prefix="minerva-") as folder:
         verdict = _verdict(path, frames, Path(folder))
-    if json_too:
-        say(json.dumps({"file": spec, **verdict.plain()}))
+    if as_json:
+        print_result(json.dumps({"file": spec, **verdict.plain()}))
     else:
         first, *rest = verdict.lines()
-        (tell if verdict.code else say)("\n".join([f"{spec}: {first}", *rest]))
+        (print_message if verdict.code else print_result)("\n".join([f"{spec}: {first}", *rest]))
     return verdict.code
 
 

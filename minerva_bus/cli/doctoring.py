@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Final
 
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.output import print_result
 from minerva_bus.errors import MinervaError
 
 LEAST: Final = (3, 11)
@@ -30,7 +30,7 @@ EXTRAS: Final = {
     "tls": (("cryptography",), "certificates for those on other machines"),
     "profile": (("pyinstrument",), "flame graphs of members"),
     "metrics": (("prometheus_client",), "figures for Prometheus"),
-    "evolve": (("deap", "tomlkit"), "strings that evolve"),
+    "evolve": (("tomlkit",), "world files with an evolved string"),
     "sweep": (("pyarrow",), "tables of studies as .parquet"),
     "parquet": (("pyarrow",), "collected data as .parquet"),
     "pandas": (("pandas",), "collected data in pandas"),
@@ -55,16 +55,16 @@ class Finding:
     needed: bool = False
 
 
-def examine(json_too: bool) -> int:
+def examine(as_json: bool) -> int:
     """Print the results; returns 1 if a required dependency is missing, otherwise 0."""
     findings = list(_findings())
-    if json_too:
-        say(json.dumps([asdict(finding) for finding in findings]))
+    if as_json:
+        print_result(json.dumps([asdict(finding) for finding in findings]))
     else:
         width = max(len(finding.what) for finding in findings)
         for finding in findings:
             mark = "✓" if finding.good else ("✗" if finding.needed else "–")
-            say(f"{mark} {finding.what.ljust(width)}  {finding.note}")
+            print_result(f"{mark} {finding.what.ljust(width)}  {finding.note}")
     return 0 if all(finding.good for finding in findings if finding.needed) else 1
 
 

@@ -1,8 +1,8 @@
 """`minerva`: the command line.
 
-Each command is the function `command` of the module in cli/commands that has its name, with two
-`EXAMPLES`; to add one, add a module and its name here. Those modules declare options and import
-nothing else at first, because `minerva --help` has to be fast.
+Each command is a function in cli/commands, with examples; to add one, write the function and list
+its name here. Those modules declare options and import little else, because `minerva --help` has to
+be fast.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from importlib import import_module
+from collections.abc import Callable
 from inspect import signature
 from itertools import chain
 from typing import Annotated, Any, Final
@@ -18,11 +18,11 @@ from typing import Annotated, Any, Final
 import typer
 from typer.core import TyperGroup
 
-from minerva_bus.cli.commands.keys import app as keys
-from minerva_bus.cli.exit_codes import INTERRUPTED, WRONG
+from minerva_bus.cli.commands import keys, operating, records, studies, worlds
+from minerva_bus.cli.options import examples_of
 from minerva_bus.cli.other_options import TAKES_OTHERS, OtherOptionsCommand
+from minerva_bus.cli.output import INTERRUPTED, WRONG, print_result
 from minerva_bus.cli.promised import promised
-from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError
 from minerva_bus.outputs import forget_inputs
 
@@ -57,31 +57,34 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     epilog="Exit codes: 0 done, 1 a check or a world failed, 2 wrong input, 130 interrupted.",
 )
+_MODULES: Final = (worlds, operating, records, studies)
 
 
-def _add_commands() -> None:
-    for name in chain.from_iterable(GROUPS.values()):
-        if name == "keys":
-            continue
-        module = import_module(f"minerva_bus.cli.commands.{name}")
-        takes_more = "context" in signature(module.command).parameters
-        app.command(
-            name,
-            cls=OtherOptionsCommand if takes_more else None,
-            context_settings=TAKES_OTHERS if takes_more else None,
-            epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in module.EXAMPLES))),
-        )(module.command)
-    app.add_typer(keys, name="keys")
+def command_of(name: str) -> Callable[..., None]:
+    """The function that declares a command."""
+    names = (name, f"{name}_")  # `list_`, because `list` is a type of an option.
+    return next(getattr(m, n) for m in _MODULES for n in names if hasattr(m, n))
 
 
-_add_commands()
+for _name in chain.from_iterable(GROUPS.values()):
+    if _name == "keys":
+        app.add_typer(keys.app, name=_name)
+        continue
+    _command = command_of(_name)
+    _takes_others = "context" in signature(_command).parameters
+    app.command(
+        _name,
+        cls=OtherOptionsCommand if _takes_others else None,
+        context_settings=TAKES_OTHERS if _takes_others else None,
+        epilog="\n".join(("\b", "Examples:", *(f"  {line}" for line in examples_of(_command)))),
+    )(_command)
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
         from minerva_bus import __version__
 
-        say(f"minerva-bus {__version__}")
+        print_result(f"minerva-bus {__version__}")
         raise typer.Exit
 
 

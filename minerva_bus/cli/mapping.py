@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 
 import typer
 
-from minerva_bus.cli.saying import tell
+from minerva_bus.cli.output import print_message
 from minerva_bus.errors import WorldFileError, nearest
 from minerva_bus.launch.specs import entries, load
 from minerva_bus.outputs import forget_inputs
@@ -48,7 +48,7 @@ def map_recording(
     with _progress(file.name) as progress:
         made = draw(_opener(file, passed), into, choice, progress)
     for line in [*passed.lines(), *made]:
-        tell(line)
+        print_message(line)
 
 
 def _opener(file: Path, passed: PassOver) -> Callable[[], Recording]:

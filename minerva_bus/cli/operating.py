@@ -1,102 +1,130 @@
-"""`minerva pause`, `resume`, `step`, `rate`, `restart` and `logs`."""
+"""Operating a running world: pace, processes, logs, the dashboard and metrics."""
 
 from __future__ import annotations
 
+import json
+import signal
+import sys
+import threading
 import time
+from types import FrameType
+from typing import Final
 
+from minerva_bus.cli.asking import listing
+from minerva_bus.cli.options import Target
+from minerva_bus.cli.output import print_message, print_result
 from minerva_bus.cli.places import client
-from minerva_bus.cli.saying import say, tell
 from minerva_bus.errors import MinervaError, nearest
 from minerva_bus.launch.console import json_line
 from minerva_bus.runtime.client import Client
 from minerva_bus.world.operator import LogLine
 
-LOOK_EVERY = 0.1
-LAST = 1000
+POLL_SECONDS: Final = 0.1
+MAX_LINES: Final = 1000
+"""Lines in one answer of the world."""
+
+MEASURE_SECONDS: Final = 0.5
+"""Time for `top --json` to measure, which begins with the first query."""
 
 
-def pause_world(connect: str, world: str) -> None:
+def stop_world(target: Target) -> None:
+    """Stop a world."""
+    with client(target) as world:
+        world.ask("stop")
+        print_result(f"{world.world}: asked to stop")
+
+
+def pause_world(target: Target) -> None:
     """Pause a world before its next frame."""
-    with client(connect, world) as asked:
-        asked.operator.pause()
-        say(f"{asked.world}: paused before frame {_resting(asked)}")
+    with client(target) as world:
+        world.operator.pause()
+        print_result(f"{world.world}: paused before frame {_paused_before(world)}")
 
 
-def resume_world(connect: str, world: str) -> None:
+def resume_world(target: Target) -> None:
     """Resume a world."""
-    with client(connect, world) as asked:
-        asked.operator.resume()
-        say(f"{asked.world}: goes on")
+    with client(target) as world:
+        world.operator.resume()
+        print_result(f"{world.world}: resumed")
 
 
-def step_world(frames: int, connect: str, world: str) -> None:
+def step_world(frames: int, target: Target) -> None:
     """Run a number of frames, wait for them, and pause."""
-    with client(connect, world) as asked:
-        asked.operator.step(frames)
-        say(f"{asked.world}: paused before frame {_resting(asked)}")
+    with client(target) as world:
+        world.operator.step(frames)
+        print_result(f"{world.world}: paused before frame {_paused_before(world)}")
 
 
-def set_rate(hz: float, connect: str, world: str) -> None:
+def set_rate(hz: float, target: Target) -> None:
     """Change the frame rate of a world."""
-    with client(connect, world) as asked:
-        asked.operator.set_rate(hz)
-        say(f"{asked.world}: {f'{hz:g} frames per second' if hz else 'as fast as it goes'}")
+    with client(target) as world:
+        world.operator.set_rate(hz)
+        print_result(
+            f"{world.world}: {f'{hz:g} frames per second' if hz else 'as fast as possible'}"
+        )
 
 
-def restart_member(member: str, connect: str, world: str) -> None:
+def restart_member(member: str, target: Target) -> None:
     """Restart a process of a world."""
-    with client(connect, world) as asked:
-        asked.operator.restart(member)
-        say(f"{asked.world}: {member} is started anew")
+    with client(target) as world:
+        world.operator.restart(member)
+        print_result(f"{world.world}: restarting {member}")
 
 
-def drain_member(member: str, connect: str, world: str) -> None:
+def drain_member(member: str, target: Target) -> None:
     """Move the agents of a host to other hosts."""
-    with client(connect, world) as asked:
-        others = asked.operator.drain(member)
-        say(f"{asked.world}: the agents of {member} go to {', '.join(others)}")
+    with client(target) as world:
+        others = world.operator.drain(member)
+        print_result(f"{world.world}: the agents of {member} move to {', '.join(others)}")
 
 
-def _resting(asked: Client) -> int:
+def seek_frame(frame: int, target: Target) -> None:
+    """Continue a replay at another frame."""
+    with client(target) as world:
+        world.ask("seek", frame=frame)
+        print_result(f"{world.world}: continues from frame {frame}")
+
+
+def _paused_before(world: Client) -> int:
     """Wait until the world has paused and return its frame; report members it waits for."""
     reported: tuple[str, ...] = ()
     while True:
-        status = asked.operator.status()
+        status = world.operator.status()
         resumed = not status.paused and not status.left
         if resumed or (status.paused and status.phase == "between frames"):
             return status.frame
         if status.waited > 1 and status.waiting != reported:
             reported = status.waiting
-            tell(f"waiting for {', '.join(reported)}")
-        time.sleep(LOOK_EVERY)
+            print_message(f"waiting for {', '.join(reported)}")
+        time.sleep(POLL_SECONDS)
 
 
-def show_logs(member: str, follow: bool, connect: str, world: str, json_too: bool) -> None:
+def show_logs(member: str, follow: bool, target: Target, as_json: bool) -> None:
     """Print the logs of members, with the messages of the world about them."""
-    with client(connect, world) as asked:
-        _check_member(asked, member)
+    with client(target) as world:
+        _check_member(world, member)
         since, answered = 0, False
         while True:
             try:
-                lines = asked.operator.logs(since, member)
+                lines = world.operator.logs(since, member)
             except MinervaError:
                 if not (follow and answered):
                     raise
                 return  # The followed world has ended.
             answered = True
             for line in lines:
-                say(_json(line, asked.world) if json_too else _shown(line))
+                print_result(_json(line, world.world) if as_json else _shown(line))
                 since = line.number
-            if not follow and len(lines) < LAST:
+            if not follow and len(lines) < MAX_LINES:
                 return
             if follow:
-                time.sleep(LOOK_EVERY)
+                time.sleep(POLL_SECONDS)
 
 
-def _check_member(asked: Client, member: str) -> None:
-    known = [each.name for each in asked.operator.status().members]
+def _check_member(world: Client, member: str) -> None:
+    known = [each.name for each in world.operator.status().members]
     if member and member not in [*known, "coordinator"]:
-        raise MinervaError(f"{asked.world} has no member {member!r}{nearest(member, known)}")
+        raise MinervaError(f"{world.world} has no member {member!r}{nearest(member, known)}")
 
 
 def _json(line: LogLine, world: str) -> str:
@@ -106,3 +134,37 @@ def _json(line: LogLine, world: str) -> str:
 def _shown(line: LogLine) -> str:
     clock = time.strftime("%H:%M:%S", time.localtime(line.time))
     return f"{clock}  {line.member} │ {line.text}"
+
+
+def watch_world(target: Target, as_json: bool) -> None:
+    """Monitor a world until q or Ctrl-C; as JSON, print its status once."""
+    if not as_json and not sys.stdout.isatty():
+        raise MinervaError("top needs a terminal; --json prints one status anywhere")
+    with client(target) as world:
+        if as_json:
+            world.operator.status()
+            time.sleep(MEASURE_SECONDS)
+            print_result(json.dumps(listing(world.operator.status())))
+            return
+        try:
+            from minerva_bus.cli.top.dashboard import Dashboard
+        except ImportError:
+            raise MinervaError("top needs textual: pip install 'minerva-bus[top]'") from None
+        Dashboard(world.operator).run()
+
+
+def serve_metrics(listen: str, target: Target) -> None:
+    """Serve the metrics of a world until Ctrl-C; a world that ends is reported as down."""
+    from minerva_bus.launch.exporting import Exporter
+    from minerva_bus.launch.interrupts import end_signals
+
+    stop = threading.Event()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    with client(target) as world, Exporter(world.world, listen, world.ask) as exporter:
+        for number in end_signals():
+            signal.signal(number, end)
+        print_message(f"{world.world}: metrics at {exporter.url}")
+        stop.wait()

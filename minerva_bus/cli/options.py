@@ -6,11 +6,11 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
-from typing import Annotated, Any, Final, get_origin, get_type_hints
+from typing import Annotated, Any, Final, TypeVar, get_origin, get_type_hints
 
 import typer
 
-from minerva_bus.errors import MisuseError
+from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import OPTIONS, Overrides
 
 
@@ -48,13 +48,6 @@ Keys = Annotated[
     ),
 ]
 World = Annotated[str, typer.Option(help="Name of the world, if several run.")]
-KeepTrying = Annotated[
-    float | None,
-    typer.Option(
-        min=0.0,
-        help="Seconds to try to reconnect; default: 600, on the world's machine 5.",
-    ),
-]
 Views = Annotated[
     list[str] | None,
     typer.Option("--view", help="Add a view: svg, or svg:path=FILE,every=N; may be repeated."),
@@ -85,6 +78,64 @@ class RunOptions:
     traceback: Annotated[
         bool, typer.Option("--traceback", help="Show full tracebacks of errors in a member's code.")
     ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """The running world that a command addresses; `keys` takes effect by its callback."""
+
+    connect: Connect = ""
+    keys: Keys = ""
+    world: World = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedTarget(Target):
+    """A running world that may be named without --world. Raises MisuseError for two names."""
+
+    name: Annotated[str, typer.Argument(metavar="[WORLD]", help="As --world.")] = ""
+
+    def __post_init__(self) -> None:
+        if self.name and self.world and self.name != self.world:
+            raise MisuseError(f"which world: {self.name!r} or --world {self.world!r}? Give one")
+        object.__setattr__(self, "world", self.name or self.world)
+
+
+@dataclass(frozen=True, slots=True)
+class JoinOptions(Target):
+    """How a new member joins a world."""
+
+    name: Annotated[
+        str,
+        typer.Option(
+            help="Name of the new member; default: that of its certificate, or a generated one."
+        ),
+    ] = ""
+    keep_trying: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Seconds to try to reconnect; default: 600, on the world's machine 5."
+        ),
+    ] = None
+    force: Force = False
+
+
+Command = TypeVar("Command", bound=Callable[..., None])
+
+
+def examples(*lines: str) -> Callable[[Command], Command]:
+    """Give a command examples for its help."""
+
+    def mark(command: Command) -> Command:
+        command.__dict__["examples"] = lines
+        return command
+
+    return mark
+
+
+def examples_of(command: Callable[..., None]) -> tuple[str, ...]:
+    """The examples of a command."""
+    return command.__dict__["examples"]
 
 
 # --- groups of options ---
@@ -176,8 +227,18 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     return collected
 
 
-def chosen(name: str, world: str) -> str:
-    """The world named by the argument or by --world. Raises MisuseError if they differ."""
-    if name and world and name != world:
-        raise MisuseError(f"which world: {name!r} or --world {world!r}? Give one of them")
-    return name or world
+def options_of(words: list[str]) -> dict[str, str]:
+    """Parse `--name value` and `--name=value`, which typer does not know. Raises MinervaError."""
+    options: dict[str, str] = {}
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or not name:
+            raise MinervaError(f"what is {word!r}? Expected options such as --name value")
+        if not equals:
+            if not rest:
+                raise MinervaError(f"--{name} needs a value")
+            value = rest.pop(0)
+        options[name.replace("-", "_")] = value
+    return options

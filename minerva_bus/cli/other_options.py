@@ -10,7 +10,7 @@ from typer.core import TyperCommand
 from minerva_bus.errors import MinervaError, UnknownOption
 
 TAKES_OTHERS: Final = {"allow_extra_args": True, "ignore_unknown_options": True}
-"""Context settings of such a command; `words.options_of` parses what it is given."""
+"""Context settings of such a command; `options_of` parses what it is given."""
 
 
 def _world_options(spec: str) -> list[tuple[str, str]]:

@@ -5,24 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from minerva_bus.cli.options import Target
 from minerva_bus.launch.registry import find
 from minerva_bus.runtime.client import Client
 from minerva_bus.security.credentials import Credentials
 
 
 @dataclass(slots=True)
-class _Chosen:
-    """The identity chosen on the command line, for any command."""
+class _Identity:
+    """The value of --keys, of any command."""
 
     keys: str = ""
 
 
-_chosen = _Chosen()
+_identity = _Identity()
 
 
 def choose_keys(keys: str) -> None:
     """Choose the identity of this process: a folder of keys, or a certificate in it, NAME.pem."""
-    _chosen.keys = keys
+    _identity.keys = keys
 
 
 def identity(name: str = "") -> Credentials | None:
@@ -30,29 +31,29 @@ def identity(name: str = "") -> Credentials | None:
 
     Raises KeysError if there is none.
     """
-    if not _chosen.keys:
+    if not _identity.keys:
         return None
     from minerva_bus.security.keys import Keys
 
-    path = Path(_chosen.keys)
+    path = Path(_identity.keys)
     named = path.suffix == ".pem"
     return Keys(path.parent if named else path).credentials(name, path.stem if named else "")
 
 
-def client(connect: str, world: str) -> Client:
-    """A connection to the world that --connect and --world choose. Raises BusError."""
-    if connect:
-        return Client(connect, world, identity())
-    entry = find(world)
+def client(target: Target) -> Client:
+    """A connection to the world that a command addresses. Raises BusError."""
+    if target.connect:
+        return Client(target.connect, target.world, identity())
+    entry = find(target.world)
     return Client(entry.endpoint, entry.world)
 
 
-def place(connect: str, world: str, own: Credentials | None = None) -> tuple[str, str]:
-    """Endpoint and name of the world that --connect and --world choose. Raises BusError."""
-    if connect and world:
-        return connect, world
-    if connect:
-        with Client(connect, own=own) as asked:
-            return connect, asked.world
-    entry = find(world)
-    return entry.endpoint, entry.world
+def place(target: Target, own: Credentials | None = None) -> tuple[str, str]:
+    """Endpoint and name of the world that a command addresses. Raises BusError."""
+    if not target.connect:
+        entry = find(target.world)
+        return entry.endpoint, entry.world
+    if target.world:
+        return target.connect, target.world
+    with Client(target.connect, own=own) as connected:
+        return target.connect, connected.world

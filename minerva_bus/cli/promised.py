@@ -14,7 +14,7 @@ from itertools import pairwise
 from types import FrameType
 from typing import Any, Final
 
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.output import print_result
 from minerva_bus.errors import MinervaError
 
 _NOTHING: Final[Mapping[str, Any]] = {
@@ -29,7 +29,7 @@ def say_summary(plain: Mapping[str, Any]) -> None:
     """Print the summary of this command."""
     text = json.dumps(plain)
     _said.append(text)
-    say(text)
+    print_result(text)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from minerva_bus.cli.saying import say, tell
+from minerva_bus.cli.output import print_message, print_result
 from minerva_bus.log.comparison import compare
 from minerva_bus.log.info import info_of
 from minerva_bus.log.looking import frames_after, moment_of, written
@@ -14,48 +14,48 @@ from minerva_bus.log.recovering import recover, recovered_name
 from minerva_bus.outputs import check_output
 
 
-def show_info(file: Path, check: bool, json_too: bool) -> None:
+def show_info(file: Path, check: bool, as_json: bool) -> None:
     """Print the contents of a record. Raises RecordError."""
     with Record(file) as record:
         info = info_of(record, check)
-    say(json.dumps(info.plain()) if json_too else "\n".join(info.lines()))
+    print_result(json.dumps(info.plain()) if as_json else "\n".join(info.lines()))
 
 
-def show_moment(file: Path, frame: int | None, string: bool, json_too: bool) -> None:
+def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> None:
     """Print what a frame begins with and what happens in it, or its string alone.
 
     Raises RecordError.
     """
     with Record(file) as record:
         moment = moment_of(record, frame)
-    if json_too:
-        say(json.dumps(moment.plain()))
+    if as_json:
+        print_result(json.dumps(moment.plain()))
     else:
-        say(written(moment.string) if string else "\n".join(moment.lines()))
+        print_result(written(moment.string) if string else "\n".join(moment.lines()))
 
 
-def show_difference(a: Path, b: Path, json_too: bool) -> int:
+def show_difference(a: Path, b: Path, as_json: bool) -> int:
     """Print the first difference of two records; returns the exit code. Raises RecordError."""
     with Record(a) as one, Record(b) as other:
         found = compare(one, other)
-    say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
+    print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
     return 0 if found.same else 1
 
 
-def show_frames(file: Path, begin: int, json_too: bool) -> None:
+def show_frames(file: Path, begin: int, as_json: bool) -> None:
     """Print each frame of a record from one on; no code is run. Raises RecordError."""
     with Record(file) as record:
         losses = record.losses()
         if losses.damage:
-            tell(f"{file} is damaged: {losses.damaged}; lost: {losses.frames}")
+            print_message(f"{file} is damaged: {losses.damaged}; lost: {losses.frames}")
         for done in frames_after(record, begin):
-            say(json.dumps(done.plain()) if json_too else "\n".join(done.lines()))
+            print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
 
 
-def recover_record(file: Path, output: Path | None, json_too: bool) -> None:
+def recover_record(file: Path, output: Path | None, as_json: bool) -> None:
     """Write what is intact in a record into a new one. Raises RecordError and MisuseError."""
     done = recover(file, output or recovered_name(file))
-    say(json.dumps(done.plain()) if json_too else "\n".join(done.lines()))
+    print_result(json.dumps(done.plain()) if as_json else "\n".join(done.lines()))
 
 
 def draw_plot(file: Path, output: Path | None) -> None:
@@ -66,4 +66,4 @@ def draw_plot(file: Path, output: Path | None) -> None:
     check_output(into, "picture")
     with Record(file) as record:
         plot(record, into)
-    say(str(into))
+    print_result(str(into))

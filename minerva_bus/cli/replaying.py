@@ -10,9 +10,7 @@ from pathlib import Path
 
 import typer
 
-from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED
-from minerva_bus.cli.places import client
-from minerva_bus.cli.saying import say, tell
+from minerva_bus.cli.output import FAILED, INTERRUPTED, print_message, print_result
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.replaying import read_replay, recomputed
@@ -29,39 +27,39 @@ def replay_record(
     *,
     begin: int,
     speed: float,
-    json_too: bool,
+    as_json: bool,
     quiet: bool,
 ) -> int:
     """Replay a record to its end; returns the exit code. Raises RecordError and WorldFileError."""
     replay = read_replay(path, world, overrides, begin=begin, speed=speed)
-    console = Console(quiet=quiet or (json_too and not sys.stderr.isatty()))
+    console = Console(quiet=quiet or (as_json and not sys.stderr.isatty()))
     supervisor = Supervisor(replay.file, console, began, coordinator=replay.coordinator)
     summary = supervisor.run()
     if not summary.digest:
-        tell(f"minerva: {replay.file.world.name}: {summary.ended}")
-    say(json.dumps(summary.plain()) if json_too else "\n".join(summary.lines()))
+        print_message(f"minerva: {replay.file.world.name}: {summary.ended}")
+    print_result(json.dumps(summary.plain()) if as_json else "\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
     return FAILED if supervisor.failure else 0
 
 
-def recompute_record(path: Path, world: str, json_too: bool) -> int:
+def recompute_record(path: Path, world: str, as_json: bool) -> int:
     """Run λ on a record again and print the first difference; returns the exit code.
 
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
     with _progress() as told:
         found = recomputed(path, world, told)
-    if json_too:
-        say(json.dumps(found.plain()))
+    if as_json:
+        print_result(json.dumps(found.plain()))
     elif found.same:
-        say(f"the same: λ gives all {found.frames:,} frames again")
+        print_result(f"the same: λ gives all {found.frames:,} frames again")
     else:
-        say("\n".join(found.lines()))
+        print_result("\n".join(found.lines()))
     return 0 if found.same else FAILED
 
 
-def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -> int:
+def replay_with(path: Path, world: str, swap: Swap, into: str, as_json: bool) -> int:
     """Run a record again with one member replaced; returns the exit code.
 
     Raises RecordError and WorldFileError, and MisuseError for an invalid swap.
@@ -70,9 +68,9 @@ def replay_with(path: Path, world: str, swap: Swap, into: str, json_too: bool) -
         with _progress() as told:
             found = replay_swapped(path, world, swap, into, told)
     except WorldStopped as stopped:
-        tell(f"minerva: {stopped}")
+        print_message(f"minerva: {stopped}")
         return FAILED
-    say(json.dumps(found.plain()) if json_too else "\n".join(found.lines()))
+    print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
     return 0 if found.difference.same else FAILED
 
 
@@ -89,10 +87,3 @@ def _progress() -> Generator[Callable[[int, int], None]]:
             bar.update(done - bar.pos)
 
         yield told
-
-
-def seek_frame(frame: int, connect: str, world: str) -> None:
-    """Continue a replay at another frame."""
-    with client(connect, world) as asked:
-        asked.ask("seek", frame=frame)
-        say(f"{asked.world}: goes on from frame {frame}")

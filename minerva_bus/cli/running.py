@@ -7,10 +7,9 @@ import sys
 
 import typer
 
-from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED, WRONG
 from minerva_bus.cli.options import RunOptions
+from minerva_bus.cli.output import FAILED, INTERRUPTED, WRONG, print_result
 from minerva_bus.cli.promised import say_summary
-from minerva_bus.cli.saying import say
 from minerva_bus.errors import MinervaError, MisuseError, WorldStopped
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
@@ -73,4 +72,4 @@ def _print_summary(summary: RunSummary, console: Console, as_json: bool) -> None
     if as_json:
         say_summary(summary.plain())
     elif summary.digest:
-        say("\n".join(summary.lines()))
+        print_result("\n".join(summary.lines()))

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json as json_
 from pathlib import Path
+from typing import Final
 
-from minerva_bus.cli.exit_codes import FAILED, INTERRUPTED
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.study.comparison import draw_comparison, shown
-from minerva_bus.study.crew import WorkerPool
-from minerva_bus.study.journal import Journal
+from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row, check_table, write
 from minerva_bus.study.style import check_picture
 from minerva_bus.study.sweep import Sweep
+from minerva_bus.study.worker_pool import WorkerPool
 
-SHOWN = 10
+MAX_FAILURES: Final = 10
 
 
 def sweep_world(
@@ -26,7 +26,7 @@ def sweep_world(
     workers: int,
     limit: float,
     console: Console,
-    json_too: bool,
+    as_json: bool,
 ) -> int:
     """Run the remaining combinations, write the table and print it; returns the exit code.
 
@@ -39,10 +39,10 @@ def sweep_world(
     code = _sweep(sweep, table, workers, limit, console)
     if plot is not None:
         _draw(sweep, plot, console)
-    if json_too:
-        say(json_.dumps(_plain(sweep, table, code)))
+    if as_json:
+        print_result(json_.dumps(_plain(sweep, table, code)))
     else:
-        say("\n".join(_lines(sweep, table, code)))
+        print_result("\n".join(_lines(sweep, table, code)))
     return code
 
 
@@ -51,18 +51,18 @@ def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Conso
     beside = table.with_name(f"{table.name}.journal")
     if table.exists() and not beside.exists():
         raise MisuseError(
-            f"{table} is there already, without its journal {beside.name}: name another file with"
-            " -o, or take it away"
+            f"{table} exists without its journal {beside.name}; remove it, or name another file"
+            " with -o"
         )
     interrupted = False
-    with Journal(beside, sweep.description) as journal, WorkerPool(workers, limit) as crew:
+    with StudyJournal(beside, sweep.description) as journal, WorkerPool(workers, limit) as pool:
         sweep.recall(journal)
         done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
         if done:
             console.note(f"{sweep.path.stem}: {done} of {total} runs are in {beside.name} already")
         progress = _Progress(console, sweep.path.stem, done, total)
         try:
-            sweep.run(crew, journal, progress)
+            sweep.run(pool, journal, progress)
         except KeyboardInterrupt:
             interrupted = True
         console.end()
@@ -83,14 +83,14 @@ class _Progress:
         self._done += 1
         if row.error:
             self._console.log(self._name, f"{' '.join(row.combination)}: {row.error}")
-        rest = "runs  Ctrl-C ends it; the same command goes on"
+        rest = "runs  Ctrl-C stops; the same command continues"
         self._console.progress(self._name, self._done, self._total, rest)
 
 
 def _draw(sweep: Sweep, plot: Path, console: Console) -> None:
     if sweep.table.measures:
         draw_comparison(sweep.table, sweep.path.stem, plot)
-        console.note(f"{plot} is drawn")
+        console.note(f"plot saved to {plot}")
 
 
 def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
@@ -98,12 +98,12 @@ def _lines(sweep: Sweep, table: Path, code: int) -> list[str]:
     failures, done = sweep.failures, len(sweep.table.rows)
     if failures:
         lines += [f"{len(failures)} of {done} runs failed:"]
-        lines += [f"  {_named(sweep, row)}: {row.error}" for row in failures[:SHOWN]]
-    if len(failures) > SHOWN:
-        lines.append(f"  and {len(failures) - SHOWN} more")
+        lines += [f"  {_named(sweep, row)}: {row.error}" for row in failures[:MAX_FAILURES]]
+    if len(failures) > MAX_FAILURES:
+        lines.append(f"  and {len(failures) - MAX_FAILURES} more")
     if code == INTERRUPTED:
         left = len(sweep.grid) - done
-        lines.append(f"interrupted; {left} runs are left, and the same command goes on with them")
+        lines.append(f"interrupted with {left} runs left; the same command continues with them")
     return [*lines, f"{done} runs are in {table}"]
 
 

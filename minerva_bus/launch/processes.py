@@ -14,7 +14,7 @@ from minerva_bus.frame.compatibility import incompatibility
 from minerva_bus.frame.member import Member
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.options import beside
-from minerva_bus.launch.specs import bind, find_agents, find_service
+from minerva_bus.launch.specs import bind, find_agent, find_service
 from minerva_bus.launch.table import Table
 from minerva_bus.launch.typed import by_process, read_view
 from minerva_bus.launch.worldfile import Process
@@ -89,7 +89,7 @@ class _Reader:
         if own.command and shutil.which(own.command[0], path=self._path()) is None:
             table.wrong("command", f"names {own.command[0]!r}, which is not an executable file")
         with table.loading("agents"):
-            classes = tuple(cls for spec in own.agents for cls in find_agents(spec, folder))
+            classes = tuple(find_agent(spec, folder) for spec in own.agents)
         plain = replace(plain, agents=classes, command=own.command, folder=folder)
         return [replace(plain, name=each, alike=names[0]) for each in names]
 

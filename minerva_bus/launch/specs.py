@@ -94,12 +94,20 @@ def find_service(spec: str, folder: Path | None = None) -> type[Service]:
     return cls
 
 
-def find_agents(spec: str, folder: Path | None = None) -> list[type[Agent]]:
+def find_agent(spec: str, folder: Path | None = None) -> type[Agent]:
     """The agent class of an installed name or a `module:Class`. Raises WorldFileError."""
     cls = load(spec, folder) if ":" in spec else _installed(AGENTS, spec)
     if not inspect.isclass(cls) or not issubclass(cls, Agent) or not hasattr(cls, "kind"):
         raise WorldFileError(f"{spec!r} is not an Agent class with a symbol")
-    return [cls]
+    return cls
+
+
+def names_agents(spec: str, folder: Path) -> bool:
+    """Whether this names an agent class and not a service. Raises WorldFileError."""
+    if ":" not in spec:
+        return spec in entries(AGENTS)
+    loaded = load(spec, folder)
+    return inspect.isclass(loaded) and issubclass(loaded, Agent)
 
 
 def _installed(group: str, name: str) -> Any:

@@ -19,7 +19,7 @@ from minerva_bus.frame.member import Member
 from minerva_bus.launch.recording import recording
 from minerva_bus.launch.replaying import world_file_of
 from minerva_bus.launch.rerunning import Rerun, Without
-from minerva_bus.launch.specs import AGENTS, bind, entries, find_agents, find_service, load
+from minerva_bus.launch.specs import bind, find_agent, find_service, names_agents
 from minerva_bus.launch.typed import typed_options
 from minerva_bus.launch.worldfile import Process, WorldFile
 from minerva_bus.log.comparison import Difference
@@ -29,7 +29,6 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.runner import Notice
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.settings.tables import RecordSettings
-from minerva_bus.world.agent import Agent
 from minerva_bus.world.services import Generator
 
 READERS: Final = ("record", "recorded", "~record")
@@ -146,25 +145,18 @@ def _replaced(file: WorldFile, member: str) -> list[Process]:
 
 def _new_member(old: Process, swap: Swap, file: WorldFile) -> Member:
     folder = file.path.parent
-    if not _names_agents(swap.spec, folder):
+    if not names_agents(swap.spec, folder):
         service = find_service(swap.spec, folder)
         options = typed_options(service, swap.options)
         return Member(old.name, bind(service, options, old.name)())
     if swap.options:
         raise MisuseError(f"--swap {swap.member}: {swap.spec} names agents, which have no options")
-    (cls,) = find_agents(swap.spec, folder)
+    cls = find_agent(swap.spec, folder)
     kept = [agent for agent in old.agents if agent.kind.name != cls.kind.name]
     if len(kept) == len(old.agents):
         kinds = ", ".join(agent.kind.name for agent in old.agents) or "no agents"
         raise MisuseError(f"--swap {swap.member}: {old.name} runs {kinds}, not {cls.kind.name}")
     return Member(old.name, None, (*kept, cls))
-
-
-def _names_agents(spec: str, folder: Path) -> bool:
-    if ":" not in spec:
-        return spec in entries(AGENTS)
-    loaded = load(spec, folder)
-    return isinstance(loaded, type) and issubclass(loaded, Agent)
 
 
 def _generated(process: Process) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a sweep's runs come to, side by side: a table of means for people, and a picture."""
+"""The results of a sweep, compared: a table of means as text, and a plot."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ from typing import Any, Final
 
 from minerva_bus.launch.resuming import option_text
 from minerva_bus.study.grid import SEED
-from minerva_bus.study.results import Table
+from minerva_bus.study.results import ResultTable
 from minerva_bus.study.style import COLORS, INK, draw
 
-MOST: Final = 40
-"""So many rows are shown at most."""
+MAX_ROWS: Final = 40
+"""Rows of the text."""
 
-PANELS: Final = 6
+MAX_PANELS: Final = 6
 SPREAD: Final = 0.12
+"""Distance over which the dots of equal runs are spread, so that all are visible."""
 
 
-def shown(table: Table) -> list[str]:
-    """The table as text: a row for each combination, the mean over all seeds; least to greatest."""
+def shown(table: ResultTable) -> list[str]:
+    """The table as text: a row per combination, with mean and range over all seeds."""
     keys = [key for key in table.keys if key != SEED] or list(table.keys)
     groups = _groups(table, keys)
     titles = [*keys, "runs", *table.measures]
-    rows = [[*group, *_cells(table, members)] for group, members in list(groups.items())[:MOST]]
+    rows = [[*group, *_cells(table, members)] for group, members in list(groups.items())[:MAX_ROWS]]
     widths = [max(len(row[n]) for row in [titles, *rows]) for n in range(len(titles))]
     lines = [
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
         for row in [titles, *rows]
     ]
-    more = len(groups) - MOST
+    more = len(groups) - MAX_ROWS
     return [*lines, f"and {more} more"] if more > 0 else lines
 
 
-def _groups(table: Table, keys: Sequence[str]) -> dict[tuple[str, ...], list[int]]:
-    """The rows of each combination of some options."""
-    found: dict[tuple[str, ...], list[int]] = {}
+def _groups(table: ResultTable, keys: Sequence[str]) -> dict[tuple[str, ...], list[int]]:
+    """The numbers of the rows of each combination of these options."""
+    groups: dict[tuple[str, ...], list[int]] = {}
     columns = [table.column(key) for key in keys]
     for n in range(len(table.rows)):
-        found.setdefault(tuple([option_text(one[n]) for one in columns]), []).append(n)
-    return found
+        groups.setdefault(tuple([option_text(column[n]) for column in columns]), []).append(n)
+    return groups
 
 
-def _cells(table: Table, members: Sequence[int]) -> list[str]:
+def _cells(table: ResultTable, members: Sequence[int]) -> list[str]:
     errors = table.column("error")
     fine = [n for n in members if errors[n] is None]
     failed = len(members) - len(fine)
@@ -62,14 +63,14 @@ def _spread(values: Sequence[float]) -> str:
     return f"{mean:.4g}" if least == greatest else f"{mean:.4g} ({least:.4g}..{greatest:.4g})"
 
 
-def draw_comparison(table: Table, name: str, path: Path) -> None:
-    """Draw each measure that varies over the options: a dot for each run, a line for the mean.
+def draw_comparison(table: ResultTable, name: str, path: Path) -> None:
+    """Draw each measure that varies over the options: a dot per run, a line for the mean.
 
     Raises MisuseError.
     """
     keys = [key for key in table.keys if key != SEED] or list(table.keys)
-    varying = [one for one in table.measures if len(set(table.column(one)) - {None}) > 1]
-    measures = (varying or table.measures)[:PANELS]
+    varying = [name for name in table.measures if len(set(table.column(name)) - {None}) > 1]
+    measures = (varying or table.measures)[:MAX_PANELS]
     rows = max(1, (len(measures) + 1) // 2)
     columns = 1 if len(measures) < 2 else 2
 
@@ -85,8 +86,8 @@ def draw_comparison(table: Table, name: str, path: Path) -> None:
     draw(path, (5.2 * columns + 1, 3.2 * rows + 0.6), paint)
 
 
-def _panel(axis: Any, table: Table, keys: Sequence[str], measure: str) -> None:
-    """One measure: places along the axis are values of the first option, colours the others'."""
+def _panel(axis: Any, table: ResultTable, keys: Sequence[str], measure: str) -> None:
+    """Draw a measure: the first option along the axis, a colour per combination of the others."""
     groups = _groups(table, keys)
     values = table.column(measure)
     firsts = list(dict.fromkeys(group[0] for group in groups))
@@ -97,15 +98,8 @@ def _panel(axis: Any, table: Table, keys: Sequence[str], measure: str) -> None:
         at = firsts.index(group[0]) + (lane - (len(others) - 1) / 2) * 0.8 / len(others)
         color = COLORS[lane % len(COLORS)]
         steps = [(n + 0.5) / len(known) - 0.5 for n in range(len(known))]
-        axis.plot(
-            [at + 2 * SPREAD * step / len(others) for step in steps],
-            known,
-            "o",
-            color=color,
-            alpha=0.7,
-            markersize=4,
-            markeredgewidth=0,
-        )
+        places = [at + 2 * SPREAD * step / len(others) for step in steps]
+        axis.plot(places, known, "o", color=color, alpha=0.7, markersize=4, markeredgewidth=0)
         if known:
             half = 0.3 / len(others)
             axis.hlines(fmean(known), at - half, at + half, color=color, linewidth=2.2)
@@ -116,8 +110,8 @@ def _panel(axis: Any, table: Table, keys: Sequence[str], measure: str) -> None:
     axis.set_axisbelow(True)
 
 
-def _lanes(table: Table, keys: Sequence[str]) -> list[tuple[str, ...]]:
-    """The values of all options but the first, side by side at each value of that."""
+def _lanes(table: ResultTable, keys: Sequence[str]) -> list[tuple[str, ...]]:
+    """The combinations of all options but the first, drawn side by side."""
     return list(dict.fromkeys(group[1:] for group in _groups(table, keys)))
 
 
@@ -127,7 +121,7 @@ def _legend(axis: Any, keys: Sequence[str], others: Sequence[tuple[str, ...]]) -
     if len(others) < 2:
         return
     handles = [
-        Line2D([], [], color=COLORS[n % len(COLORS)], linewidth=2.2, label=", ".join(one))
-        for n, one in enumerate(others[: len(COLORS)])
+        Line2D([], [], color=COLORS[n % len(COLORS)], linewidth=2.2, label=", ".join(lane))
+        for n, lane in enumerate(others[: len(COLORS)])
     ]
     axis.legend(handles=handles, title=", ".join(keys), fontsize=8, labelcolor=INK)

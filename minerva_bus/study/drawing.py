@@ -1,4 +1,4 @@
-"""The map of a picture: static figures, and the tracks of agents over them."""
+"""The map of a plot: static figures, and the tracks of agents over them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from minerva_bus.study.palette import Palette
 from minerva_bus.study.tracks import Story, Track
 
 MARGIN: Final = 0.03
-SEGMENTS: Final = 60_000
-"""Of the ways of very many only their last parts are drawn, so many pieces in all."""
+MAX_SEGMENTS: Final = 60_000
+"""Segments of all thin tracks together: of many agents, only the last part is drawn."""
 
 
 class Ground(PlaneGeometry):
-    """A geometry in which figures are drawn on the axes of matplotlib."""
+    """A geometry that draws figures on axes of matplotlib."""
 
     def __init__(self, axis: Any, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
@@ -64,13 +64,9 @@ class Ground(PlaneGeometry):
     def _line(self, line: Line, figure: FigureNode) -> None:
         xs, ys = figure.parameters[line.xs], figure.parameters[line.ys]
         points = [self.pose.point(x, y) for x, y in zip(xs, ys, strict=False)]
-        self._axis.plot(
-            [x for x, _ in points],
-            [y for _, y in points],
-            color=line.color,
-            linewidth=1,
-            linestyle="--" if line.dashed else "-",
-        )
+        style = "--" if line.dashed else "-"
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        self._axis.plot(xs, ys, style, color=line.color, linewidth=1)
 
     def _label(self, label: Label, figure: FigureNode) -> None:
         self._axis.plot(self.pose.x, self.pose.y, "v", color=label.color, markersize=6, zorder=6)
@@ -88,26 +84,24 @@ class Ground(PlaneGeometry):
 
 
 def limits(story: Story) -> Bounds:
-    """What the picture shows: the ground and all tracks, with a margin."""
-    found = bounds(story.ground, story.vocabulary)
+    """The area of the map: the ground and all tracks, with a margin."""
+    area = bounds(story.ground, story.vocabulary)
     for track in story.tracks.values():
         own = Bounds(min(track.x), min(track.y), max(track.x), max(track.y))
-        found = own if found is None else found.around(own)
-    found = found or Bounds(0.0, 0.0, 1.0, 1.0)
-    margin = MARGIN * max(found.right - found.left, found.top - found.bottom) or 1.0
-    return Bounds(
-        found.left - margin, found.bottom - margin, found.right + margin, found.top + margin
-    )
+        area = own if area is None else area.around(own)
+    area = area or Bounds(0.0, 0.0, 1.0, 1.0)
+    margin = MARGIN * max(area.right - area.left, area.top - area.bottom) or 1.0
+    return Bounds(area.left - margin, area.bottom - margin, area.right + margin, area.top + margin)
 
 
 def draw_tracks(axis: Any, story: Story, palette: Palette, frame: Bounds) -> None:
-    """Draw where agents have been, the later the stronger, and where they are at the end."""
+    """Draw the tracks of agents, fading towards the past, and their final places."""
     tracks = sorted(story.tracks.values(), key=palette.size, reverse=True)
-    last = SEGMENTS // max(1, len(tracks))
+    last = MAX_SEGMENTS // max(1, len(tracks))
     for track in tracks:
         color, broad = palette.of(track), palette.broad(track)
         if track.moves:
-            _way(axis, track, color, broad, len(track.x) if broad else last, frame)
+            _path(axis, track, color, broad, len(track.x) if broad else last, frame)
         if not story.is_there(track):
             axis.plot(track.x[-1], track.y[-1], "x", color=color, markersize=5, zorder=4, alpha=0.8)
         else:
@@ -117,23 +111,24 @@ def draw_tracks(axis: Any, story: Story, palette: Palette, frame: Bounds) -> Non
         axis.plot(x, y, "o", mfc="none", mec=color, mew=1.6, markersize=17, zorder=6)
 
 
-def _way(axis: Any, track: Track, color: str, broad: bool, last: int, frame: Bounds) -> None:
+def _path(axis: Any, track: Track, color: str, broad: bool, last: int, frame: Bounds) -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
 
     points = np.column_stack((track.x, track.y))[-last - 1 :]
     pieces = np.stack((points[:-1], points[1:]), axis=1)
     span = 0.5 * np.array([frame.right - frame.left, frame.top - frame.bottom])
-    whole = (np.abs(pieces[:, 1] - pieces[:, 0]) < span).all(axis=1)  # not round a torus
+    # An agent of a torus crosses its edge; a line across the whole map would mean nothing.
+    near = (np.abs(pieces[:, 1] - pieces[:, 0]) < span).all(axis=1)
     strength = np.linspace(0.35 if broad else 0.0, 1.0, len(pieces))[:, None]
     shades = np.ones((len(pieces), 4))
-    if broad:  # See-through pieces would be seen where they meet.
+    if broad:  # Where transparent pieces overlap, their ends would be visible.
         shades[:, :3] = 1 + strength * (np.array(to_rgb(color)) - 1)
     else:
         shades[:, :3], shades[:, 3:] = to_rgb(color), 0.5 * strength
     lines = LineCollection(
-        list(pieces[whole]),
-        colors=shades[whole],
+        list(pieces[near]),
+        colors=shades[near],
         linewidths=2.0 if broad else 0.8,
         capstyle="round" if broad else "butt",
         zorder=3,
@@ -152,7 +147,7 @@ def _end(axis: Any, track: Track, color: str, broad: bool) -> None:
 
 
 def halo() -> list[Any]:
-    """What makes a text readable on whatever is beneath it."""
+    """An outline that makes text readable on any background."""
     from matplotlib import patheffects
 
     return [patheffects.withStroke(linewidth=2.5, foreground="white")]

@@ -1,4 +1,4 @@
-"""All combinations of options: what `--set planner=random,astar --set seed=0:50` stands for."""
+"""All combinations of options, as in `--set planner=random,astar --set seed=0:50`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 from typing import Any, Final, cast
 
 from minerva_bus.errors import MisuseError
@@ -14,34 +15,30 @@ from minerva_bus.launch.resuming import option_text
 from minerva_bus.launch.typed import toml_value
 from minerva_bus.settings.overrides import Overrides
 
-MOST: Final = 1_000_000
+MAX_COMBINATIONS: Final = 1_000_000
 SEED: Final = "seed"
-FRAMES: Final = "frames"
 _RANGE = re.compile(r"(-?[0-9.]+(?:e-?[0-9]+)?):(-?[0-9.]+(?:e-?[0-9]+)?)(?::([0-9.e-]+))?")
 
 Combination = tuple[str, ...]
-"""A value for each key, as a command line has it."""
+"""A value for each key, as text on a command line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Keys, each with its values: world options, `PROCESS.KEY` as in `run --set`, `seed`."""
+    """Keys with their values: options of the world, `PROCESS.KEY` as in `run --set`, `seed`."""
 
     values: Mapping[str, tuple[str, ...]]
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys in the order in which they were given."""
+        """The keys, in the order of the command line."""
         return tuple(self.values)
 
     def __len__(self) -> int:
-        count = 1
-        for one in self.values.values():
-            count *= len(one)
-        return count
+        return prod(map(len, self.values.values()))
 
     def __iter__(self) -> Iterator[Combination]:
-        """Every combination; the last key changes first."""
+        """All combinations; the last key changes first."""
         return product(*self.values.values())
 
     def overrides(self, combination: Combination, given: Overrides) -> Overrides:
@@ -66,51 +63,51 @@ def parse_grid(settings: Sequence[str]) -> Grid:
             raise MisuseError(f"--set {setting}: {key} is set already; name all values at once")
         values[key] = _values(setting, text)
     if SEED in values:
-        for one in values[SEED]:
-            if not re.fullmatch(r"-?[0-9]+", one):
-                raise MisuseError(f"--set seed: {one!r} is no whole number")
+        for seed in values[SEED]:
+            if not re.fullmatch(r"-?[0-9]+", seed):
+                raise MisuseError(f"--set seed: {seed!r} is not a whole number")
     grid = Grid(values)
-    if len(grid) > MOST:
-        raise MisuseError(f"{len(grid)} combinations are too many; at most {MOST}")
+    if len(grid) > MAX_COMBINATIONS:
+        raise MisuseError(f"{len(grid)} combinations are too many; at most {MAX_COMBINATIONS}")
     return grid
 
 
 def _values(setting: str, text: str) -> tuple[str, ...]:
-    found: list[str] = []
+    values: list[str] = []
     for part in _parts(text):
         bounds = _RANGE.fullmatch(part.strip())
-        found += _ranged(setting, *bounds.groups()) if bounds else [part.strip()]
-    plain = [_canonical(one) for one in found]
-    if len(set(plain)) < len(plain):
-        twice, _ = Counter(plain).most_common(1)[0]
-        raise MisuseError(f"--set {setting}: {twice!r} stands there twice")
-    return tuple(plain)
+        values += _ranged(setting, *bounds.groups()) if bounds else [_canonical(part.strip())]
+    if len(set(values)) < len(values):
+        twice, _ = Counter(values).most_common(1)[0]
+        raise MisuseError(f"--set {setting}: {twice!r} is given twice")
+    return tuple(values)
 
 
 def _parts(text: str) -> list[str]:
-    """Values with commas between, as TOML has them in a list, or else as they are."""
+    """Values separated by commas: the items of a TOML list, or else plain text."""
     listed = toml_value(f"[{text}]")
     if isinstance(listed, list) and listed:
         values = cast("list[Any]", listed)
-        if all(isinstance(one, str | int | float | list | dict) for one in values):
-            return [option_text(one) for one in values]
+        if all(isinstance(value, str | int | float | list | dict) for value in values):
+            return [option_text(value) for value in values]
     return text.split(",")
 
 
 def _ranged(setting: str, first: str, end: str, step: str | None) -> list[str]:
-    """From the first on, up to the end but not with it, as Python's range has it."""
+    """The numbers of a range without its end, as in Python."""
     try:
         begin, stop, by = _number(first), _number(end), _number(step or "1")
     except ValueError:
-        raise MisuseError(f"--set {setting}: {first}:{end} is no range of numbers") from None
+        raise MisuseError(f"--set {setting}: {first}:{end} is not a range of numbers") from None
     if by <= 0 or stop <= begin:
         raise MisuseError(f"--set {setting}: the range {first}:{end} is empty")
-    if (stop - begin) / by > MOST:
-        raise MisuseError(f"--set {setting}: over {MOST} values")
-    found: list[str] = []
-    while (value := begin + len(found) * by) < stop:
-        found.append(option_text(round(value, 12) if isinstance(value, float) else value))
-    return found
+    if (stop - begin) / by > MAX_COMBINATIONS:
+        raise MisuseError(f"--set {setting}: over {MAX_COMBINATIONS} values")
+    values: list[str] = []
+    while (value := begin + len(values) * by) < stop:
+        # Rounded, because 3 * 0.1 is 0.30000000000000004.
+        values.append(option_text(round(value, 12) if isinstance(value, float) else value))
+    return values
 
 
 def _number(text: str) -> int | float:
@@ -121,6 +118,6 @@ def _number(text: str) -> int | float:
 
 
 def _canonical(text: str) -> str:
-    """A value as it is always written: 0.50 is 0.5."""
+    """A value in canonical form: 0.50 is 0.5."""
     value: Any = toml_value(text)
     return option_text(value) if isinstance(value, int | float) else text

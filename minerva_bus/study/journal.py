@@ -1,7 +1,7 @@
-"""A journal of finished runs: one JSON object a line, on the disk before the next run counts.
+"""A journal of finished runs: a JSON object per line, each flushed to disk.
 
-Its first line says of which study it is. A line that was cut off by a crash is taken away; a
-journal that another process writes is refused.
+The first line describes the study. An incomplete last line, as after a crash, is removed; a journal
+that another process writes is refused.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any, Self, cast
 from minerva_bus.errors import MisuseError
 
 
-class Journal:
-    """Lines in a file; opened to go on with it. Raises MisuseError."""
+class StudyJournal:
+    """The lines of a journal file, which is created or continued. Raises MisuseError."""
 
     def __init__(self, path: Path, study: Mapping[str, Any]) -> None:
         self.path = path
@@ -30,7 +30,7 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._file)
-            raise MisuseError(f"{path}: another process is at this study") from None
+            raise MisuseError(f"{path}: another process is running this study") from None
         try:
             self.lines = self._read(study)
         except MisuseError:
@@ -46,7 +46,7 @@ class Journal:
         os.close(self._file)
 
     def add(self, line: Mapping[str, Any]) -> None:
-        """Put a line on the disk."""
+        """Append a line and flush it to disk."""
         data = json.dumps(line, ensure_ascii=False).encode() + b"\n"
         while data:
             data = data[os.write(self._file, data) :]
@@ -58,32 +58,31 @@ class Journal:
         whole = data.rfind(b"\n") + 1
         os.ftruncate(self._file, whole)
         os.lseek(self._file, whole, os.SEEK_SET)
-        lines = [self._parsed(n, one) for n, one in enumerate(data[:whole].splitlines(), 1)]
+        lines = [self._parsed(n, line) for n, line in enumerate(data[:whole].splitlines(), 1)]
         if not lines:
             self.lines: list[dict[str, Any]] = []
             self.add(study)
             return []
-        told = lines[0]
         for key, value in study.items():
-            if told.get(key) != value:
+            if lines[0].get(key) != value:
                 raise MisuseError(
-                    f"{self.path}: it is of another study: {key} {told.get(key)} there, {value}"
-                    " here; name another file with -o"
+                    f"{self.path}: it belongs to another study: {key} {lines[0].get(key)}, not"
+                    f" {value}; name another file with -o"
                 )
         return lines[1:]
 
     def _parsed(self, number: int, line: bytes) -> dict[str, Any]:
         try:
-            found = json.loads(line)
+            entry = json.loads(line)
         except ValueError:
-            found = None
-        if not isinstance(found, dict):
-            raise no_line(self.path, number)
-        return cast("dict[str, Any]", found)
+            entry = None
+        if not isinstance(entry, dict):
+            raise invalid_line(self.path, number)
+        return cast("dict[str, Any]", entry)
 
 
-def no_line(path: Path, number: int) -> MisuseError:
-    """What to say of a line that was not written here."""
+def invalid_line(path: Path, number: int) -> MisuseError:
+    """An error about a line that no study has written."""
     return MisuseError(
-        f"{path}:{number}: this is no line of a journal: take it away, or name another file with -o"
+        f"{path}:{number}: not a line of a journal; remove it, or name another file with -o"
     )

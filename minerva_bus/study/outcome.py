@@ -1,4 +1,4 @@
-"""What a run of a world came to, for who judges it."""
+"""The result of a run, as a fitness function receives it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from minerva_bus.grammar.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A run's end: the final string and its digest, and what was counted on the way.
+    """The final string of a run with its digest, and statistics.
 
-    `events` are how many there were of each type. `figures` are what members report at the end
-    (`distance_driven`, ...). `reached`: every agent has sent the world's `until`.
+    `events`: number of events by type. `figures`: final reports of members (`distance_driven`,
+    ...). `reached`: every agent has sent the world's `until`.
     """
 
     scene: Scene

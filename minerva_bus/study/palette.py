@@ -1,37 +1,28 @@
-"""Which colour an agent has in a picture: its own where few move, else that of its kind."""
+"""Colours of agents in a plot: a colour per agent if few of them move, otherwise per kind."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import Any, Final
 
+from minerva_bus.study.style import COLORS
 from minerva_bus.study.tracks import Story, Track
 
-COLORS: Final = (
-    "#d9641e",
-    "#2f6f8f",
-    "#b3205f",
-    "#4f8049",
-    "#7b4aa0",
-    "#a8790a",
-    "#3d4fa3",
-    "#7d6b5d",
-)
 GONE: Final = "#8a929c"
-OWN: Final = 4
-"""So many agents that move have colours of their own."""
+MAX_OWN: Final = 4
+"""Number of moving agents up to which each has its own colour."""
 
-FEW: Final = 8
-"""So many of a kind have broad tracks."""
+MAX_BROAD: Final = 8
+"""Number of agents of a kind up to which they have broad tracks."""
 
 
 class Palette:
-    """Colours of agents and kinds of one picture."""
+    """The colours of agents and kinds in one plot."""
 
     def __init__(self, story: Story) -> None:
         tracks = list(story.tracks.values())
         movers = [track for track in tracks if track.moves]
-        own = [track.agent for track in movers] if len(movers) <= OWN else []
+        own = [track.agent for track in movers] if len(movers) <= MAX_OWN else []
         self._own = frozenset(own)
         self._moving = frozenset(map(self._name, movers))
         self._sizes = Counter(track.kind for track in tracks)
@@ -55,15 +46,15 @@ class Palette:
         return self._colors[kind]
 
     def broad(self, track: Track) -> bool:
-        """Whether an agent is one of few of its kind."""
-        return self._sizes[track.kind] <= FEW
+        """Whether an agent has a broad track: there are few of its kind."""
+        return self._sizes[track.kind] <= MAX_BROAD
 
     def size(self, track: Track) -> int:
-        """How many agents of its kind are drawn."""
+        """The number of agents of its kind."""
         return self._sizes[track.kind]
 
     def handles(self) -> list[Any]:
-        """What a legend shows."""
+        """The entries of the legend."""
         from matplotlib.lines import Line2D
 
         handles = [
@@ -71,10 +62,10 @@ class Palette:
                 [],
                 [],
                 color=self._colors[name],
-                linestyle="-" if name in self._moving else "",
                 marker="o",
                 markersize=5,
                 label=name,
+                linestyle="-" if name in self._moving else "",
             )
             for name in self._shown
         ]

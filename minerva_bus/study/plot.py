@@ -1,4 +1,4 @@
-"""A picture of a record: `minerva plot`. Needs the extra `plot`."""
+"""A plot of a record: `minerva plot`. Needs the extra `plot`."""
 
 from __future__ import annotations
 
@@ -7,32 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from minerva_bus.errors import MisuseError
 from minerva_bus.log.reader import Record
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.study.drawing import Ground, draw_tracks, halo, limits
 from minerva_bus.study.palette import Palette
-from minerva_bus.study.style import DOTS, FAINT, INK, STYLE, write_figure
+from minerva_bus.study.style import DOTS, FAINT, INK, draw
 from minerva_bus.study.tracks import Story, story_of
 
 
 def plot(record: Record, into: Path) -> None:
-    """Draw a record: the map with where its agents have been, and what there is over time.
+    """Draw a record: a map with the tracks of its agents, and statistics over time.
 
-    The ending of the file's name says the format: png, svg, pdf. Raises MisuseError where
-    matplotlib is not installed, and where the picture may not or cannot be written.
+    The suffix names the format: png, svg or pdf. Raises MisuseError without matplotlib, and for a
+    file that may not or cannot be written.
     """
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise MisuseError("plotting needs matplotlib: pip install 'minerva-bus[plot]'") from None
     story = story_of(record)
-    with mpl.rc_context(dict(STYLE)):  # pyright: ignore
-        figure: Any = Figure(figsize=(12, 6.6), dpi=DOTS, layout="constrained")
-        figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
-        _draw(figure, story, record)
-        write_figure(figure, into)
+    draw(into, (12, 6.6), lambda figure: _draw(figure, story, record))
 
 
 def _draw(figure: Any, story: Story, record: Record) -> None:
@@ -45,7 +35,7 @@ def _draw(figure: Any, story: Story, record: Record) -> None:
     left, right = figure.subfigures(1, 2, width_ratios=(2.1, 1))
     axis = left.subplots()
     _map(axis, story, palette)
-    _entitle(axis, record, len(story.seconds))
+    _title(axis, record, len(story.seconds))
     axes = right.subplots(len(panels), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):
         panel(axis, story, palette)
@@ -53,14 +43,14 @@ def _draw(figure: Any, story: Story, record: Record) -> None:
         axis.set_axisbelow(True)
 
 
-def _entitle(axis: Any, record: Record, frames: int) -> None:
+def _title(axis: Any, record: Record, frames: int) -> None:
     world = record.description.world
     axis.set_title(world.name, fontsize=15, pad=22)
     axis.text(
         0.0,
         1.0,
         f"seed {world.seed}   ·   {frames:,} frames of {world.dt:g} s"
-        + ("" if record.complete else "   ·   the record was cut off"),
+        + ("" if record.complete else "   ·   incomplete record"),
         transform=axis.transAxes + _points(0, 8),
         color=FAINT,
     )
@@ -115,13 +105,13 @@ def _counts(axis: Any, story: Story, palette: Palette) -> None:
 
 def _events(axis: Any, story: Story, palette: Palette) -> None:
     axis.plot(story.events, color=FAINT, linewidth=0.9)
-    axis.set(title="events in a frame", xlabel="frame")
+    axis.set(title="events per frame", xlabel="frame")
     axis.set_ylim(bottom=0)
 
 
 def _frame_times(axis: Any, story: Story, palette: Palette) -> None:
     times = np.diff(story.seconds) * 1000
-    axis.set(title="time of a frame by the clock, ms", xlabel="frame")
+    axis.set(title="wall time per frame, ms", xlabel="frame")
     if not len(times) or not (times > 0).any():
         axis.text(0.5, 0.5, "not measured", transform=axis.transAxes, ha="center", color=FAINT)
         return

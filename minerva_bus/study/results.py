@@ -1,7 +1,7 @@
 """The table of a study's runs: .csv, or .parquet with the extra `sweep`.
 
-One row for each combination, in their order: the options, what the run came to, and last what
-is never twice the same, the seconds it took.
+One row per combination, in their order: the options, the results of the run, and last its
+duration, the only column that a repetition changes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LAST: Final = ("error", "seconds")
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A run of one combination: what it came to, or why it failed."""
+    """The run of a combination: its results, or why it failed."""
 
     combination: Combination
     outcome: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -36,23 +36,23 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """Rows under the names of their columns; None where a run has no such value."""
+class ResultTable:
+    """Rows with the names of their columns; None where a run has no such value."""
 
     keys: tuple[str, ...]
     columns: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
 
     @staticmethod
-    def of(keys: Sequence[str], rows: Sequence[Row]) -> Table:
-        """The table of some runs; an option or figure named like another column has a `_`."""
+    def of(keys: Sequence[str], rows: Sequence[Row]) -> ResultTable:
+        """The table of these runs; a name of two columns gets a `_` in the second one."""
         figures = sorted({name for row in rows for name in row.figures})
         taken = {*OWN, *LAST}
         named = [f"{key}_" if key in taken else key for key in keys]
         taken |= set(named)
         shown = [f"{name}_" if name in taken else name for name in figures]
         columns = (*named, *OWN, *shown, *LAST)
-        return Table(tuple(named), columns, tuple([_cells(row, figures) for row in rows]))
+        return ResultTable(tuple(named), columns, tuple([_cells(row, figures) for row in rows]))
 
     def column(self, name: str) -> list[Any]:
         """The values of a column."""
@@ -61,9 +61,9 @@ class Table:
 
     @property
     def measures(self) -> list[str]:
-        """The columns of results that are numbers: frames and figures."""
-        names = [one for one in self.columns if one not in (*self.keys, "seconds")]
-        return [one for one in names if _numeric(self.column(one))]
+        """The result columns with numbers: frames and figures."""
+        names = [name for name in self.columns if name not in (*self.keys, "seconds")]
+        return [name for name in names if _numeric(self.column(name))]
 
 
 def _cells(row: Row, figures: Sequence[str]) -> tuple[Any, ...]:
@@ -77,23 +77,18 @@ def _cells(row: Row, figures: Sequence[str]) -> tuple[Any, ...]:
 
 
 def _option(text: str) -> Any:
-    """An option's value as a number or a truth, if it is one, or else as it was given."""
+    """An option's value as a number or a bool if it is one, otherwise as text."""
     value = toml_value(text)
-    return value if _is_number(value) else text
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
+    return value if isinstance(value, int | float) else text
 
 
 def _numeric(values: Sequence[Any]) -> bool:
-    known = [one for one in values if one is not None]
-    numbers = all(_is_number(one) and not isinstance(one, bool) for one in known)
-    return bool(known) and numbers
+    known: set[type[Any]] = {type(value) for value in values if value is not None}
+    return bool(known) and known <= {int, float}
 
 
 def check_table(path: Path) -> None:
-    """Raises MisuseError where no table can be written into a file of this name."""
+    """Check that a table can be written to this file. Raises MisuseError."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: a table is {' or '.join(ENDINGS)}")
     if not path.parent.is_dir():
@@ -105,8 +100,8 @@ def check_table(path: Path) -> None:
             raise MisuseError("parquet needs pyarrow: pip install 'minerva-bus[sweep]'")
 
 
-def write(table: Table, path: Path) -> None:
-    """Write a table, all of it or nothing. Raises MisuseError."""
+def write(table: ResultTable, path: Path) -> None:
+    """Write a table, completely or not at all. Raises MisuseError."""
     data = _csv(table) if path.suffix == ".csv" else _parquet(table)
     try:
         with replacing(path, durable=True) as file:
@@ -115,11 +110,11 @@ def write(table: Table, path: Path) -> None:
         raise MisuseError(f"{path}: {error.strerror}") from None
 
 
-def _csv(table: Table) -> bytes:
+def _csv(table: ResultTable) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.columns)
-    writer.writerows([[_cell(one) for one in row] for row in table.rows])
+    writer.writerows([[_cell(value) for value in row] for row in table.rows])
     return text.getvalue().encode()
 
 
@@ -127,7 +122,7 @@ def _cell(value: Any) -> str:
     return "" if value is None else option_text(value)
 
 
-def _parquet(table: Table) -> bytes:
+def _parquet(table: ResultTable) -> bytes:
     import pyarrow as pa  # pyright: ignore[reportMissingTypeStubs]
     import pyarrow.parquet as pq  # pyright: ignore[reportMissingTypeStubs]
 
@@ -140,15 +135,15 @@ def _parquet(table: Table) -> bytes:
 
 
 def _typed(values: list[Any]) -> tuple[list[Any], Any]:
-    """Values of one column as one type: whole numbers, numbers, truths, or else texts."""
+    """The values of a column with one type: integers, floats, bools, or otherwise text."""
     import pyarrow as pa  # pyright: ignore[reportMissingTypeStubs]
 
     arrow: Any = pa
-    kinds: set[type[Any]] = {type(one) for one in values if one is not None}
-    if kinds == {int} and all(abs(one) < 1 << 63 for one in values if one is not None):
+    kinds: set[type[Any]] = {type(value) for value in values if value is not None}
+    if kinds == {int} and all(abs(value) < 1 << 63 for value in values if value is not None):
         return values, arrow.int64()
     if kinds == {bool}:
         return values, arrow.bool_()
     if kinds and kinds <= {int, float}:
-        return [None if one is None else float(one) for one in values], arrow.float64()
-    return [None if one is None else option_text(one) for one in values], arrow.string()
+        return [None if value is None else float(value) for value in values], arrow.float64()
+    return [None if value is None else option_text(value) for value in values], arrow.string()

@@ -44,9 +44,11 @@ def save(scene: Scene, path: Path, file: WorldFile, given: WorldOptions) -> None
 
 
 def _world(lines: str, file: WorldFile, given: WorldOptions) -> str:
-    """The text of the world file with another string; all else stays as it is written."""
+    """The text of the world file with another string; the rest of the text stays the same."""
     if "${" in lines:
-        raise WorldFileError("the string has ${ in a text, which a world file would fill in: .mnv")
+        raise WorldFileError(
+            "the string contains ${, which a world file would replace; save it as .mnv"
+        )
     kit = _tomlkit()
     document = kit.parse(file.text)
     about = document["world"]

@@ -1,4 +1,4 @@
-"""How pictures of runs and studies look: settings, colors and sizes. Needs the extra `plot`."""
+"""Style of the plots of runs and studies, and writing them. Needs the extra `plot`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DOTS: Final = 150
 
 PALE: Final = "#cfd4da"
 BEST: Final = "#d9641e"
-COLORS: Final = ("#2f6f8f", BEST, "#4f8049", "#b3205f", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
+COLORS: Final = ("#2f6f8f", BEST, "#b3205f", "#4f8049", "#7b4aa0", "#a8790a", "#3d4fa3", "#7d6b5d")
 ENDINGS: Final = (".png", ".svg", ".pdf")
 
 STYLE: Final[Mapping[str, Any]] = {
@@ -25,7 +25,7 @@ STYLE: Final[Mapping[str, Any]] = {
     "axes.edgecolor": "#c4c9cf",
     "axes.labelcolor": INK,
     "axes.titlecolor": INK,
-    "axes.titlesize": 10,
+    "axes.titlesize": 11,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.spines.top": False,
@@ -35,34 +35,39 @@ STYLE: Final[Mapping[str, Any]] = {
     "ytick.color": FAINT,
     "grid.color": "#e6e8eb",
     "legend.frameon": False,
+    "svg.hashsalt": "minerva",  # Without it, ids in SVG files are random.
 }
-"""What all pictures share: settings of matplotlib."""
-
-_STYLE: Final = {**STYLE, "axes.titlesize": 11, "svg.hashsalt": "minerva"}
+"""Settings of matplotlib."""
 
 
 def check_picture(path: Path) -> None:
-    """Raises MisuseError where no picture can be drawn into a file of this name."""
+    """Check that a picture can be written to this file. Raises MisuseError."""
     if path.suffix not in ENDINGS:
         raise MisuseError(f"{path}: a picture is a {', '.join(ENDINGS)}")
     check_output(path, "picture")
     if not path.parent.is_dir():
         raise MisuseError(f"{path}: there is no folder {path.parent}")
+    _matplotlib()
+
+
+def _matplotlib() -> Any:
     try:
-        import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import matplotlib as mpl
     except ImportError:
-        raise MisuseError("pictures need matplotlib: pip install 'minerva-bus[plot]'") from None
+        raise MisuseError("plotting needs matplotlib: pip install 'minerva-bus[plot]'") from None
+    return mpl
 
 
 def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) -> None:
-    """Let something be painted on a figure of a size in inches, and save it.
+    """Paint on a figure of this size in inches, and save it; the suffix names the format.
 
-    Raises MisuseError where it cannot be; `check_picture` says so before a long study.
+    Raises MisuseError for another format, without matplotlib, and for a file that may not or cannot
+    be written; `check_picture` reports these before a long study.
     """
-    import matplotlib as mpl
+    mpl = _matplotlib()
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(_STYLE):  # pyright: ignore
+    with mpl.rc_context(dict(STYLE)):  # pyright: ignore
         figure: Any = Figure(figsize=size, dpi=DOTS, layout="constrained")
         figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
         paint(figure)
@@ -70,10 +75,7 @@ def draw(path: Path, size: tuple[float, float], paint: Callable[[Any], None]) ->
 
 
 def write_figure(figure: Any, path: Path) -> None:
-    """Save a matplotlib figure; the suffix of the path names the format.
-
-    Raises MisuseError for another format, and where the file may not or cannot be written.
-    """
+    """Save a matplotlib figure; the suffix of the path names the format. Raises MisuseError."""
     content = io.BytesIO()
     try:
         figure.savefig(content, format=path.suffix[1:] or "png", facecolor="white")

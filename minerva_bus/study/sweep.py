@@ -1,7 +1,7 @@
-"""A sweep: a world with all combinations of some options, each run once.
+"""A sweep: runs of a world with all combinations of options, one run each.
 
-What is finished is in the journal beside the table, on the disk, before it counts: a sweep that
-was killed goes on where it was. Runs that failed are tried again.
+Finished runs are in the journal beside the table, so a sweep that was killed continues where it
+stopped. Runs that failed are repeated.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from typing import Any
 
 from minerva_bus.launch.reading import read_world_file
 from minerva_bus.settings.overrides import Overrides
-from minerva_bus.study.crew import Result, Task, WorkerPool
 from minerva_bus.study.grid import Combination, Grid
-from minerva_bus.study.journal import Journal, no_line
-from minerva_bus.study.results import OWN, Row, Table
+from minerva_bus.study.journal import StudyJournal, invalid_line
+from minerva_bus.study.results import OWN, ResultTable, Row
 from minerva_bus.study.trial import prepared, run_trial
+from minerva_bus.study.worker_pool import Result, Task, WorkerPool
 
 
 @dataclass(slots=True)
 class Sweep:
-    """Runs of a world; `rows` are those that are done, `told` hears of each that is."""
+    """Runs of a world; `rows` are the finished ones."""
 
     path: Path
     grid: Grid
@@ -33,7 +33,7 @@ class Sweep:
 
     @property
     def description(self) -> Mapping[str, Any]:
-        """What makes two sweeps one study: the same world, options and end."""
+        """What two sweeps of one study have in common: world, options and end."""
         return {
             "world": str(self.path),
             "digest of the world file": blake2b(self.path.read_bytes(), digest_size=8).hexdigest(),
@@ -46,60 +46,61 @@ class Sweep:
 
     @property
     def left(self) -> list[Combination]:
-        """The combinations that are still to be run, or to be tried again."""
-        return [one for one in self.grid if one not in self.rows or self.rows[one].error]
+        """The combinations that have not run yet, or have failed."""
+        return [c for c in self.grid if c not in self.rows or self.rows[c].error]
 
-    def recall(self, journal: Journal) -> None:
-        """Take over what is in a journal. Raises MisuseError for lines that are none of one."""
+    def recall(self, journal: StudyJournal) -> None:
+        """Take over the rows of a journal. Raises MisuseError for an invalid line."""
         for number, line in enumerate(journal.lines, 2):
             try:
                 row = _row(line)
                 self.rows[row.combination] = row
             except (KeyError, TypeError, ValueError):
-                raise no_line(journal.path, number) from None
+                raise invalid_line(journal.path, number) from None
 
     def check(self) -> None:
-        """Read the world as the first combination has it. Raises MinervaError."""
+        """Read the world with the first combination. Raises MinervaError."""
         for combination in list(self.grid)[:1]:
             prepared(read_world_file(self.path, self.grid.overrides(combination, self.given)))
 
-    def run(self, crew: WorkerPool, journal: Journal, told: Callable[[Row], None]) -> None:
-        """Run what is left."""
+    def run(self, pool: WorkerPool, journal: StudyJournal, on_row: Callable[[Row], None]) -> None:
+        """Run the combinations that are left; `on_row` receives each result."""
         left = self.left
 
-        def heard(number: int, result: Result) -> None:
-            line = {"set": list(left[number]), **_told(result)}
+        def on_result(number: int, result: Result) -> None:
+            seconds = round(result.seconds, 3)
+            own = {"error": result.error, "seconds": seconds}
+            line = {"set": list(left[number]), **result.values, **own}
             journal.add(line)
             row = self.rows[left[number]] = _row(line)
-            told(row)
+            on_row(row)
 
-        crew.run([self._task(one) for one in left], heard)
+        pool.run([self._task(combination) for combination in left], on_result)
 
     def _task(self, combination: Combination) -> Task:
         overrides = self.grid.overrides(combination, self.given)
         return lambda: _run(self.path, overrides, self.in_process)
 
     @property
-    def table(self) -> Table:
-        """What is done, in the order of the combinations."""
-        done = [self.rows[one] for one in self.grid if one in self.rows]
-        return Table.of(self.grid.keys, done)
+    def table(self) -> ResultTable:
+        """The finished runs, in the order of the combinations."""
+        return ResultTable.of(self.grid.keys, self._done)
 
     @property
     def failures(self) -> list[Row]:
         """The runs that failed."""
-        return [self.rows[one] for one in self.grid if one in self.rows and self.rows[one].error]
+        return [row for row in self._done if row.error]
+
+    @property
+    def _done(self) -> list[Row]:
+        return [self.rows[combination] for combination in self.grid if combination in self.rows]
 
 
 def _run(path: Path, overrides: Overrides, in_process: bool) -> Mapping[str, Any]:
-    """One run, as plain data. Raises MinervaError."""
+    """Run a world; returns plain data. Raises MinervaError."""
     outcome = run_trial(prepared(read_world_file(path, overrides)), in_process)
     own = {name: getattr(outcome, name) for name in OWN}
     return {"outcome": own, "figures": dict(outcome.figures)}
-
-
-def _told(result: Result) -> Mapping[str, Any]:
-    return {**result.told, "error": result.error, "seconds": round(result.seconds, 3)}
 
 
 def _row(line: Mapping[str, Any]) -> Row:

@@ -1,7 +1,7 @@
-"""What is drawn of a record: where agents have been, how many there were, how far from their goal.
+"""The data of a record's plot: tracks of agents, their number, and distances to their goals.
 
-An agent's goal is a place with a label in the static part of the string: the agent has an
-attribute `objective` that is the label's text.
+An agent's goal is a label in the static part of the string: its attribute `objective` is the text
+of the label.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from minerva_bus.log.showing import without_agents
 from minerva_bus.semantics.geometry import interpret
 from minerva_bus.semantics.plane import PlaneGeometry
 
-AGENTS: Final = 300
-"""Of a kind in columns so many are followed, every n-th."""
+MAX_AGENTS: Final = 300
+"""Agents in columns whose tracks are drawn, per kind: every n-th."""
 
-SAMPLES: Final = 2000
-"""Frames of a long record at which it is looked where agents are."""
+MAX_SAMPLES: Final = 2000
+"""Frames of a long record at which places are sampled."""
 
 OBJECTIVE: Final = "objective"
 
 
 @dataclass(slots=True)
 class Track:
-    """Where one agent has been: times in seconds of the world, x and y in metres, and angle."""
+    """The places of an agent: simulated times in seconds, x and y in metres, and its last angle."""
 
     kind: str
     agent: str
@@ -50,11 +50,11 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """A record as it is drawn.
+    """The data of a record's plot.
 
     `tracks` by agent; `counts` of each kind over `times`; `distances` of agents to their goals as
-    (times, metres), and where the last `goals` are. Of each frame, how many `events` it had, and
-    the `seconds` by the clock at which it was over.
+    (times, metres), and the places of their last `goals`. Per frame: the number of `events`, and
+    the wall time of its end in `seconds`.
     """
 
     ground: Scene
@@ -68,38 +68,38 @@ class Story:
     seconds: Numbers
 
     def is_there(self, track: Track) -> bool:
-        """Whether an agent is still there at the end."""
+        """Whether an agent exists at the end."""
         return track.times[-1] >= self.times[-1]
 
 
 def story_of(record: Record) -> Story:
-    """Read all of a record. Raises RecordError."""
+    """Read a whole record. Raises RecordError."""
     world = record.description.world
-    telling = _Telling(world.scene, world.vocabulary)
-    every = max(1, sum(1 for _ in record.timings()) // SAMPLES)
-    telling.look(0.0, world.scene)
+    sampler = _Sampler(world.scene, world.vocabulary)
+    every = max(1, sum(1 for _ in record.timings()) // MAX_SAMPLES)
+    sampler.sample(0.0, world.scene)
     seconds: list[float] = []
     events: list[int] = []
     for frame, scene in record.strings():
         seconds.append(frame.seconds)
         events.append(sum(map(len, frame.events)))
         if frame.number % every == 0:
-            telling.look((frame.number + 1) * world.dt, scene)
+            sampler.sample((frame.number + 1) * world.dt, scene)
     return Story(
-        telling.ground,
+        sampler.ground,
         world.vocabulary,
-        telling.tracks,
-        telling.times,
-        telling.counts,
-        telling.distances,
-        telling.goals,
+        sampler.tracks,
+        sampler.times,
+        sampler.counts,
+        sampler.distances,
+        sampler.goals,
         events,
         np.array(seconds),
     )
 
 
-class _Telling:
-    """A story in the making."""
+class _Sampler:
+    """Collects the samples of a story."""
 
     def __init__(self, scene: Scene, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
@@ -109,31 +109,31 @@ class _Telling:
         self.counts: dict[str, list[int]] = {}
         self.distances: dict[str, tuple[list[float], list[float]]] = {}
         self.goals: dict[str, tuple[float, float]] = {}
-        self._surveyor = Surveyor(vocabulary, AGENTS)
+        self._surveyor = Surveyor(vocabulary, MAX_AGENTS)
         self._labels = labels(self.ground, vocabulary)
         self._seekers = frozenset(
             kind.name for kind in vocabulary.kinds.values() if OBJECTIVE in kind.fields.names
         )
 
-    def look(self, time: float, scene: Scene) -> None:
-        """Note where all are at a time."""
-        found = kinds_in(scene)
-        for kind in {**self.counts, **found}:
+    def sample(self, time: float, scene: Scene) -> None:
+        """Add the places of all agents at a time."""
+        present = kinds_in(scene)
+        for kind in {**self.counts, **present}:
             known = self.counts.setdefault(kind, [0] * len(self.times))
-            known.append(found.get(kind, 0))
+            known.append(present.get(kind, 0))
         self.times.append(time)
-        there = self._surveyor.places(scene)
-        for some in there.values():
-            self._follow(time, some)
-        if self._labels and self._seekers & there.keys():
+        kinds = self._surveyor.places(scene)
+        for places in kinds.values():
+            self._follow(time, places)
+        if self._labels and self._seekers & kinds.keys():
             self._measure(time, scene)
 
-    def _follow(self, time: float, some: Positions) -> None:
-        rows = zip(some.ids, some.x.tolist(), some.y.tolist(), some.angle.tolist(), strict=True)
-        for agent, x, y, angle in rows:
+    def _follow(self, time: float, places: Positions) -> None:
+        columns = places.x.tolist(), places.y.tolist(), places.angle.tolist()
+        for agent, x, y, angle in zip(places.ids, *columns, strict=True):
             track = self.tracks.get(agent)
             if track is None:
-                track = self.tracks[agent] = Track(some.kind, agent)
+                track = self.tracks[agent] = Track(places.kind, agent)
             track.times.append(time)
             track.x.append(x)
             track.y.append(y)
@@ -152,20 +152,20 @@ class _Telling:
 
 
 class _Labels(PlaneGeometry):
-    """A geometry in which labels are places by name."""
+    """A geometry that collects the places of labels."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
-        self.found: dict[str, tuple[float, float]] = {}
+        self.places: dict[str, tuple[float, float]] = {}
 
     def shape(self, shape: Shape, figure: FigureNode) -> None:
         if isinstance(shape, Label):
             text = str(figure.parameters[shape.text])
-            self.found.setdefault(text, (self.pose.x, self.pose.y))
+            self.places.setdefault(text, (self.pose.x, self.pose.y))
 
 
 def labels(ground: Scene, vocabulary: Vocabulary) -> dict[str, tuple[float, float]]:
-    """Where the labels of a string without agents stand, metres."""
+    """The places of the labels in a string without agents, metres."""
     geometry = _Labels(vocabulary)
     interpret(ground, geometry)
-    return geometry.found
+    return geometry.places

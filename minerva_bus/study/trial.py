@@ -1,4 +1,4 @@
-"""One run of a world for a study: over the bus as `minerva run` has it, or in this process."""
+"""One run of a world for a study: over the bus, as with `minerva run`, or in this process."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,19 +32,21 @@ LOCAL = "tcp/127.0.0.1:0"
 
 
 def prepared(file: WorldFile) -> WorldFile:
-    """The world as it can run beside others like it, as fast as it goes, and fail at once.
+    """The world for a run as fast as possible beside others, without restarts.
 
     Raises WorldFileError for a world without an end, or with processes on other machines.
     """
-    elsewhere = [one.name for one in file.processes if one.elsewhere]
-    if elsewhere:
-        raise WorldFileError(f"{file.path}: {elsewhere[0]} runs elsewhere, and so no study can")
+    remote = [process.name for process in file.processes if process.elsewhere]
+    if remote:
+        raise WorldFileError(
+            f"{file.path}: {remote[0]} runs elsewhere; a study needs all processes on this machine"
+        )
     if not file.world.frames and not file.world.until:
         raise WorldFileError(f"{file.path}: the world has no end; --frames N sets one")
     return replace(
         file,
         rate=0.0,
-        processes=tuple([replace(one, restarts=0) for one in file.processes]),
+        processes=tuple([replace(process, restarts=0) for process in file.processes]),
         bus=replace(file.bus, listen=LOCAL),
         record=replace(file.record, path=""),
         watch=WatchSettings(),
@@ -51,31 +54,28 @@ def prepared(file: WorldFile) -> WorldFile:
 
 
 def run_trial(file: WorldFile, in_process: bool) -> Outcome:
-    """Run a prepared world to its end. Raises MinervaError where it fails.
-
-    Nothing of it is seen by others: it claims its name in a folder of its own.
-    """
-    return _alone(file) if in_process else _over_the_bus(file)
+    """Run a prepared world to its end. Raises MinervaError if it fails."""
+    return _in_process(file) if in_process else _over_the_bus(file)
 
 
 def _over_the_bus(file: WorldFile) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="world-") as folder:
+        # A runtime folder of its own, because parallel runs have the same world name.
         os.environ["MINERVA_RUNTIME_DIR"] = folder
         end = Path(folder) / "end"
-
-        def make(world: World, watchers: Watchers, **settings: Any) -> Coordinator:
-            return _witness(end, world, watchers, **settings)
-
+        make = partial(_reporting_coordinator, end)
         supervisor = Supervisor(file, Console(quiet=True), time.monotonic(), coordinator=make)
         summary = supervisor.run()
         if supervisor.failure:
             raise WorldStopped(supervisor.failure)
-        told = json.loads(end.read_text(encoding="utf-8"))
-    return _outcome(file, summary, told["string"], told["events"])
+        report = json.loads(end.read_text(encoding="utf-8"))
+    return _outcome(file, summary, report["string"], report["events"])
 
 
-def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Coordinator:
-    """A coordinator that leaves its last string and the number of its events in a file."""
+def _reporting_coordinator(
+    end: Path, world: World, watchers: Watchers, **settings: Any
+) -> Coordinator:
+    """A coordinator that writes its final string and its numbers of events to a file."""
     counts: Counter[str] = Counter()
 
     def frame_done(done: s.FrameDone) -> None:
@@ -83,8 +83,8 @@ def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Co
         watchers.frame_done(done)
 
     def stopping(reason: str) -> None:
-        told = {"string": str(coordinator.algorithm.scene), "events": counts}
-        end.write_text(json.dumps(told), encoding="utf-8")
+        report = {"string": str(coordinator.algorithm.scene), "events": counts}
+        end.write_text(json.dumps(report), encoding="utf-8")
         watchers.stopping(reason)
 
     watching = replace(watchers, frame_done=frame_done, stopping=stopping)
@@ -92,23 +92,23 @@ def _witness(end: Path, world: World, watchers: Watchers, **settings: Any) -> Co
     return coordinator
 
 
-def _alone(file: WorldFile) -> Outcome:
+def _in_process(file: WorldFile) -> Outcome:
     counts: Counter[str] = Counter()
 
     def observe(notice: Notice) -> None:
         if isinstance(notice, s.FrameDone):
             _count(counts, notice.events)
 
-    alone = InProcessRun(file, Console(quiet=True), time.monotonic(), observe)
-    summary = alone.run()
-    if alone.algorithm.failed:
+    run = InProcessRun(file, Console(quiet=True), time.monotonic(), observe)
+    summary = run.run()
+    if run.algorithm.failed:
         raise WorldStopped(summary.ended)
-    return _outcome(file, summary, str(alone.algorithm.scene), counts)
+    return _outcome(file, summary, str(run.algorithm.scene), counts)
 
 
 def _outcome(file: WorldFile, summary: RunSummary, text: str, events: dict[str, int]) -> Outcome:
     return Outcome(
-        scene=file.world.vocabulary.read(text, f"{file.path}: the last string"),
+        scene=file.world.vocabulary.read(text, f"{file.path}: the final string"),
         frames=summary.frames,
         digest=summary.digest,
         ended=summary.ended,

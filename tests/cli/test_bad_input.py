@@ -148,7 +148,7 @@ def test_symbols_are_checked_with_a_vocabulary(folder):
         (("run", "robot", "--view", "swg"), "did you mean 'svg'?"),
         (("run", "world.toml", "--rate", "-1"), "--rate must be"),
         (("list", "--world", "none"), "no world 'none' runs on this machine"),
-        (("pub", "eStep", "x"), "Expected data as KEY=VALUE"),
+        (("pub", "eStep", "x"), "expected data as KEY=VALUE"),
         (("attach", "words:Walker"), "no world runs on this machine"),
         (("attach", "words:Walker", "--connect", "nonsense", "--world", "w"), "is no endpoint"),
         (

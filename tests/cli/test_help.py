@@ -1,22 +1,17 @@
 """`minerva --help` and `minerva COMMAND --help`: groups, summaries and examples."""
 
 import shlex
-from importlib import import_module
 
 import pytest
 import typer.main
 
-from minerva_bus.cli.main import GROUPS, app
+from minerva_bus.cli.main import GROUPS, app, command_of
+from minerva_bus.cli.options import examples_of
 from minerva_bus.errors import UnknownOption
 
 ROOT = typer.main.get_group(app)
 NAMES = [name for group in GROUPS.values() for name in group]
-EXAMPLES = [
-    line
-    for name in NAMES
-    if name != "keys"
-    for line in import_module(f"minerva_bus.cli.commands.{name}").EXAMPLES
-]
+EXAMPLES = [line for name in NAMES if name != "keys" for line in examples_of(command_of(name))]
 
 
 def help_of(capsys, *words):
@@ -39,7 +34,7 @@ def test_no_summary_is_cut_off(capsys):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "keys"])
 def test_every_command_shows_its_examples(capsys, name):
-    examples = import_module(f"minerva_bus.cli.commands.{name}").EXAMPLES
+    examples = examples_of(command_of(name))
     assert len(examples) >= 2
     shown = help_of(capsys, name).splitlines()
     assert {f"    {line}" for line in examples} <= set(shown)

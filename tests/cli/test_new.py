@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from minerva_bus.cli.making import make_new
+from minerva_bus.cli.main import app
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.skeleton import KINDS, TEMPLATES, scaffold
 
@@ -120,9 +120,9 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
 
 
 def test_the_command_prints_the_next_steps(tmp_path, capsys):
-    make_new("world", "meter", tmp_path)
+    app(["new", "world", "meter", "--in", str(tmp_path)], standalone_mode=False)
     printed = capsys.readouterr().out
     assert f"cd {tmp_path / 'meter'}" in printed
     assert "minerva run meter.toml" in printed
     with pytest.raises(MisuseError, match="kind 'wordl'; did you mean 'world'"):
-        make_new("wordl", "meter", tmp_path)
+        app(["new", "wordl", "meter", "--in", str(tmp_path)], standalone_mode=False)

@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from minerva_bus.grammar.mutation.mutator import Mutator
 from minerva_bus.grammar.mutation.targets import parse_targets
 from minerva_bus.launch.reading import read_world_file
@@ -46,7 +44,6 @@ def test_the_command_of_the_readme_changes_bodies_and_nothing_else():
 
 
 def test_it_evolves(tmp_path):
-    pytest.importorskip("deap")
     words = "--fitness forager:berries --mutable PEye --mutable PEye.left=-2:2 --frames 15"
     words += " --mutable AEgg.speed=0:0.4 --population 4 --generations 1 --in-process --json"
     done = subprocess.run(

@@ -11,7 +11,7 @@ from minerva_bus.log.display import SHOWN, SHOWN_EVERY
 from minerva_bus.log.queues import PATIENCE, WAITING
 from minerva_bus.log.scanning import CHUNK_FLOOR, FLOOR, RATIO
 from minerva_bus.log.writer import KEY_AFTER
-from minerva_bus.study.tracks import AGENTS
+from minerva_bus.study.tracks import MAX_AGENTS
 from minerva_bus.wire.limits import ON_DISK
 from minerva_bus.wire.plain import unpack
 from tests.log.recorded_runs import bytes_of, happened, strings_of
@@ -60,7 +60,7 @@ def test_the_figures_are_those_of_the_code():
         f"become {KEY_AFTER} times as long",
         f"every {SHOWN_EVERY} s",
         f"about {SHOWN}.",
-        f"about {AGENTS} in all",
+        f"about {MAX_AGENTS} in all",
         f"at most {CHUNK_FLOOR >> 20} MiB, all chunks of a file to {FLOOR >> 20} MiB",
         f"{RATIO:,} bytes more for each packed byte",
         f"at most {FEWEST_MESSAGES} messages",

@@ -41,13 +41,13 @@ def written(frames, **changed):
 
 
 def diff(folder, a, b, capsys):
-    code = show_difference(*files(folder, a, b), json_too=True)
+    code = show_difference(*files(folder, a, b), as_json=True)
     return code, json.loads(capsys.readouterr().out)
 
 
 def test_info_describes_the_record(tmp_path, capsys):
     path, _ = files(tmp_path, bytes_of("meadow"))
-    show_info(path, check=True, json_too=True)
+    show_info(path, check=True, as_json=True)
     info = json.loads(capsys.readouterr().out)
     _, frames = happened("meadow")
     events = [event.type for record, _ in frames for event in single(record.events)]
@@ -68,7 +68,7 @@ def test_info_describes_the_record(tmp_path, capsys):
 
 def test_info_for_people(tmp_path, capsys):
     path, _ = files(tmp_path, bytes_of("flock", finished=False))
-    show_info(path, check=False, json_too=False)
+    show_info(path, check=False, as_json=False)
     said = capsys.readouterr().out
     assert "flock, seed 1" in said
     assert "cut off" in said
@@ -85,7 +85,7 @@ def test_info_checks(tmp_path, monkeypatch):
     writer.finish()
     path, _ = files(tmp_path, stream.getvalue())
     with pytest.raises(RecordError, match="the digest of the string after frame 0 is"):
-        show_info(path, check=True, json_too=False)
+        show_info(path, check=True, as_json=False)
 
 
 def test_two_records_of_one_run_are_the_same(tmp_path, capsys):
@@ -162,7 +162,7 @@ def test_an_agent_that_is_not_there_and_what_is_no_agent(tmp_path, capsys):
 def test_for_people(tmp_path, capsys):
     frames = list(happened("robot")[1])
     paths = files(tmp_path, bytes_of("robot"), bytes_of("robot"))
-    assert show_difference(*paths, json_too=False) == 0
+    assert show_difference(*paths, as_json=False) == 0
     assert capsys.readouterr().out == "the same: 12 frames\n"
     grid = next(one.state["grid"] for one in frames[4][1].nodes if one.symbol == "ARobot").copy()
     grid[5, 7] += 1

@@ -60,7 +60,7 @@ def test_it_is_paused_stepped_wound_and_looked_at(recorded):
             return done.stdout
 
         told("pause")
-        assert told("seek", 40).endswith("goes on from frame 40\n")
+        assert told("seek", 40).endswith("continues from frame 40\n")
         replay.says("frame 40: ")
         assert told("step", 3).endswith("paused before frame 43\n")
         replay.says("frame 42: ")

@@ -127,7 +127,7 @@ def test_pub_reaches_the_agents_through_the_generator_that_takes_it(world):
     (["eWish", "x=far", "name=n"], "x must be a number in m"),
     (["eWish", "x=1", "name=n", "y=3"], "has no y"),
     (["eWish", "x=1 s", "name=n"], "x must be a number in m"),
-    (["eWish", "x", "name=n"], "what is 'x'? Expected data as KEY=VALUE"),
+    (["eWish", "x", "name=n"], "'x': expected data as KEY=VALUE"),
     (["eWish", "x=1", "name=n", "--to", "nobody"], "there is no agent #nobody"),
     (["eWish", "x=1", "name=n", "--if", "x >"], "the condition cannot be read"),
     (["eStep", "count=1.5"], "count must be a whole number"),

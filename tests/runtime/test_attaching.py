@@ -225,7 +225,7 @@ def test_a_host_is_emptied_and_the_string_is_the_same(tmp_path):
         with attach(world, "yard:Walker", "help"):
             takes_part(world, "help")
             done = here(tmp_path, "drain", "walkers")
-            assert done.stdout == f"{world.name}: the agents of walkers go to help\n"
+            assert done.stdout == f"{world.name}: the agents of walkers move to help\n"
             assert world.members()["walkers"]["state"] == "drained"
             before = world.members()["walkers"]["last_reply"]
             asked.operator.step(20)

@@ -8,6 +8,7 @@ import pytest
 from running import World, eventually, here, write_world
 
 from minerva_bus.cli import operating
+from minerva_bus.cli.options import Target
 from minerva_bus.errors import BusError
 
 MEMBERS = """
@@ -89,7 +90,7 @@ def test_a_status_has_phases_and_events(operator):
 
 def test_a_member_is_restarted(world, operator):
     before = {one.name: one.pid for one in operator.status().members}
-    assert told(world, "restart", "walkers") == f"{world.name}: walkers is started anew\n"
+    assert told(world, "restart", "walkers") == f"{world.name}: restarting walkers\n"
 
     def successor():
         now = {one.name: one for one in operator.status().members}["walkers"]
@@ -109,7 +110,7 @@ def test_following_a_silent_world_ends_with_it(answers, monkeypatch):
     asked.operator.status.return_value.members = []
     monkeypatch.setattr(operating, "client", lambda *_: nullcontext(asked))
     with nullcontext() if answers else pytest.raises(BusError):
-        operating.show_logs("", True, "", "", False)
+        operating.show_logs("", True, Target(), False)
 
 
 def test_a_world_continues_while_a_view_restarts(world, operator):

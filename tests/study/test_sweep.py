@@ -19,8 +19,8 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.comparison import draw_comparison, shown
 from minerva_bus.study.grid import parse_grid
-from minerva_bus.study.journal import Journal
-from minerva_bus.study.results import Row, Table, write
+from minerva_bus.study.journal import StudyJournal
+from minerva_bus.study.results import ResultTable, Row, write
 from minerva_bus.study.sweep import Sweep
 from tests.study.ponds import pond
 
@@ -78,11 +78,11 @@ def test_values_of_a_key(text, values):
         (["n"], "expected KEY=VALUE"),
         (["=1"], "expected KEY=VALUE"),
         (["n=1", "n=2"], "n is set already"),
-        (["n=1,1.0,1"], "stands there twice"),
+        (["n=1,1.0,1"], "is given twice"),
         (["n=3:1"], "empty"),
         (["n=0:1:0"], "empty"),
         (["n=0:1e9"], "values"),
-        (["seed=x"], "no whole number"),
+        (["seed=x"], "is not a whole number"),
         (["a=0:10000", "b=0:10000"], "too many"),
     ],
 )
@@ -108,14 +108,14 @@ def test_combinations_name_options_settings_and_the_seed():
 
 def test_a_journal_cut_off_anywhere_keeps_all_lines_that_are_whole(tmp_path):
     path = tmp_path / "j"
-    with Journal(path, {"world": "w"}) as journal:
+    with StudyJournal(path, {"world": "w"}) as journal:
         journal.add({"set": ["1"]})
         journal.add({"set": ["2"]})
     whole = path.read_bytes()
     second = whole.rindex(b"\n", 0, -1) + 1
     for cut in range(second, len(whole)):
         path.write_bytes(whole[:cut])
-        with Journal(path, {"world": "w"}) as journal:
+        with StudyJournal(path, {"world": "w"}) as journal:
             assert journal.lines == [{"set": ["1"]}]
             journal.add({"set": ["3"]})
         assert path.read_bytes() == whole[:second] + b'{"set": ["3"]}\n'
@@ -123,24 +123,24 @@ def test_a_journal_cut_off_anywhere_keeps_all_lines_that_are_whole(tmp_path):
 
 def test_a_journal_of_another_study_or_process_is_refused(tmp_path):
     path = tmp_path / "j"
-    with Journal(path, {"world": "w"}), pytest.raises(MisuseError, match="another process"):
-        Journal(path, {"world": "w"})
-    with pytest.raises(MisuseError, match="another study: world w there, v here"):
-        Journal(path, {"world": "v"})
+    with StudyJournal(path, {"world": "w"}), pytest.raises(MisuseError, match="another process"):
+        StudyJournal(path, {"world": "w"})
+    with pytest.raises(MisuseError, match="another study: world w, not v"):
+        StudyJournal(path, {"world": "v"})
     path.write_text("garbage\n")
-    with pytest.raises(MisuseError, match="j:1: this is no line"):
-        Journal(path, {"world": "w"})
+    with pytest.raises(MisuseError, match="j:1: not a line"):
+        StudyJournal(path, {"world": "w"})
 
 
 def test_a_line_that_no_sweep_has_written_is_named(tmp_path):
     found, path = Sweep(pond(tmp_path), parse_grid(["seed=0:2"]), Overrides()), tmp_path / "j"
     for line in ({}, {"set": 1}, {"set": [[]]}, {"set": ["0"], "error": "", "seconds": "x"}):
         path.unlink(missing_ok=True)
-        with Journal(path, found.description) as journal:
+        with StudyJournal(path, found.description) as journal:
             journal.add(line)
         with (
-            Journal(path, found.description) as journal,
-            pytest.raises(MisuseError, match="j:2: this is no line of a journal: take it away"),
+            StudyJournal(path, found.description) as journal,
+            pytest.raises(MisuseError, match="j:2: not a line of a journal; remove it"),
         ):
             found.recall(journal)
 
@@ -155,7 +155,7 @@ ROWS = [
 
 
 def test_a_csv_table(tmp_path):
-    write(Table.of(("n", "digest"), ROWS), tmp_path / "t.csv")
+    write(ResultTable.of(("n", "digest"), ROWS), tmp_path / "t.csv")
     assert (tmp_path / "t.csv").read_text() == (
         "n,digest_,frames,digest,ended,reached,error_,x,error,seconds\n"
         "1,oak,5,12e4,,true,,1,,1.0\n"
@@ -167,7 +167,7 @@ def test_a_csv_table(tmp_path):
 
 def test_a_parquet_table_has_types(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    write(Table.of(("n", "wood"), ROWS), tmp_path / "t.parquet")
+    write(ResultTable.of(("n", "wood"), ROWS), tmp_path / "t.parquet")
     read = parquet.read_table(tmp_path / "t.parquet").to_pydict()
     assert read["n"] == [1, 2, 3]
     assert read["wood"] == ["oak", "elm", "007x"]
@@ -180,7 +180,7 @@ def test_a_table_for_people_has_the_means_over_the_seeds(tmp_path):
         Row((wood, seed), {"frames": 5}, {"grown": grown})
         for wood, seed, grown in (("oak", "0", 1.0), ("oak", "1", 2.0), ("elm", "0", 3))
     ]
-    table = Table.of(("wood", "seed"), [*made, Row(("elm", "1"), error="it failed")])
+    table = ResultTable.of(("wood", "seed"), [*made, Row(("elm", "1"), error="it failed")])
     assert shown(table) == [
         "wood          runs  frames       grown",
         " oak             2       5  1.5 (1..2)",

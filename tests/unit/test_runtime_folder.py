@@ -6,7 +6,7 @@ import os
 import pytest
 
 from minerva_bus.errors import BusError
-from minerva_bus.launch.registry import Claim, running
+from minerva_bus.launch.registry import WorldLock, running
 from minerva_bus.launch.runtime_folder import make_runtime_folder, runtime_folder
 
 
@@ -22,7 +22,7 @@ def place(tmp_path, monkeypatch):
 
 def refused(problem):
     """Neither starting a world nor looking for one uses the folder."""
-    for use in (make_runtime_folder, lambda: Claim("w"), running):
+    for use in (make_runtime_folder, lambda: WorldLock("w"), running):
         with pytest.raises(BusError, match=f"{problem}.*MINERVA_RUNTIME_DIR"):
             use()
 
@@ -71,6 +71,6 @@ def test_a_link_in_the_folder_is_not_written_through(place, tmp_path):
     make_runtime_folder()
     (place / "w.json").symlink_to(valuable)
     with pytest.raises(BusError, match=r"w\.json cannot be opened"):
-        Claim("w")
+        WorldLock("w")
     assert running() == []
     assert valuable.read_text() == before

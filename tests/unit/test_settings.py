@@ -5,7 +5,7 @@ from dataclasses import fields
 
 import pytest
 
-from minerva_bus.cli.commands import run
+from minerva_bus.cli.commands import worlds
 from minerva_bus.cli.options import Settings, Takes, Views, grouped
 from minerva_bus.errors import MisuseError, WorldFileError
 from minerva_bus.launch.table import Table
@@ -164,9 +164,9 @@ def test_every_field_of_a_table_is_a_setting():
 
 
 def test_run_takes_every_setting_that_has_an_option_and_few_parameters():
-    options = inspect.signature(run.command).parameters
+    options = inspect.signature(worlds.run).parameters
     assert OPTIONS.keys() <= options.keys()
-    assert len(inspect.signature(inspect.unwrap(run.command)).parameters) <= 7
+    assert len(inspect.signature(inspect.unwrap(worlds.run)).parameters) <= 7
 
 
 def test_groups_of_options_are_collected():

@@ -1,1 +1,1 @@
-"""What typer is told of each command; what a command does is imported once it is called."""
+"""The commands with their options; what a command does is imported when it is called."""

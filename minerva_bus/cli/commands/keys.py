@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json as json_
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from minerva_bus.cli.saying import say
+from minerva_bus.cli.output import print_result, print_table
 
 if TYPE_CHECKING:
     from minerva_bus.security.certificates import Issued
@@ -40,8 +39,10 @@ def init(
     """Create a certificate authority and the coordinator's certificate."""
     keys = _keys(dir)
     made = keys.init(_split(host), days)
-    say(f"{dir}: an authority until {_day(keys.now, days)}, and {_shown(made, keys.now)}")
-    say(f"keep {dir / 'ca.key'} secret: whoever has it can issue certificates for this world")
+    print_result(f"{dir}: an authority until {_day(keys.now, days)}, and {_shown(made, keys.now)}")
+    print_result(
+        f"keep {dir / 'ca.key'} secret: whoever has it can issue certificates for this world"
+    )
 
 
 @app.command()
@@ -83,7 +84,7 @@ def issue(
         old if words is None else _split(words) for words, old in zip(given, kept, strict=True)
     ]
     wanted = Wanted(*fields, days=days, family=family)
-    say(_shown(keys.issue(name, wanted, renew=renew), keys.now))
+    print_result(_shown(keys.issue(name, wanted, renew=renew), keys.now))
 
 
 @app.command()
@@ -92,7 +93,7 @@ def revoke(
 ) -> None:
     """Revoke a certificate, also in worlds that are running."""
     keys = _keys(dir)
-    say(_shown(keys.revoke(name), keys.now))
+    print_result(_shown(keys.revoke(name), keys.now))
 
 
 @app.command("list")
@@ -104,13 +105,9 @@ def list_(
     keys = _keys(dir)
     issued = keys.issued().values()
     if json:
-        say(json_.dumps([_plain(each, keys.now) for each in issued]))
+        print_result(json_.dumps([_plain(each, keys.now) for each in issued]))
         return
-    rows = [_TITLES, *[_Row.of(each, keys.now) for each in issued]]
-    widths = [max(map(len, column)) for column in zip(*(row.cells for row in rows), strict=True)]
-    for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row.cells, widths, strict=True)]
-        say("  ".join(cells).rstrip())
+    print_table([_TITLES, *[_cells(each, keys.now) for each in issued]])
 
 
 @app.command()
@@ -138,25 +135,18 @@ def router(
             f"the certificate of {name} is not for a router; issue one with --role router"
         )
     access = access_control(WorldKeys(world), keys.rights().values(), [], carrier=True)
-    say(json_.dumps(router_config(own, listen, access), indent=2))
+    print_result(json_.dumps(router_config(own, listen, access), indent=2))
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
+_TITLES = ("name", "roles", "state", "until", "for")
+
+
+def _cells(issued: Issued, now: datetime) -> tuple[str, ...]:
     """A line of the list."""
-
-    cells: tuple[str, ...]
-
-    @staticmethod
-    def of(issued: Issued, now: datetime) -> _Row:
-        rights = issued.rights
-        confined = [*rights.kinds, *rights.events, *rights.topics, *issued.hosts]
-        roles = ", ".join(sorted(rights.roles))
-        ends = f"{issued.ends:%Y-%m-%d}"
-        return _Row((rights.name, roles, issued.state(now), ends, " ".join(sorted(confined))))
-
-
-_TITLES = _Row(("name", "roles", "state", "until", "for"))
+    rights = issued.rights
+    limits = sorted([*rights.kinds, *rights.events, *rights.topics, *issued.hosts])
+    roles = ", ".join(sorted(rights.roles))
+    return rights.name, roles, issued.state(now), f"{issued.ends:%Y-%m-%d}", " ".join(limits)
 
 
 def _plain(issued: Issued, now: datetime) -> dict[str, Any]:
@@ -187,7 +177,7 @@ def _purposes(issued: Issued) -> list[tuple[str, ...]]:
 
 
 def _shown(issued: Issued, now: datetime) -> str:
-    name, roles, state, ends, confined = _Row.of(issued, now).cells
+    name, roles, state, ends, confined = _cells(issued, now)
     only = f", for {confined}" if confined else ""
     return f"{name}: {roles}{only}; {state}, until {ends}"
 

@@ -1,30 +1,37 @@
-"""`minerva evolve`."""
+"""Commands that run a world many times."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from minerva_bus.cli.options import Force, Json, Quiet, Settings
-from minerva_bus.cli.words import options_of
+from minerva_bus.cli.options import Force, Json, Quiet, Settings, examples, grouped, options_of
 
 World = Annotated[str, typer.Argument(help="A world file, or an installed world's name.")]
-Frames = Annotated[int | None, typer.Option(help="Frames per run.", min=1)]
 Limit = Annotated[float, typer.Option(help="Time limit of a run, seconds.", min=0.1)]
-Workers = Annotated[int, typer.Option(help="Parallel runs; 0: one per core.", min=0)]
-InProcess = Annotated[
-    bool, typer.Option(help="Run each world in one process, without a bus: faster, same result.")
-]
 
-EXAMPLES = (
+
+@dataclass(frozen=True, slots=True)
+class StudyOptions:
+    """Options of all studies."""
+
+    frames: Annotated[int | None, typer.Option(help="Frames per run.", min=1)] = None
+    workers: Annotated[int, typer.Option(help="Parallel runs; 0: one per core.", min=0)] = 0
+    in_process: Annotated[
+        bool,
+        typer.Option(help="Run each world in one process, without a bus: faster, same result."),
+    ] = False
+
+
+@examples(
     "minerva evolve forager.toml --fitness forager:berries --generations 20",
     "minerva evolve forager.toml --fitness forager:berries --mutable AEgg.speed=0:0.4",
 )
-
-
-def command(
+@grouped
+def evolve(
     context: typer.Context,
     world: World,
     fitness: Annotated[
@@ -40,10 +47,8 @@ def command(
     seed: Annotated[
         int | None, typer.Option(help="Seed of the worlds and of the evolution.")
     ] = None,
-    frames: Frames = None,
     limit: Limit = 60.0,
     trials: Annotated[int, typer.Option(help="Runs per string, with seed, seed+1, ...", min=1)] = 1,
-    workers: Workers = 0,
     minimise: Annotated[bool, typer.Option("--minimise", help="Minimise the fitness.")] = False,
     nodes: Annotated[int, typer.Option(help="Maximum number of nodes of a string.", min=1)] = 1000,
     compare_random: Annotated[
@@ -59,10 +64,11 @@ def command(
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot fitness over generations.")] = None,
     tree: Annotated[Path | None, typer.Option(help="Plot the family tree.")] = None,
-    in_process: InProcess = False,
     json: Json = False,
     quiet: Quiet = False,
     force: Force = False,
+    *,
+    study: StudyOptions,
 ) -> None:
     """Evolve the string of a world by a genetic algorithm.
 
@@ -75,16 +81,62 @@ def command(
     from minerva_bus.study.evolution import Plan
     from minerva_bus.study.saving import WorldOptions
     from minerva_bus.study.trial import prepared
-    from minerva_bus.study.workers import how_many
 
     options, settings = options_of(context.args), tuple(set_ or ())
-    overrides = Overrides(options, settings, seed=seed, rate=0.0, frames=frames)
+    overrides = Overrides(options, settings, seed=seed, rate=0.0, frames=study.frames)
     file = prepared(read_world(world, overrides))
     wanted = EvolveOptions(
         read_fitness(fitness, file),
         Plan(population, generations, file.world.seed, minimise, compare_random),
-        tuple(mutable or ()), nodes, how_many(workers), limit, trials, in_process,
+        tuple(mutable or ()), nodes, study.workers, limit, trials, study.in_process,
         tuple(output or ()), plot, tree,
-        WorldOptions(settings, frozenset(options), frames),
+        WorldOptions(settings, frozenset(options), study.frames),
     )  # fmt: skip
     raise typer.Exit(evolve_world(file, wanted, Console(quiet=quiet), json))
+
+
+@examples(
+    "minerva sweep flock.toml --set birds=100,300,1000 --output birds.csv",
+    "minerva sweep robot --set seed=1:20 --frames 2000 --plot seeds.png",
+)
+@grouped
+def sweep(
+    context: typer.Context,
+    world: World,
+    set_: Annotated[
+        list[str],
+        typer.Option(
+            "--set", help="KEY=A,B,... or KEY=FROM:TO[:STEP]; KEY: an option, seed or PROCESS.KEY."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="The table of results, .csv or .parquet; default: WORLD.csv."
+        ),
+    ] = None,
+    limit: Limit = 600.0,
+    plot: Annotated[Path | None, typer.Option(help="Plot a comparison of the runs.")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+    *,
+    study: StudyOptions,
+) -> None:
+    """Run a world with all combinations of options.
+
+    Rows that are already in the table are kept. Other options of the world apply to all runs.
+    """
+    from minerva_bus.cli.sweeping import sweep_world
+    from minerva_bus.launch.console import Console
+    from minerva_bus.launch.specs import find_world
+    from minerva_bus.settings.overrides import Overrides
+    from minerva_bus.study.grid import parse_grid
+    from minerva_bus.study.sweep import Sweep
+
+    path, grid = find_world(world), parse_grid(set_)
+    given = Overrides(options_of(context.args), frames=study.frames, rate=0.0)
+    runs = Sweep(path, grid, given, study.in_process)
+    table = output or Path(f"{path.stem}.csv")
+    console = Console(quiet=quiet)
+    raise typer.Exit(sweep_world(runs, table, plot, study.workers, limit, console, json))

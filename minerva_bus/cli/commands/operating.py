@@ -1,0 +1,234 @@
+"""Commands that query and control a running world."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli.options import Json, NamedTarget, Target, examples, grouped
+
+
+@examples(
+    "minerva list",
+    "minerva list robot --json",
+)
+@grouped
+def list_(json: Json = False, *, target: NamedTarget) -> None:
+    """List the members of a running world, or all worlds.
+
+    If several worlds run, name one to list its members.
+    """
+    from minerva_bus.cli.asking import list_members
+
+    list_members(target, json)
+
+
+@examples(
+    "minerva echo eLaser --count 10",
+    "minerva echo ARobot --json",
+)
+@grouped
+def echo(
+    type: Annotated[str, typer.Argument(help="An event type or an agent kind; default: all.")] = "",
+    count: Annotated[int, typer.Option(help="Stop after this many; 0: no limit.")] = 0,
+    json: Json = False,
+    *,
+    target: Target,
+) -> None:
+    """Print events, agents or views of a running world, by type."""
+    from minerva_bus.cli.asking import echo_type
+
+    echo_type(type, target, count, json)
+
+
+@examples(
+    "minerva pub eObjective marker=kitchen",
+    "minerva pub eSpeed speed=30cm/s --to r1",
+)
+@grouped
+def pub(
+    type: Annotated[str, typer.Argument(help="The event's type, such as eObjective.")],
+    data: Annotated[
+        list[str] | None, typer.Argument(help="Data of the event: KEY=VALUE ...")
+    ] = None,
+    to: Annotated[
+        list[str] | None, typer.Option(help="Id of a receiving agent; may be repeated.")
+    ] = None,
+    condition: Annotated[
+        str, typer.Option("--if", help="Condition of the event, such as 'energy < 5'.")
+    ] = "",
+    json: Json = False,
+    *,
+    target: Target,
+) -> None:
+    """Send an event into a running world."""
+    from minerva_bus.cli.asking import publish
+
+    publish(type, data or [], to or [], condition, target, json)
+
+
+@examples(
+    "minerva stop",
+    "minerva stop robot",
+)
+@grouped
+def stop(target: NamedTarget) -> None:
+    """Stop a running world."""
+    from minerva_bus.cli.operating import stop_world
+
+    stop_world(target)
+
+
+@examples(
+    "minerva pause",
+    "minerva pause robot",
+)
+@grouped
+def pause(target: NamedTarget) -> None:
+    """Pause a running world."""
+    from minerva_bus.cli.operating import pause_world
+
+    pause_world(target)
+
+
+@examples(
+    "minerva resume",
+    "minerva resume robot",
+)
+@grouped
+def resume(target: NamedTarget) -> None:
+    """Resume a paused world."""
+    from minerva_bus.cli.operating import resume_world
+
+    resume_world(target)
+
+
+@examples(
+    "minerva step",
+    "minerva step 10 --world robot",
+)
+@grouped
+def step(
+    frames: Annotated[int, typer.Argument(help="Number of frames.", min=1)] = 1, *, target: Target
+) -> None:
+    """Run a number of frames, then pause."""
+    from minerva_bus.cli.operating import step_world
+
+    step_world(frames, target)
+
+
+@examples(
+    "minerva rate 20",
+    "minerva rate 0 --world robot",
+)
+@grouped
+def rate(
+    hz: Annotated[float, typer.Argument(help="Frames per second; 0: as fast as possible.")],
+    *,
+    target: Target,
+) -> None:
+    """Change the frame rate of a running world."""
+    from minerva_bus.cli.operating import set_rate
+
+    set_rate(hz, target)
+
+
+@examples(
+    "minerva restart physics",
+    "minerva restart hosts-2 --world robot",
+)
+@grouped
+def restart(
+    member: Annotated[str, typer.Argument(help="A process of the world file.")], *, target: Target
+) -> None:
+    """Restart one process of a running world."""
+    from minerva_bus.cli.operating import restart_member
+
+    restart_member(member, target)
+
+
+@examples(
+    "minerva drain hosts-1",
+    "minerva drain hosts-1 --world robot",
+)
+@grouped
+def drain(
+    member: Annotated[str, typer.Argument(help="A host of agents.")], *, target: Target
+) -> None:
+    """Move all agents of a host to other hosts.
+
+    The host can then be stopped without a pause of the world.
+    """
+    from minerva_bus.cli.operating import drain_member
+
+    drain_member(member, target)
+
+
+@examples(
+    "minerva seek 120",
+    "minerva seek 0 --world robot",
+)
+@grouped
+def seek(
+    frame: Annotated[int, typer.Argument(help="The frame to continue with.", min=0)],
+    *,
+    target: Target,
+) -> None:
+    """Continue a replay at another frame."""
+    from minerva_bus.cli.operating import seek_frame
+
+    seek_frame(frame, target)
+
+
+@examples(
+    "minerva logs --follow",
+    "minerva logs physics --json",
+)
+@grouped
+def logs(
+    member: Annotated[str, typer.Argument(help="Show only this member.")] = "",
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Wait for new lines.")] = False,
+    json: Json = False,
+    *,
+    target: Target,
+) -> None:
+    """Show the logs of a running world's members."""
+    from minerva_bus.cli.operating import show_logs
+
+    show_logs(member, follow, target, json)
+
+
+@examples(
+    "minerva top",
+    "minerva top robot --json",
+)
+@grouped
+def top(
+    json: Annotated[bool, typer.Option("--json", help="Print the status once, as JSON.")] = False,
+    *,
+    target: NamedTarget,
+) -> None:
+    """Monitor and control a running world in the terminal."""
+    from minerva_bus.cli.operating import watch_world
+
+    watch_world(target, json)
+
+
+@examples(
+    "minerva metrics",
+    "minerva metrics robot --listen 0.0.0.0:9464",
+)
+@grouped
+def metrics(
+    listen: Annotated[str, typer.Option(help="Serve at HOST:PORT.")] = "127.0.0.1:9464",
+    *,
+    target: NamedTarget,
+) -> None:
+    """Serve /metrics, /live and /ready of a running world.
+
+    The server is a separate process.
+    """
+    from minerva_bus.cli.operating import serve_metrics
+
+    serve_metrics(listen, target)

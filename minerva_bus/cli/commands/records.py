@@ -1,0 +1,238 @@
+"""Commands that read records of runs, and recordings of sensors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli.options import Force, Json, Quiet, Takes, examples, grouped, options_of
+from minerva_bus.cli.startup import BEGAN, uncollected
+from minerva_bus.settings.overrides import Overrides
+
+Record = Annotated[Path, typer.Argument(help="A record, .mcap.")]
+
+
+@examples(
+    "minerva info run.mcap --check",
+    "minerva info run.mcap --frame 40 --string",
+)
+def info(
+    file: Record,
+    check: Annotated[
+        bool, typer.Option("--check", help="Recompute and compare all digests.")
+    ] = False,
+    frame: Annotated[
+        int | None, typer.Option(help="Show this frame: its initial string and its events.")
+    ] = None,
+    string: Annotated[
+        bool, typer.Option("--string", help="Print the string of --frame, or the last one.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Show the contents of a record, or one of its frames."""
+    from minerva_bus.cli.recording import show_info, show_moment
+
+    if string or frame is not None:
+        show_moment(file, frame, string, json)
+    else:
+        show_info(file, check, json)
+
+
+@examples(
+    "minerva recover run.mcap",
+    "minerva recover run.mcap --output intact.mcap",
+)
+def recover(
+    file: Record,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The new record; default: NAME.recovered.mcap."),
+    ] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Copy the intact frames of a damaged record to a new one.
+
+    It reports what is lost.
+    """
+    from minerva_bus.cli.recording import recover_record
+
+    recover_record(file, output, json)
+
+
+@examples(
+    "minerva replay run.mcap --view sprites --from 100",
+    "minerva replay run.mcap --recompute",
+)
+@grouped
+def replay(
+    context: typer.Context,
+    overrides: Annotated[
+        Overrides, Takes("view", "name", "listen", "connect", "keys", "insecure", "audit")
+    ],
+    file: Record,
+    world: Annotated[
+        str, typer.Argument(help="World file or installed world, if the original one has moved.")
+    ] = "",
+    begin: Annotated[int, typer.Option("--from", help="Start at this frame.")] = 0,
+    speed: Annotated[
+        float,
+        typer.Option(help="Speed factor: 1: real time; 2: twice as fast; 0: as fast as possible."),
+    ] = 1.0,
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Run the agents again and compare each frame.")
+    ] = False,
+    swap: Annotated[
+        str, typer.Option(help="MEMBER=SPEC: run the world again with this member replaced.")
+    ] = "",
+    record: Annotated[str, typer.Option(help="Record the run of --swap, .mcap.")] = "",
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Run no code: print the frames of the record.")
+    ] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
+    """Replay a record to any view.
+
+    The commands pause, step, rate and seek work as in a world. This runs the Python code of the
+    world file that the record names. For a record from an untrusted source use --no-code, which
+    prints the events, agents and digest of each frame (--json: also its string); info, diff and
+    plot run no code either.
+
+    --recompute shows nothing; its exit code is 0 if all frames are the same, otherwise 1. So is
+    that of --swap, which runs in simulated time: the agents and the new member run again, all
+    other members repeat what was recorded. Other options are passed to the new member.
+    """
+    with uncollected():
+        from minerva_bus.cli.recording import show_frames
+        from minerva_bus.cli.replaying import recompute_record, replay_record, replay_with
+        from minerva_bus.launch.swapping import Swap
+
+    if no_code:
+        given = {
+            "--swap": swap,
+            "--recompute": recompute,
+            "--view": overrides.views,
+            "WORLD": world,
+        }
+        for option in [name for name, value in given.items() if value]:
+            context.fail(f"{option} runs code, which --no-code forbids; minerva plot runs none")
+        show_frames(file, begin, json)
+        return
+    words = context.args
+    if world.startswith("--"):
+        words, world = [world, *words], ""
+    played = {"--view": bool(overrides.views), "--from": begin != 0, "--speed": speed != 1.0}
+    for option in [name for name, given in played.items() if given and (swap or recompute)]:
+        context.fail(f"{option} cannot be combined with --{'swap' if swap else 'recompute'}")
+    if swap and recompute:
+        context.fail("--swap and --recompute exclude each other")
+    if swap:
+        raise typer.Exit(replay_with(file, world, Swap.read(swap, options_of(words)), record, json))
+    if words or record:
+        context.fail(f"{words[0] if words else '--record'} requires --swap")
+    if recompute:
+        raise typer.Exit(recompute_record(file, world, json))
+    code = replay_record(
+        file, world, overrides, BEGAN, begin=begin, speed=speed, as_json=json, quiet=quiet
+    )
+    raise typer.Exit(code)
+
+
+@examples(
+    "minerva diff run.mcap other.mcap",
+    "minerva diff run.mcap other.mcap --json",
+)
+def diff(
+    a: Record,
+    b: Annotated[Path, typer.Argument(help="Another record.")],
+    json: Json = False,
+) -> None:
+    """Show the first frame in which two runs differ.
+
+    The exit code is 1 if there is one.
+    """
+    from minerva_bus.cli.recording import show_difference
+
+    raise typer.Exit(show_difference(a, b, json))
+
+
+@examples(
+    "minerva plot run.mcap",
+    "minerva plot run.mcap --output run.pdf",
+)
+def plot(
+    file: Record,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A .png, .svg or .pdf.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Plot trajectories and frame statistics of a run."""
+    from minerva_bus.cli.recording import draw_plot
+
+    draw_plot(file, output)
+
+
+@examples(
+    "minerva conversation talk.mcap",
+    "minerva conversation talk.mcap --output talk.mmd",
+)
+def conversation(
+    file: Record,
+    conversation: Annotated[
+        str, typer.Option(help="Show only the conversation with this id.")
+    ] = "",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A .svg, or a .mmd for Mermaid.")
+    ] = None,
+    json: Json = False,
+    force: Force = False,
+) -> None:
+    """Draw the messages between agents as a sequence diagram.
+
+    Without --output it prints the diagram as Mermaid text.
+    """
+    from minerva_bus.cli.conversing import show_conversation
+
+    show_conversation(file, conversation, output, json)
+
+
+@examples(
+    "minerva map run.log",
+    "minerva map scans.mcap --output house.pgm --cell 0.1",
+)
+def map(
+    file: Annotated[Path, typer.Argument(help="A CARMEN log or a bag: .log, .bag, .db3, .mcap.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The .pgm file; default: named after FILE."),
+    ] = None,
+    cell: Annotated[float, typer.Option(help="Side of a cell, metres.")] = 0.05,
+    range_: Annotated[
+        float,
+        typer.Option("--range", help="Ignore hits beyond this range, metres; 0: as recorded."),
+    ] = 0.0,
+    from_: Annotated[
+        float, typer.Option("--from", help="Start, seconds after the beginning.")
+    ] = 0.0,
+    to: Annotated[float | None, typer.Option(help="End, seconds after the beginning.")] = None,
+    poses: Annotated[
+        str, typer.Option(help="Source of the robot's poses: published, odometry or matched.")
+    ] = "published",
+    time_offset: Annotated[
+        float,
+        typer.Option(help="Seconds to add to scan times, if the lidar's clock differs."),
+    ] = 0.0,
+    force: Force = False,
+) -> None:
+    """Draw the occupancy map of a recording.
+
+    It writes a .pgm, a .yaml and a picture.
+    """
+    from minerva_bus.cli.mapping import map_recording
+
+    map_recording(file, output, cell, range_, from_, to, poses, time_offset)

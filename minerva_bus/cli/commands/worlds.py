@@ -1,0 +1,243 @@
+"""Commands that run, check and join worlds, and commands about the installation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from minerva_bus.cli.options import (
+    Force,
+    JoinOptions,
+    Json,
+    RunOptions,
+    Takes,
+    examples,
+    grouped,
+    options_of,
+)
+from minerva_bus.cli.startup import BEGAN, uncollected
+from minerva_bus.errors import MinervaError, MisuseError
+from minerva_bus.settings.overrides import Overrides
+
+
+@examples(
+    "minerva run robot --view web",
+    "minerva run garden.toml --frames 100 --seed 7 --record garden.mcap",
+)
+@grouped
+def run(
+    context: typer.Context,
+    overrides: Annotated[
+        Overrides,
+        Takes(
+            *("seed", "rate", "frames", "view", "set_", "name", "until"),
+            *("record", "record_topics", "flush", "durable", "journal", "collect"),
+            *("listen", "connect", "keys", "insecure", "audit", "coordinator_only"),
+            *("metrics", "log_format"),
+        ),
+    ],
+    options: RunOptions,
+    world: Annotated[str, typer.Argument(help="A world file, or an installed world's name.")] = "",
+    record_video: Annotated[
+        str, typer.Option(help="Write a video of all frames to this file, .mp4 or .gif.")
+    ] = "",
+    resume: Annotated[
+        Path | None, typer.Option(help="Resume at the end of this record; WORLD may be omitted.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Run a world.
+
+    The world's own options, declared in its [options], are options here too: `minerva run WORLD
+    --help` lists them.
+    """
+    with uncollected():
+        from minerva_bus.cli.running import read_world, run_world
+        from minerva_bus.launch.resuming import read_resumed
+
+        words = context.args
+        if world.startswith("--"):
+            words, world = [world, *words], ""
+        if not world and resume is None:
+            context.fail("no world; name a world file, an installed world or --resume FILE")
+        views = _with_video(list(overrides.views), record_video)
+        given = Overrides(options_of(words), overrides.settings, views, **overrides.values)
+        file = read_world(world, given) if resume is None else read_resumed(resume, world, given)
+    run_world(file, BEGAN, options)
+
+
+def _with_video(views: list[str], video: str) -> tuple[str, ...]:
+    """The requested views, one of which writes the video: sprites unless another one can."""
+    if not video:
+        return tuple(views)
+    if "," in video:
+        raise MinervaError(f"--record-video {video}: the file name must not contain a comma")
+    for at, view in enumerate(views):
+        if view.partition(":")[0] in ("sprites", "opengl"):
+            views[at] = f"{view}{',' if ':' in view else ':'}video={video}"
+            return tuple(views)
+    return (*views, f"sprites:video={video}")
+
+
+@examples(
+    "minerva check garden.toml --determinism",
+    "minerva check scene.mnv --vocabulary garden:vocabulary",
+)
+def check(
+    file: Annotated[Path, typer.Argument(help="A string (.mnv) or a world (.toml).")],
+    vocabulary: Annotated[
+        str, typer.Option(help="module:attribute: also check symbols and types.")
+    ] = "",
+    determinism: Annotated[
+        bool,
+        typer.Option("--determinism", help="Run the world in two process layouts and compare."),
+    ] = False,
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="Number of frames for --determinism; default: 100.")
+    ] = None,
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Run no code: check only the grammar and the file.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Check a string or a world file.
+
+    The exit code is 0, or 1 with the error and its place. This runs the Python code that the
+    world file or --vocabulary names. Use --no-code for files from untrusted sources.
+    """
+    if no_code and (determinism or vocabulary):
+        raise MisuseError(f"--{'determinism' if determinism else 'vocabulary'} runs code")
+    if frames is not None and not determinism:
+        raise MisuseError("--frames requires --determinism: a check runs no frames")
+    if determinism:
+        from minerva_bus.cli.determining import FRAMES, check_determinism
+
+        raise typer.Exit(check_determinism(str(file), frames or FRAMES, json))
+    from minerva_bus.cli.checking import check_file
+
+    raise typer.Exit(check_file(file, vocabulary, json, code=not no_code))
+
+
+@examples(
+    "minerva attach svg --path now.svg",
+    "minerva attach garden:Snail --connect tls/host:7447 --keys keys --name hostA",
+)
+@grouped
+def attach(
+    context: typer.Context,
+    spec: Annotated[str, typer.Argument(help="A service's name, or module:Class.")],
+    join: JoinOptions,
+    process: Annotated[
+        str, typer.Option(help="Run this process of the world file SPEC, under its name.")
+    ] = "",
+) -> None:
+    """Attach agents, a generator or a view to a running world.
+
+    It stays until Ctrl-C. Other options are passed to the service: `attach svg --every 5`. With
+    --process they are options of the world: `attach robot --process physics --map house.yaml`.
+    """
+    from minerva_bus.cli.attaching import attach_member
+
+    raise typer.Exit(attach_member(spec, join, options_of(context.args), process))
+
+
+@examples(
+    "minerva bridge rplidar /dev/ttyUSB0",
+    "minerva bridge carmen run.log --world robot",
+)
+@grouped
+def bridge(
+    context: typer.Context,
+    kind: Annotated[
+        str, typer.Argument(help="Name of a bridge: carmen, rosbag, rplidar, mqtt ...")
+    ],
+    join: JoinOptions,
+    source: Annotated[str, typer.Argument(help="Its file, device, address or topic.")] = "",
+) -> None:
+    """Connect real or recorded sensors to a running world.
+
+    It stays until Ctrl-C. Other options are passed to the bridge, such as
+    `bridge carmen LOG --speed 4`; `minerva bridge NAME --help` lists them.
+    """
+    from minerva_bus.cli.attaching import bridge_source
+
+    words = context.args
+    if source.startswith("--"):
+        words, source = [source, *words], ""
+    raise typer.Exit(bridge_source(kind, source, join, options_of(words)))
+
+
+@examples(
+    "minerva new world my_yard",
+    "minerva new bridge wind_meter --in ~/projects",
+)
+def new(
+    kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
+    name: Annotated[str, typer.Argument(help="Its name, a valid name of a Python package.")],
+    folder: Annotated[
+        Path, typer.Option("--in", help="Parent folder; default: the current one.")
+    ] = Path(),
+) -> None:
+    """Create a world, agent, service, geometry or bridge.
+
+    The new folder runs as it is and contains tests.
+    """
+    from string import Template
+
+    from minerva_bus.cli.output import print_result
+    from minerva_bus.launch.skeleton import KINDS, scaffold
+
+    created = scaffold(kind, name, folder)
+    run, edit = [
+        Template(text).substitute(name=name) for text in (KINDS[kind].run, KINDS[kind].edit)
+    ]
+    print_result(f"created {created}; next steps:")
+    print_result(f"  cd {created}")
+    print_result("  pytest                                   # run its tests")
+    print_result(f"  {run:40} # run a small world")
+    print_result(f"then edit {edit}")
+
+
+@examples(
+    "minerva schema > world.schema.json",
+    "minerva schema > .vscode/world.schema.json",
+)
+def schema() -> None:
+    """Print the JSON Schema of world files, for editors.
+
+    Editors that know TOML validate and complete a world file whose first line is
+    `#:schema world.schema.json`.
+    """
+    import json
+
+    from minerva_bus.cli.output import print_result
+    from minerva_bus.settings.schema import world_schema
+
+    print_result(json.dumps(world_schema(), indent=2, ensure_ascii=False))
+
+
+@examples(
+    "minerva doctor",
+    "minerva doctor --json",
+)
+def doctor(json: Json = False) -> None:
+    """Check the environment and report missing dependencies.
+
+    The exit code is 1 if there are any.
+    """
+    from minerva_bus.cli.doctoring import examine
+
+    raise typer.Exit(examine(json))
+
+
+@examples(
+    "minerva version",
+    "minerva version --json",
+)
+def version(json: Json = False) -> None:
+    """Show the versions of Minerva Bus, protocol and dependencies."""
+    from minerva_bus.cli.asking import show_version
+
+    show_version(json)

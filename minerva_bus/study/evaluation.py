@@ -1,0 +1,154 @@
+"""The score of a string: the fitness of its runs, computed in worker processes and cached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from minerva_bus.errors import MinervaError
+from minerva_bus.grammar.mutation.places import extent
+from minerva_bus.grammar.scene import Scene
+from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.study.outcome import Outcome
+from minerva_bus.study.trial import run_trial
+from minerva_bus.study.worker_pool import Result, Task, WorkerPool
+
+Fitness = Callable[[Outcome], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """The mean fitness of a string's trials; NaN with an error if one failed.
+
+    `digest` is that of the final string of the first trial.
+    """
+
+    fitness: float
+    digest: str = ""
+    error: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether a trial failed."""
+        return bool(self.error)
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluator:
+    """Runs worlds: `trials` per string, with the world's seed, the next one, and so on."""
+
+    file: WorldFile
+    fitness: Fitness
+    pool: WorkerPool
+    trials: int = 1
+    in_process: bool = False
+
+    def evaluate(self, strings: Sequence[Scene], on_score: Callable[[int, Score], None]) -> None:
+        """Evaluate strings; each score is reported with the number of its string as it arrives.
+
+        Raises KeyboardInterrupt; scores that were reported before remain valid.
+        """
+        open_trials = {n: dict[int, Result]() for n in range(len(strings))}
+
+        def on_result(number: int, result: Result) -> None:
+            n, trial = divmod(number, self.trials)
+            results = open_trials[n]
+            results[trial] = result
+            if len(results) == self.trials:
+                on_score(n, _score([results[k] for k in range(self.trials)]))
+
+        tasks = [self._task(scene, k) for scene in strings for k in range(self.trials)]
+        self.pool.run(tasks, on_result)
+
+    def _task(self, string: Scene, trial: int) -> Task:
+        world = self.file.world
+        file = replace(self.file, world=replace(world, scene=string, seed=world.seed + trial))
+        return lambda: run_fitness(file, self.fitness, self.in_process)
+
+
+def run_fitness(file: WorldFile, fitness: Fitness, in_process: bool) -> Mapping[str, Any]:
+    """Run a world and compute its fitness; returns plain data. Raises MinervaError."""
+    outcome = run_trial(file, in_process)
+    name = getattr(fitness, "__name__", "fitness")
+    try:
+        value = float(fitness(outcome))
+    except MinervaError:
+        raise
+    except Exception as error:
+        raise MinervaError(f"{name} raised {error!r}") from error
+    if not math.isfinite(value):
+        raise MinervaError(f"{name} returned {value}; expected a finite number")
+    return {"fitness": value, "digest": outcome.digest}
+
+
+def _score(results: Sequence[Result]) -> Score:
+    error = next((result.error for result in results if result.error), "")
+    if error:
+        return Score(math.nan, error=error)
+    values = [float(result.values["fitness"]) for result in results]
+    return Score(math.fsum(values) / len(values), str(results[0].values["digest"]))
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluated:
+    """A string and its score."""
+
+    scene: Scene
+    score: Score
+
+
+@dataclass(slots=True)
+class EvaluationCache:
+    """Evaluates each string once, because the same string always has the same score.
+
+    `on_done` is called for each result, also for those from the cache.
+    """
+
+    evaluator: Evaluator
+    minimise: bool = False
+    on_done: Callable[[], None] = lambda: None
+    known: dict[bytes, Evaluated] = field(default_factory=dict[bytes, Evaluated])
+    best: Evaluated | None = None
+
+    def __call__(self, strings: Sequence[Scene], random: Sequence[Scene] = ()) -> list[Score]:
+        """The scores of strings, and of `random` ones that cannot become the best."""
+        scenes = [*strings, *random]
+        new = list({s.digest: s for s in scenes if s.digest not in self.known}.values())
+        eligible = {scene.digest for scene in strings}
+        for _ in range(len(scenes) - len(new)):
+            self.on_done()
+
+        def on_score(number: int, score: Score) -> None:
+            scene = new[number]
+            evaluated = self.known[scene.digest] = Evaluated(scene, score)
+            if scene.digest in eligible:
+                self._compare(evaluated)
+            self.on_done()
+
+        self.evaluator.evaluate(new, on_score)
+        for scene in strings:
+            self._compare(self.known[scene.digest])
+        return [self.known[scene.digest].score for scene in scenes]
+
+    @property
+    def failures(self) -> list[Evaluated]:
+        """The strings whose worlds failed."""
+        failed = [entry for entry in self.known.values() if entry.score.failed]
+        return sorted(failed, key=lambda entry: (entry.score.error, str(entry.scene)))
+
+    def _compare(self, evaluated: Evaluated) -> None:
+        """Keep the best string; of equal ones the shorter, then the first."""
+        if self.best is None or self._rank(evaluated) > self._rank(self.best):
+            self.best = None if evaluated.score.failed else evaluated
+
+    def _rank(self, evaluated: Evaluated) -> tuple[float, int]:
+        return merit(evaluated.score, self.minimise), -extent(evaluated.scene).nodes
+
+
+def merit(score: Score, minimise: bool) -> float:
+    """A score as a number of which more is better."""
+    if score.failed:
+        return -math.inf
+    return -score.fitness if minimise else score.fitness
