@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """examples/evolution: creatures hatch, eat, and what evolves is what the README says."""
 
 import json

@@ -8,6 +8,7 @@ import pytest
 from running import PATIENCE, write_world
 
 from minerva_bus.launch.forking import ChildProcess, how_ended, next_ended
+from minerva_bus.launch.machine import Machine
 from minerva_bus.launch.pipes import LineReader, Pipes
 from minerva_bus.launch.process_table import (
     HEALTHY_FRAMES,
@@ -66,7 +67,7 @@ def test_each_failure_in_a_row_doubles_the_delay():
     assert process.failures == 10
 
 
-class Clock:
+class Clock(Machine):
     """A machine with a clock only."""
 
     now = 100.0
