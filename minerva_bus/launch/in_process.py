@@ -137,7 +137,7 @@ class InProcessRun:
             self._console.end()
             close_services(parts.members)
 
-    def summary(self) -> Summary:
+    def summary(self) -> RunSummary:
         """The summary of the run."""
         ended = None if self._parts is None else self._parts.runner.ended
         return self._progress.summary(ended, self._reason)
