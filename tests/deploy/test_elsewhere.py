@@ -98,7 +98,9 @@ def test_a_world_waits_for_a_member_elsewhere_and_accepts_its_successor(world, u
             assert other.ends() == 0
     printed = [json.loads(line) for line in world.lines]
     assert all(list(one) == FIELDS and one["world"] == world.name for one in printed)
-    assert [one for one in printed if "to be attached from other machines: walkers" in one["message"]]
+    assert [
+        one for one in printed if "to be attached from other machines: walkers" in one["message"]
+    ]
     assert {one["message"] for one in lines} <= {one["message"] for one in printed}
     assert json.loads("\n".join(world.output))["ended"] == "terminated"
 

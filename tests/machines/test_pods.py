@@ -118,7 +118,9 @@ def test_pods_of_hosts_join_leave_and_the_coordinator_resumes(play, podman):
     podman("kill", "--signal", signal.SIGKILL.name, "coordinator-0-world")
     podman("pod", "rm", "--force", "coordinator-0")
     play("coordinator-0", "coordinator", "--ip", ADDRESS)
-    eventually(lambda: "continuing from frame" in podman.said("coordinator-0-world"), "resumes", 120)
+    eventually(
+        lambda: "continuing from frame" in podman.said("coordinator-0-world"), "resumes", 120
+    )
     eventually(lambda: answer("ready"), "frames run again", 60)
     eventually(
         lambda: members(podman).get("hosts-5d8c7-p9q4z") == "present", "the host is back", 60
