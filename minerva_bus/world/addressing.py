@@ -1,4 +1,4 @@
-"""Which events of a frame concern which agents: by id for one agent, by row for a population."""
+"""Delivery of a frame's events to their receivers: by id to an agent, by row to a population."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from minerva_bus.grammar.ids import Ids
 class Addressed:
     """A frame's events in order, indexed by receiver.
 
-    A batch of events stays one: an agent gets the part of it that is for this agent.
+    A batch is not split into events: an agent gets a batch of the rows for it.
     """
 
     events: tuple[AnyEvent, ...]
@@ -32,7 +32,7 @@ class Addressed:
         self.types = frozenset([event.type for event in self.events])
         self._everyone, self._single, self._batches = {}, {}, {}
         for index, event in enumerate(self.events):
-            if not event.receivers:  # of a batch: None; an empty one does not exist
+            if not event.receivers:  # a batch for all has None, and there is no empty batch
                 self._everyone.setdefault(event.type, []).append(index)
             elif isinstance(event, Events):
                 self._batches.setdefault(event.type, []).append(index)
@@ -43,10 +43,7 @@ class Addressed:
     def to(
         self, agent_id: str, event_types: Container[str], after: int = -1
     ) -> list[tuple[int, AnyEvent]]:
-        """The events for an agent that responds to these types, in order, with their indexes.
-
-        Only those whose index is greater than `after`.
-        """
+        """The events of these types for an agent, in order, with indexes greater than `after`."""
         events = self.events
         concerning: list[tuple[int, AnyEvent]] = []
         for event_type, indexes in self._everyone.items():
@@ -78,18 +75,18 @@ def _index(pair: tuple[int, AnyEvent]) -> int:
 
 
 def addressed(events: Sequence[AnyEvent] | Addressed) -> Addressed:
-    """Events indexed by receiver; the index is built once for many strings."""
+    """Events indexed by receiver; pass the result on, so that the index is built once."""
     return events if isinstance(events, Addressed) else Addressed(tuple(events))
 
 
 Round: TypeAlias = tuple[AnyEvent, Rows | None]
-"""A batch in which each receiver occurs once, with their rows; None: one event for all rows."""
+"""A batch in which each receiver occurs once, with the receivers' rows; None: an event for all."""
 
 
 def rounds(event: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
-    """The events of an item for the agents with these ids, in batches of unique receivers.
+    """An event, or a batch, for the agents with these ids, in batches of unique receivers.
 
-    With `at_once` there is one batch, in which a receiver may occur several times.
+    With `at_once` it is a single batch, in which a receiver may occur several times.
     """
     if isinstance(event, Events):
         if event.receivers is None:
@@ -107,15 +104,15 @@ def rounds(event: AnyEvent, ids: Ids, *, at_once: bool) -> Iterator[Round]:
 
 
 def _unique(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
-    here = rows >= 0
-    if not here.all():
-        chosen = np.flatnonzero(here)
+    chosen = np.flatnonzero(rows >= 0)
+    if len(chosen) < len(rows):
         events, rows = events.take(chosen), rows[chosen]
     if not len(rows):
         return
     if at_once or (rows[1:] > rows[:-1]).all():
         yield events, rows
         return
+    # Number the events of each receiver in their order: those with number k are round k.
     order = np.argsort(rows, kind="stable")
     ordered = rows[order]
     begins = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
@@ -127,7 +124,7 @@ def _unique(events: Events, rows: Rows, *, at_once: bool) -> Iterator[Round]:
 
 
 def narrowed(event: AnyEvent, rows: Rows | None, keep: NDArray[np.bool_]) -> Round | None:
-    """A round without the receivers that `keep` excludes, shape (agents,); None if none is left."""
+    """The round for the receivers in the mask `keep`, shape (agents,); None if there are none."""
     if isinstance(event, Event):
         left = np.flatnonzero(keep) if rows is None else rows[keep[rows]]
         return (event, left) if len(left) else None

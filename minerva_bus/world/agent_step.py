@@ -1,4 +1,4 @@
-"""λ of one agent, equation 2, for the events of one frame."""
+"""λ of one agent (equation 2) for the events of one frame."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ Activity = Callable[..., Any]
 def live(
     node: AgentNode, receiver: str, events: Addressed, kinds: Kinds, context: Context
 ) -> Scene | AgentNode:
-    """What an agent becomes by a frame's events, in order; the very node where none concerns it.
+    """The result of a frame's events, in order; the same node if none concerns the agent.
 
-    Its events are those to the id `receiver`: a copy's are those of the agent that it copies.
-    An agent that λ turns into one of another kind meets the frame's later events as such.
-    Raises ActivityError.
+    Its events are those for the id `receiver`, which for a copy is the id of the copied agent. An
+    agent that λ turns into another kind processes later events as that kind. Raises ActivityError.
     """
     concerning = events.to(receiver, kinds[node.symbol].activities)
     if not concerning:
@@ -54,7 +53,7 @@ def live(
 
 
 class AgentStep:
-    """One agent processing its events within a frame, and what it has become so far."""
+    """One agent processing its events within a frame, and the string that it has become so far."""
 
     def __init__(
         self, node: AgentNode, kinds: Kinds, context: Context, agent: Agent | None = None
@@ -63,7 +62,7 @@ class AgentStep:
         self._kinds = kinds
         self._context = context
         self._around = scene_of(node)
-        self._inside = identities(node.scope)  # may be nested deeply; the agent is not in there
+        self._inside = identities(node.scope)  # skipped by searches: the agent is not in its scope
         self._agent = agent
         self._ran: list[tuple[Activity, Event]] = []
         self.symbol = node.symbol
@@ -71,7 +70,7 @@ class AgentStep:
 
     @property
     def context(self) -> Context:
-        """The context that its activities get, with the events that they have emitted."""
+        """The context of its activities, with the events that they have emitted."""
         return self._context
 
     def process(self, events: Sequence[tuple[int, AnyEvent]]) -> int:
@@ -131,7 +130,7 @@ class AgentStep:
             self.become(self._run(agent, first, batch), first)
 
     def _answered(self, events: Events) -> Events:
-        """Those whose condition holds now, and that it answers if it answers by chance."""
+        """The events whose condition holds now, except those that it ignores by chance."""
         first = events.event(0)
         agent = self._thawed_once(first)
         if events.condition and not holds(events.condition, self._now(agent, first).state):
@@ -160,14 +159,14 @@ class AgentStep:
         return self._agent
 
     def _answers(self, agent: Agent, event: Event, probability: float | str) -> bool:
-        """Whether it answers an event that it answers by chance."""
+        """Whether it responds to an event that it responds to with a probability."""
         if isinstance(probability, str):
             state: Mapping[str, Any] = self._now(agent, event).state
             return self._context.answers(event.type, state[probability])
         return self._context.answers(event.type, probability)
 
     def returned(self, activity: Activity, result: object, event: Event) -> None:
-        """Take what an activity has returned elsewhere. Raises ActivityError."""
+        """Continue with the result of an activity that ran in rows. Raises ActivityError."""
         self._ran.append((activity, event))
         try:
             scene = checked(result)
@@ -176,7 +175,7 @@ class AgentStep:
         self.become(scene, event)
 
     def become(self, result: Scene | None, event: Event) -> None:
-        """Take what λ has returned."""
+        """Continue with the result of λ."""
         self._event = event
         agent, who = self._agent, self._node.id
         if result is None or agent is None:
@@ -196,14 +195,14 @@ class AgentStep:
 
     @property
     def string(self) -> Scene:
-        """What it is now, with all that it has put beside itself."""
+        """The agent in its current state, with the nodes that λ has placed beside it."""
         if self._agent is None or not self.symbol:
             return self._around
         now = scene_of(self._now(self._agent, self._event))
         return _put(self._around, self._node.id, now, self._inside)
 
     def _run(self, agent: Agent, event: Event, given: Event | EventBatch) -> Scene | None:
-        """λ(a, e); None where the agent stays and has changed itself."""
+        """λ(a, e); None if the agent has changed its own state."""
         activity = agent.activities[event.type]
         self._ran.append((activity, event))
         try:
@@ -226,12 +225,12 @@ class AgentStep:
             raise self._failed(*at_fault(self._ran, event, error)) from error
 
     def _own(self, result: Scene, event: Event) -> AgentNode | None:
-        """The agent itself in what its λ returned."""
-        found = [agent for agent in agents(result, self._inside) if agent.id == self._node.id]
-        if len(found) > 1:
-            twice = MisuseError(f"it returned {len(found)} agents with the id #{self._node.id}")
+        """The agent itself within a result of λ."""
+        own = [agent for agent in agents(result, self._inside) if agent.id == self._node.id]
+        if len(own) > 1:
+            twice = MisuseError(f"it returned {len(own)} agents with the id #{self._node.id}")
             raise self._failed(self._ran[-1][0], event) from twice
-        return found[0] if found else None
+        return own[0] if own else None
 
     def _failed(self, activity: Activity | None, event: Event) -> ActivityError:
         return ActivityError(activity, self._node, event, self._context.number)
@@ -244,9 +243,10 @@ def _of_type(event_type: str) -> Callable[[tuple[int, AnyEvent]], bool]:
 def at_fault(
     ran: Sequence[tuple[Activity, Event]], event: Event, error: MinervaError
 ) -> tuple[Activity | None, Event]:
-    """Which of the activities that ran, each with its event, set the attribute that is wrong.
+    """The activity, with its event, that probably caused an invalid attribute.
 
-    It is the last one that sets it, or else the last one; before any has run, None, at `event`.
+    The last one whose source assigns the attribute, else the last one that ran. None, with `event`,
+    if none has run.
     """
     attribute = error.attribute if isinstance(error, StateError) else ""
     setters = [entry for entry in ran if attribute and assignments(entry[0], attribute)]
@@ -254,7 +254,7 @@ def at_fault(
 
 
 def checked(result: object) -> Scene | None:
-    """What an activity may return. Raises TypeError."""
+    """The result of an activity, if it is None or a string. Raises TypeError."""
     if isinstance(result, Agent):
         raise TypeError(f"an activity returns None or a string: self.string, not {result!r:.60}")
     if result is not None and not isinstance(result, Scene):

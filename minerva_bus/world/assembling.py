@@ -1,4 +1,4 @@
-"""The end of a population's frame: the string that its agents have become, and what they sent."""
+"""The results of a population's frame: the string of its agents, and the events they emitted."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from minerva_bus.grammar.scene import EMPTY, Piece, Scene
 from minerva_bus.world.population import Birth, PopulationState
 
 _FEW = 0.25
+"""Up to this part of a column, changed values are put into the old one, which keeps its digests."""
 
 
 class Unsound(StateError):
-    """An attribute of the agent in some row is not finite."""
+    """An attribute of the agent in `row` is not finite."""
 
     def __init__(self, name: str, row: int, value: float) -> None:
         super().__init__(f"{name} must be a finite number, not {value}", name)
@@ -29,9 +30,9 @@ class Unsound(StateError):
 
 
 def assembled(state: PopulationState, lives: Mapping[int, Scene]) -> Scene:
-    """The string of the remaining rows, newborns after their parents, and what others became.
+    """The string of the remaining rows, with newborns after their parents.
 
-    `lives` has the strings of agents that have left the arrays, by row.
+    `lives` has the strings of the agents that have left the arrays, by row.
     """
     part = _changed(state)
     if state.away is None and not state.born:
@@ -86,7 +87,7 @@ def _in_columns(part: Columns, state: PopulationState) -> Scene:
 
 
 def _later_first(birth: Birth) -> int:
-    """Sort key: newborns of a later event are nearer to their parent."""
+    """Sort key: newborns of a later event are closer to their parent."""
     return -birth.turn
 
 
@@ -114,42 +115,35 @@ def _in_pieces(part: Columns, state: PopulationState, lives: Mapping[int, Scene]
 def emissions(
     batches: Sequence[tuple[Rows, Events]], single: Sequence[tuple[int, Sequence[Event]]]
 ) -> tuple[AnyEvent, ...]:
-    """Events sent, by type, in the order of the agents and then in the order of sending."""
+    """Emitted events by type, in the order of their senders' rows and then of emission."""
     chunks: dict[str, list[tuple[Rows, Events]]] = {}
     for rows, events in batches:
         chunks.setdefault(events.type, []).append((rows, events))
-    alone: dict[str, list[tuple[int, Event]]] = {}
+    singles: dict[str, list[tuple[int, Event]]] = {}
     for row, events in single:
         for event in events:
-            alone.setdefault(event.type, []).append((row, event))
-    found: list[AnyEvent] = []
-    for event_type in sorted(chunks.keys() | alone.keys()):
-        found += _ordered(chunks.get(event_type, []), alone.get(event_type, []))
-    return tuple(found)
+            singles.setdefault(event.type, []).append((row, event))
+    emitted: list[AnyEvent] = []
+    for event_type in sorted(chunks.keys() | singles.keys()):
+        emitted += _ordered(chunks.get(event_type, []), singles.get(event_type, []))
+    return tuple(emitted)
 
 
 def _ordered(
-    chunks: list[tuple[Rows, Events]], alone: list[tuple[int, Event]]
+    chunks: list[tuple[Rows, Events]], singles: list[tuple[int, Event]]
 ) -> Sequence[AnyEvent]:
-    if alone:
+    batch = Events.concatenated([events for _, events in chunks]) if not singles else None
+    if batch is None:
         pairs = [
             pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
         ]
-        pairs += alone
-        pairs.sort(key=_row)
-        events = [event for _, event in pairs]
-        columns = Events.of(events)
-        return events if columns is None else [columns]
-    whole = Events.concatenated([events for _, events in chunks])
-    if whole is None:
-        pairs = [
-            pair for rows, events in chunks for pair in zip(rows.tolist(), events, strict=True)
-        ]
-        return [event for _, event in sorted(pairs, key=_row)]
+        events = [event for _, event in sorted([*pairs, *singles], key=_row)]
+        batch = Events.of(events) if singles else None
+        return events if batch is None else [batch]
     rows: NDArray[Any] = np.concatenate([chunk for chunk, _ in chunks])
     if (rows[1:] < rows[:-1]).any():
-        return [whole.take(np.argsort(rows, kind="stable"))]
-    return [whole]
+        return [batch.take(np.argsort(rows, kind="stable"))]
+    return [batch]
 
 
 def _row(pair: tuple[int, Event]) -> int:

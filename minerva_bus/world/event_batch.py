@@ -1,4 +1,4 @@
-"""Events of one type as a method gets them that takes all events of a frame in one call."""
+"""Events of one type as an argument of a method that takes all events of a frame in one call."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from minerva_bus.grammar.ids import Ids
 
 
 class EventBatch:
-    """Events of one type: their data by name, arrays of shape (n,).
+    """n events of one type; data by name are arrays of shape (n,).
 
-    Iterating over it gives single events, which are made only then.
+    Iterating yields single events, which are created only then. Separate from `Events`, whose own
+    attributes (`count`, `columns`) would hide data with these names.
     """
 
     __slots__ = ("_chosen", "_events", "_row")
@@ -29,12 +30,12 @@ class EventBatch:
 
     @property
     def row(self) -> Rows:
-        """For each event, the row of the agent that it is for, shape (n,)."""
+        """The row of each event's receiver, shape (n,)."""
         return np.arange(self._events.count) if self._row is None else self._row
 
     @property
     def sender(self) -> Ids | None:
-        """The senders; None where a generator made the events."""
+        """The senders; None if a generator made the events."""
         return self._selected().senders
 
     def __len__(self) -> int:
@@ -44,7 +45,7 @@ class EventBatch:
         return iter(self._selected())
 
     def __getattr__(self, name: str) -> Any:
-        if name in self.__slots__:  # not set yet: the object is being copied or unpickled
+        if name in self.__slots__:  # not set yet, as in copy.copy()
             raise AttributeError(name)
         events = self._selected()
         if name not in events.names:
@@ -53,15 +54,15 @@ class EventBatch:
         return events.data(name)
 
     def _selected(self) -> Events:
-        if self._chosen is not None:  # only when asked for: most methods read few columns
+        if self._chosen is not None:  # as late as possible: most methods read few columns
             self._events, self._chosen = self._events.take(self._chosen), None
         return self._events
 
 
 def joined(parts: Sequence[Events]) -> Events | None:
-    """Events of one type, each for a known agent, as one batch; None where their forms differ.
+    """Events of one type for known agents, as one batch; None if their forms differ.
 
-    Some may name their receivers and some be for all; then the batch names none.
+    If only a part of them names receivers, the batch names none.
     """
     batch = Events.concatenated(parts)
     if batch is None:
@@ -70,7 +71,7 @@ def joined(parts: Sequence[Events]) -> Events | None:
 
 
 def merged(items: Sequence[AnyEvent]) -> Sequence[Events]:
-    """Events of one type for one agent, in order, in as few batches as their forms allow."""
+    """Events of one type for one agent, in order, as one batch if their forms agree."""
     parts = [as_batch(item) for item in items]
     batch = joined(parts)
     return parts if batch is None else [batch]

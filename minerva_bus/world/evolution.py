@@ -1,4 +1,4 @@
-"""η of a whole string, equation 3."""
+"""η, the evolution of a string (equation 3)."""
 
 from __future__ import annotations
 
@@ -31,24 +31,21 @@ from minerva_bus.world.population_step import evolve_population
 
 
 class Policy(Enum):
-    """How equation 3 is read where a frame brings an agent several events, or none.
+    """Interpretation of equation 3 for an agent with several events in a frame, or none.
 
-    SEQUENTIAL  the agent processes its events one after another, in their order; without events
-                it stays as it is
-    LITERAL     the letter of the equation: the concatenation of one copy of the agent for each
-                event of the frame, whether the event concerns the agent or not; in a frame
-                without events nothing is left. The first copy keeps the id, the others have ids
-                made from it (world/lineage.py).
+    SEQUENTIAL  the agent processes its events in order; without events it does not change
+    LITERAL     the equation to the letter: one copy of the agent for each event of the frame,
+                whether or not the event concerns it, and no copy in a frame without events. The
+                first copy keeps the id, the ids of the others derive from it (world/lineage.py).
 
-    A policy says how many copies an agent becomes and which events each of them processes, and
-    `copies` is the only place that knows it.
+    Only `copies` depends on the policy: the number of copies of an agent, and their events.
     """
 
     SEQUENTIAL = "sequential"
     LITERAL = "literal"
 
     def copies(self, events: Addressed) -> Sequence[Addressed]:
-        """The events that each copy of every agent processes; the first copy is the agent."""
+        """The events that each copy of an agent processes; the first copy is the agent."""
         if self is Policy.SEQUENTIAL:
             return (events,)
         return [Addressed((event,)) for event in single(events.events)]
@@ -56,10 +53,10 @@ class Policy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """What η made of a string, and the events that λ emitted (for the next frame).
+    """The result of η, and the events that λ emitted, which belong to the next frame.
 
-    `emitted` has the events of single agents by id, `many` those of populations. Events of an
-    agent's copies are listed under the agent's id; each has the copy's id as its sender.
+    `emitted` has the events of single agents by id, `many` those of populations. The key of events
+    from copies is the id of the copied agent; their sender is the copy.
     """
 
     scene: Scene
@@ -69,7 +66,7 @@ class Evolved:
 
 _FIRST = Frame()
 MOST_COPIES: Final = 1_000_000
-"""Agents that a frame may make of a fragment at most, where a policy makes copies."""
+"""Maximum number of agents that a frame may make of a fragment by copying."""
 
 
 def evolve(
@@ -81,9 +78,9 @@ def evolve(
 ) -> Evolved:
     """η(w, e^v), equation 3: every agent processes its events, scopes before their agents.
 
-    Agents whose kind is not among `kinds` do not change. Copies get ids by the frame's number;
-    where a string has ids of later copies already, by the number after those. Raises ActivityError
-    where user code did, and MisuseError if there would be too many copies.
+    Agents whose kind is not among `kinds` do not change. Ids of copies contain the frame's number,
+    or a higher one if the string already has copies of later frames. Raises ActivityError if user
+    code fails, and MisuseError before there are too many copies.
     """
     eta = _Eta(policy.copies(addressed(events)), kinds_of(kinds), frame)
     if len(eta.copies) > 1:
@@ -95,7 +92,7 @@ def evolve(
 
 @dataclass(slots=True)
 class _Eta:
-    """η of one frame: the events of each copy, and what the agents emit."""
+    """η of one frame: the events for each copy, and the emitted events."""
 
     copies: Sequence[Addressed]
     kinds: Kinds
@@ -105,17 +102,17 @@ class _Eta:
     copying: int = 0
 
     def columns(self, part: Columns) -> Scene | None:
-        """Agents in columns, all at once; None where they are several copies or no columns."""
+        """Evolve agents in columns at once; None if they must be evolved as nodes."""
         if part.ids is None or part.symbol not in self.kinds:
             return Scene((part,))
         if len(self.copies) != 1:
-            return None  # each row's copies stand beside it, so they are nodes
+            return None  # copies are neighbours of their row, so these are no rows of one array
         scene, sent = evolve_population(part, self.copies[0], self.kinds, self.frame)
         self.many += sent
         return scene
 
     def node(self, node: Node, scope: Scene) -> Scene | Node:
-        """One agent, in as many copies as the policy makes."""
+        """Evolve an agent, in as many copies as the policy requires."""
         height = 0
         if len(self.copies) > 1 and isinstance(node, AgentNode):
             height = 1 + _nesting(node.scope)
@@ -132,7 +129,7 @@ class _Eta:
         return Scene(tuple(made)) if made else EMPTY
 
     def copy(self, node: AgentNode, number: int, height: int) -> AgentNode:
-        """An agent and all agents in its scope under new ids, because ids are unique."""
+        """A copy of an agent; it and the agents in its scope get new ids."""
 
         def renamed(each: Node, scope: Scene) -> Node:
             each = rescoped(each, scope)
@@ -144,7 +141,7 @@ class _Eta:
         return replace(node, id=copy_id(node.id, self.copying, number), scope=scope)
 
     def live(self, node: AgentNode, events: Addressed, original: str) -> Scene | AgentNode:
-        """λ of an agent, or of a copy of the agent with the id `original`."""
+        """Apply λ to an agent, or to a copy of the agent with the id `original`."""
         context = Context(self.frame, f"#{node.id}")
         result = live(node, original, events, self.kinds, context)
         if context.emitted:
@@ -153,7 +150,7 @@ class _Eta:
 
 
 def _check_few(scene: Scene, events: int, frame: Frame) -> None:
-    """Raise MisuseError before a frame makes more copies than memory can hold."""
+    """Raise MisuseError if copying would exceed `MOST_COPIES`, before memory is used."""
     level = copies = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):
@@ -169,7 +166,7 @@ def _check_few(scene: Scene, events: int, frame: Frame) -> None:
 
 
 def _nesting(scene: Scene) -> int:
-    """How deep agents are nested in a string."""
+    """The depth to which agents are nested in a string."""
     level = deepest = 0
     for opens, node in walk(scene):
         if isinstance(node, AgentNode):

@@ -1,4 +1,4 @@
-"""Agent classes by the symbol of their kind, and the error of a method of theirs."""
+"""Agent classes by the symbol of their kind, and the error of a failing method."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from minerva_bus.world.agent import Agent
 
 
 class ActivityError(UserCodeError):
-    """User code of an agent failed: its method, the agent, the event, the frame and the cause.
+    """User code of an agent failed; names its method, the agent, the event, frame and cause.
 
-    `handler` is None where the agent's state was wrong before any method ran.
+    `handler` is None if the agent's state was wrong before any method ran.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ def kinds_of(classes: Iterable[type[Agent]] | Kinds) -> Kinds:
     """Agent classes by the symbol of their kind. Raises MisuseError."""
     if isinstance(classes, Mapping):
         return cast("Kinds", classes)
-    found: dict[str, type[Agent]] = {}
+    kinds: dict[str, type[Agent]] = {}
     for cls in classes:
         if not hasattr(cls, "kind"):
             raise MisuseError(
                 f'{cls.__name__} has no symbol: class {cls.__name__}(Agent, symbol="A...")'
             )
-        if found.setdefault(cls.kind.name, cls) is not cls:
+        if kinds.setdefault(cls.kind.name, cls) is not cls:
             raise MisuseError(f"two classes have the symbol {cls.kind.name}")
-    return found
+    return kinds

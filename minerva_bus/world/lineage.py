@@ -1,11 +1,11 @@
-"""Ids of newborns and copies: made from another's, so they are the same wherever a world runs.
+"""Ids of newborns and copies, derived from another id: equal wherever and whenever a world runs.
 
     a:3        the third child of #a, by the count in its state
     a:7-2      the second copy of #a that frame 7 makes under the literal policy (equation 3)
-    a:7-2-3    #a in the second copy of an agent around it, around which agents are nested 3 deep
+    a:7-2-3    #a in the second copy of an agent around it; 3 is its height (see `copy_id`)
 
-What follows the last colon says which of these an id is and from which id it comes, so no two
-rules, parents, frames or copies give the same id. An id longer than `LONGEST` is hashed.
+The form of the suffix determines the rule, so two rules, parents, frames or copies never give the
+same id. An id longer than `LONGEST` is hashed.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ def check_births(kind: AgentKind) -> None:
 
 
 def child_id(parent: str, births: int) -> str:
-    """The id of a child, unique to this birth; an id that would be too long is hashed."""
+    """The id of the child of a birth; hashed if it is too long."""
     return _derived(parent, f"{births}", "")
 
 
 def copy_id(original: str, frame: int, number: int, height: int = 1) -> str:
-    """The id of a copy that a frame makes of an agent; `number` is from 2, the first keeps the id.
+    """The id of a copy that a frame makes of an agent; `number` starts at 2.
 
-    `height` is 1 for the agent that λ is applied to. For agents in its scope it is how many agents
-    stand around one another there, the copied one included: so an agent's own copies differ from
-    those that come with the copies of each agent around it.
+    `height` is 1 for the agent to which λ is applied. For agents in its scope it is the number of
+    nested agents from the copied one inwards, so that copies of an agent differ from those that
+    are made with each agent around it.
     """
     mark = f"{frame}-{number}" if height == 1 else f"{frame}-{number}-{height}"
     return _derived(original, mark, f"{frame}")
 
 
 def newest_copy(ids: Iterable[str]) -> int:
-    """The last frame that has made copies with some of these ids; -1 where none has."""
+    """The last frame that has made copies with any of these ids; -1 if there are none."""
     return max((int(frame) for agent_id in ids for frame in _COPY.findall(agent_id)), default=-1)
 
 
@@ -65,7 +65,7 @@ def _derived(source: str, mark: str, before_hash: str) -> str:
 
 
 def child_ids(parents: Ids, births: NDArray[np.int64]) -> Ids:
-    """The ids of one birth of each parent; those of `child_id`."""
+    """The ids of one birth of each parent, equal to `child_id` of each."""
     names = np.strings.add(np.strings.add(parents.spelled, b":"), births.astype("S20"))
     longest = int(np.strings.str_len(names).max())
     if longest <= LONGEST:

@@ -1,4 +1,4 @@
-"""What a person may ask and tell a running world, through a command, a window or a page."""
+"""Queries and commands for a running world, as commands, windows and pages send them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from minerva_bus.grammar.batch import AnyEvent
 
 @dataclass(frozen=True, slots=True)
 class MemberStatus:
-    """One member and how it is doing.
+    """The state of a member.
 
-    `joins` counts the processes of this name that have joined, the first one and those after it.
-    `wait` is for how long its answers are waited for, in microseconds a frame; `figures` are what
-    it says itself of how it does, such as how much was `dropped`.
+    `joins` is the number of processes of this name that have joined, including restarts. `wait` is
+    the mean time for which a frame waits for its replies, in microseconds. `figures` are metrics
+    that the member reports itself, such as the number of items `dropped`.
     """
 
     name: str
@@ -39,7 +39,7 @@ class MemberStatus:
     )
 
     def figures_shown(self) -> str:
-        """The figures as a person reads them, what was dropped first."""
+        """The figures as text, with the number of dropped items first."""
         first = sorted(self.figures.items(), key=lambda pair: (pair[0] != "dropped", pair[0]))
         return ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
@@ -49,7 +49,7 @@ class MemberStatus:
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """An event of a frame, or a word about a member; `number` counts them all up from 1."""
+    """An event of a frame, or a remark about a member; `number` counts all entries from 1."""
 
     number: int
     frame: int
@@ -59,10 +59,10 @@ class LogEntry:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """What a member has printed, or what the world has said of it.
+    """A line that a member has printed, or that the world has logged about it.
 
-    `time` is in seconds since 1970; `number` counts the lines of the world up from 1; `frame` is
-    the one under way. `level` is info for what a member prints, warning for what is said of it.
+    `time` is in seconds since 1970, `frame` is the current frame, and `number` counts the lines of
+    the world from 1. `level` is "info" for output of the member, "warning" for remarks about it.
     """
 
     number: int
@@ -75,14 +75,15 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class WorldStatus:
-    """How a running world is doing.
+    """The state of a running world.
 
-    `rate` is what is wanted (frames per second; 0: as many as go) and `hz` what is reached;
-    `left` how many frames a paused world still runs; `events` are per second by type; `phases`
-    are the parts of a frame in microseconds and `bytes_in`, `bytes_out` its bytes, each the mean
-    over the last frames. `waiting` are those that a frame waits for, `waited` seconds so far.
-    `refused` tells how much was refused, by whose it was: members, people, strangers.
-    `late_frames` is how many frames took longer than real time, and `behind` by how many seconds.
+    `rate` is the requested number of frames per second (0: no limit) and `hz` the measured one.
+    `left` is the number of frames that a paused world still runs. `events` are rates per second by
+    type. `phases` are the durations of a frame's phases in microseconds, `bytes_in` and
+    `bytes_out` its bytes; each is a mean over the last frames. `waiting` are the members for which
+    the frame has waited `waited` seconds. `refused` counts rejected messages by class of sender:
+    members, people, strangers. `late_frames` have taken longer than real time, by `behind` seconds
+    in all.
     """
 
     world: str
@@ -108,64 +109,64 @@ class WorldStatus:
 
     @property
     def orders(self) -> tuple[str, ...]:
-        """The event types that somebody takes people's orders for, sorted."""
+        """The event types for which a member takes orders of people, sorted."""
         return tuple(sorted({order for member in self.members for order in member.orders}))
 
     @property
     def time(self) -> float:
-        """Simulated seconds since the world began."""
+        """Simulated seconds since the start of the world."""
         return self.frame * self.dt
 
 
 class Operator(Protocol):
-    """A person's hands on a running world; may be used from any thread.
+    """Interface to operate a running world; may be used from any thread.
 
-    Each raises BusError where the world does not answer, and where it refuses.
+    Every method raises BusError if the world does not answer or rejects the request.
     """
 
     def status(self, since: int = 0) -> WorldStatus:
-        """How the world is doing; `happenings` are those after the one numbered `since`."""
+        """The state of the world; `happenings` are the log entries after the number `since`."""
         ...
 
     def fragment(self, agent: str) -> str:
-        """The text of one agent, with what is in its scope."""
+        """The text of an agent, including its scope."""
         ...
 
     def order(self, event: AnyEvent) -> None:
-        """Send an event into the world, through those who take orders for its type."""
+        """Send an event to the members that take orders for its type."""
         ...
 
     def pause(self) -> None:
-        """Begin no frame until `resume` or `step`."""
+        """Start no further frame until `resume` or `step`."""
         ...
 
     def resume(self) -> None:
-        """Go on."""
+        """Resume a paused world."""
         ...
 
     def step(self, frames: int = 1) -> None:
-        """Run so many frames and pause."""
+        """Run a number of frames, then pause."""
         ...
 
     def set_rate(self, rate: float) -> None:
-        """Begin so many frames a second; 0: as many as go."""
+        """Set the number of frames per second; 0 removes the limit."""
         ...
 
     def restart(self, member: str) -> None:
-        """Start a process of the world file anew."""
+        """Restart a process of the world file."""
         ...
 
     def drain(self, member: str) -> Sequence[str]:
-        """Let other hosts take over the agents of a host; which hosts."""
+        """Move the agents of a host to other hosts; returns these hosts."""
         ...
 
     def logs(self, since: int = 0, member: str = "") -> Sequence[LogLine]:
-        """What members have printed and what was said of them, after the line `since`."""
+        """Log lines after the number `since`, of one member or of all."""
         ...
 
 
 class Nobody:
-    """The operator of a world that takes no orders: all it says is so."""
+    """The operator of a world that cannot be operated: every use raises MisuseError."""
 
     def __getattr__(self, name: str) -> object:
         raise MisuseError("nobody can operate this world from here")

@@ -1,4 +1,4 @@
-"""The one order of a frame's events: the order relation of 4.2.2 made total."""
+"""The order of a frame's events: the order relation of section 4.2.2, extended to a total order."""
 
 from __future__ import annotations
 
@@ -13,15 +13,12 @@ from minerva_bus.grammar.events import Event
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An order relation among event types: the first of `types` goes first.
-
-    Types that it does not list come after all that it does, by name.
-    """
+    """An order relation among event types: `types` in order, then all other types by name."""
 
     types: tuple[str, ...] = ()
 
     def key(self, event_type: str, source: str, sequence: int) -> tuple[int, str, str, int]:
-        """The order key: priority of the type, type, source's name, sequence number."""
+        """The sort key of an event: priority of its type, type, source, sequence number."""
         known = event_type in self.types
         priority = self.types.index(event_type) if known else len(self.types)
         return priority, event_type, source, sequence
@@ -30,8 +27,8 @@ class Order:
 def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[AnyEvent, ...]:
     """E(C*, t), equation 6: all events of all generators, in order, each once.
 
-    `sources` has each source's events in the order in which it made them. The events of a type
-    become one batch if some of them are in a batch.
+    `sources` has the events of each source in the order in which it generated them. The events of
+    a type become one batch if any of them is in a batch.
     """
     keyed = [
         (order.key(event.type, source, sequence), event)
@@ -42,14 +39,14 @@ def collect(order: Order, sources: Mapping[str, Sequence[AnyEvent]]) -> tuple[An
     events = [event for _, event in keyed]
     if not any(isinstance(event, Events) for event in events):
         return tuple(dict.fromkeys(events))
-    found: list[AnyEvent] = []
+    collected: list[AnyEvent] = []
     for _, group in groupby(events, lambda event: event.type):
-        found += _each_once(list(group))
-    return tuple(found)
+        collected += _each_once(list(group))
+    return tuple(collected)
 
 
 def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
-    """Events of one type, each once; in columns where they all can be."""
+    """Events of one type, each once; as one batch if their forms agree."""
     if not any(isinstance(event, Events) for event in events):
         return dict.fromkeys(events)
     parts: list[Events | None] = []
@@ -58,8 +55,8 @@ def _each_once(events: list[AnyEvent]) -> Iterable[AnyEvent]:
             parts += cast("Iterator[Events]", group)
         else:
             parts.append(Events.of(list(cast("Iterator[Event]", group))))
-    whole = None if None in parts else Events.concatenated(cast("list[Events]", parts))
-    return dict.fromkeys(single(events)) if whole is None else [whole.distinct()]
+    batch = None if None in parts else Events.concatenated(cast("list[Events]", parts))
+    return dict.fromkeys(single(events)) if batch is None else [batch.distinct()]
 
 
 def _first(pair: tuple[tuple[int, str, str, int], AnyEvent]) -> tuple[int, str, str, int]:

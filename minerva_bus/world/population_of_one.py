@@ -1,4 +1,4 @@
-"""One agent through methods that are written for populations: as a population of one."""
+"""Methods for populations applied to a single agent, as a population of one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
     """λ of one agent from the λ of a population."""
     together: bool = getattr(activity, TOGETHER, False)
 
-    def alone(agent: Agent, event: Event, moment: Context) -> Scene | None:
+    def apply(agent: Agent, event: Event, moment: Context) -> Scene | None:
         state, population = _population_of(agent)
         given = EventBatch(Events.repeated(event, 1)) if together else event
         returns_nothing(activity(population, given, moment.batch(population)))
@@ -37,19 +37,19 @@ def as_one(activity: Activity) -> Callable[[Any, Event, Context], Scene | None]:
             return Scene(tuple(young)) if young else EMPTY
         return agent.string + Scene(tuple(young)) if young else None
 
-    alone.__wrapped__ = activity  # type: ignore[attr-defined]
-    return alone
+    apply.__wrapped__ = activity  # type: ignore[attr-defined]
+    return apply
 
 
 def view_as_one(view: Callable[[Any, Any], Any]) -> Callable[[Any, Event], Scene]:
     """θ of one agent from the θ of a population."""
 
-    def alone(agent: Agent, event: Event) -> Scene:
+    def apply(agent: Agent, event: Event) -> Scene:
         _, population = _population_of(agent)
         return view(population, event)
 
-    alone.__wrapped__ = view  # type: ignore[attr-defined]
-    return alone
+    apply.__wrapped__ = view  # type: ignore[attr-defined]
+    return apply
 
 
 def _population_of(agent: Agent) -> tuple[PopulationState, Population]:

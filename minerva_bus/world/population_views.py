@@ -1,4 +1,4 @@
-"""π of agents that are held in columns: what equation 5 shows of them, all at once."""
+"""π of agents in columns (equation 5), computed for all agents at once."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from minerva_bus.world.population import Population, PopulationState
 def view_of_population(
     part: Columns, addressed: Addressed, cls: type[Agent], frame: int
 ) -> Scene | None:
-    """The views of agents in columns, or None where they have to be shown one by one.
+    """The views of agents in columns, or None if they must be visualized one by one.
 
-    At once is for one event to all, and a view that is written for a population. Raises
+    One call suffices for a single event to all agents and a method for populations. Raises
     ActivityError.
     """
     concerning = [event for event in addressed.events if event.type in cls.views]
@@ -54,7 +54,7 @@ def _willing(part: Columns, event: Event) -> Rows | None:
 
 
 def returned(shown: object) -> Scene:
-    """What a view may return. Raises TypeError."""
+    """The result of a view method, if it is a string. Raises TypeError."""
     if shown is None:
         raise TypeError("a view returns a string, not None; to show nothing, return EMPTY")
     if not isinstance(shown, Scene):
@@ -63,7 +63,7 @@ def returned(shown: object) -> Scene:
 
 
 def _one_each(result: object, count: int) -> Scene:
-    """A string with a node for each of some agents, or the same for all of them."""
+    """A string with a node for each of `count` agents, or with equal nodes for all."""
     shown = returned(result)
     left = next(agents(shown), None)
     if left is not None:

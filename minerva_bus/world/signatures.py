@@ -1,4 +1,4 @@
-"""What a method must take, checked when its class is made: not in the first frame that calls it."""
+"""Checks of method signatures when a class is defined, before the first frame calls them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from minerva_bus.source import handler_name
 
 
 def check_signature(function: Any, what: str, expected: Sequence[str]) -> None:
-    """Whether a function can be called with so many positional arguments.
+    """Raise SignatureError if a function cannot be called with the expected arguments.
 
-    `expected` names them, beginning with `self`, and `what` says what the function is. Whatever is
-    no plain function, such as a static method, is not checked. Raises SignatureError.
+    `expected` are the names of positional arguments, beginning with `self`; `what` describes the
+    function in the error. Only plain functions are checked, not static methods, for example.
     """
     if not isinstance(function, FunctionType):
         return
@@ -32,7 +32,7 @@ def check_signature(function: Any, what: str, expected: Sequence[str]) -> None:
 
 
 def check_overridden(cls: type, base: type, names: Sequence[str]) -> None:
-    """Whether what a class defines can be called as its base's are. Raises SignatureError."""
+    """Raise SignatureError if a class overrides methods of its base with other arguments."""
     for name in names:
         function = vars(cls).get(name)
         if function is not None:

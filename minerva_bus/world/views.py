@@ -1,4 +1,4 @@
-"""θ of one agent (equation 4) and π of a whole string (equation 5)."""
+"""θ, the view of an agent (equation 4), and π, the view of a string (equation 5)."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def visualize(
     kinds: Iterable[type[Agent]] | Kinds,
     frame: int = 0,
 ) -> Scene:
-    """π(w, e^v), equation 5: the string of L(E) that shows w to the visual events.
+    """π(w, e^v), equation 5: the string of L(E) that represents w for the visual events.
 
-    An agent whose kind has no view for any of the events shows as ε. Raises ActivityError where
-    user code did.
+    The view of an agent whose kind has no method for any of the events is ε. Raises ActivityError
+    if user code fails.
     """
     concerning = addressed(events)
     classes = kinds_of(kinds)
@@ -64,7 +64,7 @@ def visualize(
 
 def _view(cls: type[Agent], node: AgentNode, event: Event, frame: int) -> Scene:
     """θ(a, e), equation 4."""
-    shown = identities(node.scope)  # of L(E) already, and perhaps very deep
+    shown = identities(node.scope)  # already of L(E), and possibly very deep
     show = cls.views[event.type]
     try:
         result = returned(show(cls.thaw(node), event))
