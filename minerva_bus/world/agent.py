@@ -1,4 +1,4 @@
-"""Agents as people write them: a class whose attributes are the state and whose methods are λ, θ.
+"""Agent classes: the attributes are the state st ∈ ST, the methods are λ and θ.
 
     class Fox(Agent, symbol="AFox"):
         energy: float = 10.0
@@ -13,9 +13,9 @@
         def picture(self, event):
             return TMove(self.x, self.y)(PFox())
 
-A method under `@on` is λ for one event type (equation 2). It changes `self`, or returns the string
-that replaces the agent: ε (it dies), `self.string + self.child(...)` (a birth), anything of L(M).
-A method under `@view` is θ (equation 4): it returns primitives and transformations only.
+A method marked with `@on` is λ for an event type (equation 2). It changes `self`, or returns the
+string of L(M) that replaces the agent: ε for a death, `self.string + self.child(...)` for a birth.
+A method marked with `@view` is θ (equation 4): it returns primitives and transformations only.
 """
 
 from __future__ import annotations
@@ -66,26 +66,28 @@ def on(
 ) -> Callable[[_F], _F]:
     """Mark a method `(self, event, moment)` as the activity for these event types.
 
-    With `population`, `self` is many agents at once (world/population.py). With `together`, `event`
-    is all events of a frame for one type, in one call: its data are arrays with a row for each
-    event, and `event.row` says which agent each event is for. `together` implies `population`,
-    unless that is False: then `self` is one agent and gets all its events, as a robot gets a scan.
+    With `population`, `self` is a population (world/population.py). With `together`, `event` is an
+    `EventBatch` of all events of the type in a frame: data are arrays with a row per event, and
+    `event.row` has the receivers. `together` implies `population` unless that is False: then `self`
+    is one agent and the batch has its events only, for example the beams of a scan.
 
-    With a `probability` h, from 0 to 1 or the name of an attribute that has it, the agent is an
-    a^{d,h} of section 5: it answers each event of these types with that probability only.
+    With a `probability` h, a number from 0 to 1 or the name of an attribute, the agent is an
+    a^{d,h} of section 5: it responds to each event of these types with that probability.
+
+    Raises MisuseError.
     """
     if isinstance(probability, bool) or not isinstance(probability, float | int | str):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise MisuseError("a probability is a number from 0 to 1, or the name of an attribute")
     h = probability if isinstance(probability, str) else float(probability)
-    many = together if population is None else population
-    return _mark(ON, event_types, many, together, h)
+    for_population = together if population is None else population
+    return _mark(ON, event_types, for_population, together, h)
 
 
 def view(*event_types: str, population: bool = False) -> Callable[[_F], _F]:
     """Mark a method `(self, event)` as the view for these visual event types.
 
-    With `population` it is written for many agents at once: it returns a string with one node for
-    each of them, as primitives and transformations give where their parameters are arrays.
+    With `population`, `self` is a population, and the method returns a string with a node per
+    agent: primitives and transformations whose parameters are arrays make one. Raises MisuseError.
     """
     return _mark(VIEW, event_types, population, False, 1.0)
 
@@ -111,11 +113,11 @@ def _mark(
 
 
 class Agent:
-    """Base of all agent classes; `symbol` names the kind in the vocabulary.
+    """Base of all agent classes; `symbol` is the name of the kind in the vocabulary.
 
-    `rest` names the attributes that say what an agent carries out, as a robot's action does: where
-    a norm refuses what λ has made of it, they say nothing (0, false, "", (), and of a string its
-    primitives only).
+    `rest` names the attributes that are commands, such as a robot's action. If a norm rejects the
+    result of λ, they are reset: to 0, false, "" or (), and a string to its primitives without
+    transformations.
     """
 
     kind: ClassVar[AgentKind]
@@ -124,7 +126,7 @@ class Agent:
     population: ClassVar[dict[str, Handler]] = {}
     population_views: ClassVar[dict[str, ViewHandler]] = {}
     batches: ClassVar[frozenset[str]] = frozenset()
-    """Event types of which a method for one agent takes all events of a frame in one call."""
+    """Event types with a method for one agent that takes all events of a frame in one call."""
 
     id: str
     scope: Scene
@@ -173,10 +175,7 @@ class Agent:
 
     @classmethod
     def thaw(cls, node: AgentNode) -> Self:
-        """The agent that a node describes, to be changed by its activities.
-
-        Raises MisuseError where the node is none of this kind.
-        """
+        """A mutable agent with the state of a node. Raises MisuseError if that does not fit."""
         fields, values = cls.kind.fields, node.values
         if node.names is not fields.names:
             try:
@@ -191,15 +190,16 @@ class Agent:
         return agent
 
     def freeze(self) -> AgentNode:
-        """The node that describes this agent now; the very node it came from if nothing changed.
+        """A node with the current state; the node that it was thawed from if nothing changed.
 
-        Raises MisuseError where an attribute has been given a value of a wrong type, or one has
-        been added or taken away.
+        Raises MisuseError if an attribute has a value of a wrong type, or if an attribute was added
+        or deleted.
         """
         fields, state, old = self.kind.fields, self.__dict__, self._node
         values = [state[name] for name in fields.names if name in state]
+        # Names are compared only if their number differs: this runs for every agent and event.
         if len(state) != len(values) + len(_OWN) or len(values) != len(fields.names):
-            self._refuse_strangers()
+            self._check_names()
         stayed = old is not None and self.scope is old.scope and old.names is fields.names
         if old is not None and stayed and all(map(is_, values, old.values)):
             self._check_own(old)
@@ -221,7 +221,7 @@ class Agent:
                 f"the scope of #{self.id} must be a string, not {self.scope!r}", "scope"
             )
 
-    def _refuse_strangers(self) -> None:
+    def _check_names(self) -> None:
         names, state = self.kind.fields.names, self.__dict__
         owner = f"{self.kind.name}#{self.id}"
         for name in names:
@@ -230,35 +230,37 @@ class Agent:
         for name in sorted(state):
             if name not in names and name not in _OWN and not name.startswith("_"):
                 raise StateError(
-                    f"{owner} has no {name}, so it would be lost; declare it in the class, or"
-                    f" begin its name with _ if it need not last{nearest(name, list(names))}",
+                    f"{owner} has no {name}, so its value would be lost; declare it in the class,"
+                    f" or begin its name with _ if it is temporary{nearest(name, list(names))}",
                     name,
                 )
 
     @classmethod
     def many(cls, ids: Ids | Sequence[str] | str, count: int = 0, **state: Any) -> Scene:
-        """The string of many agents, held in columns.
+        """The string of n agents, held in columns.
 
-        `ids` are as many ids, or what `count` ids begin with: `Fox.many("fox", 1000, x=array)` are
-        fox0 to fox999. The state has arrays, shape (n,), or one value for all. Raises MisuseError.
+        `ids` are n ids, or the stem of `count` ids: `Fox.many("fox", 1000, x=array)` are fox0 to
+        fox999. Values of `state` are arrays of shape (n,), or one value for all. Raises
+        MisuseError.
         """
-        found = Ids.numbered(ids, range(count)) if isinstance(ids, str) else ids
-        column = found if isinstance(found, Ids) else Ids.of(found)
+        if isinstance(ids, str):
+            ids = Ids.numbered(ids, range(count))
+        column = ids if isinstance(ids, Ids) else Ids.of(ids)
         fields, owner = cls.kind.fields, cls.kind.name
         columns = fields.columns(owner, state, len(column))
         if not len(column):
             return EMPTY
-        if (strange := column.strange) is not None:
-            raise MisuseError(no_id(strange))
+        if (invalid := column.strange) is not None:
+            raise MisuseError(no_id(invalid))
         return Scene((Columns(owner, fields.names, columns, len(column), column),))
 
     @property
     def string(self) -> Scene:
-        """The agent, as it is now, as a string."""
+        """The agent in its current state, as a string."""
         return Scene((self.freeze(),))
 
     def writable(self, name: str) -> Any:
-        """A matrix attribute as an array that may be written to; copied once in a frame."""
+        """A matrix attribute as a writable array; copied at most once in a frame."""
         array: np.ndarray[Any, Any] = getattr(self, name)
         if not array.flags.writeable:
             array = array.copy()
@@ -266,10 +268,10 @@ class Agent:
         return array
 
     def child(self, kind: type[Agent] | None = None, **state: Any) -> Scene:
-        """A newborn of this kind or another, with an id made from this one's.
+        """A newborn of this kind, or of `kind`, with an id that derives from this agent's.
 
-        Counts in the attribute `births`, which the parent's kind must declare, so that ids are
-        the same wherever and whenever the world runs.
+        Increments the attribute `births`, which the parent's kind must declare, so that ids are
+        equal wherever and whenever the world runs. Raises MisuseError.
         """
         check_births(self.kind)
         births: int = self.__dict__["births"] + 1
@@ -277,10 +279,10 @@ class Agent:
         return (kind or type(self))(child_id(self.id, births), **state).string
 
     def counted(self, own: AgentNode) -> AgentNode:
-        """A node of this agent that knows of every birth so far.
+        """The node `own` of this agent with the current number of births.
 
-        In `self.string + self.child()` the string is from before the birth; without this the next
-        child would get the same id.
+        In `self.string + self.child()` the string is older than the birth, so the next child would
+        get the same id otherwise.
         """
         births, known = self.__dict__.get("births"), own.state.get("births")
         if not isinstance(births, int) or not isinstance(known, int) or births <= known:
@@ -308,7 +310,7 @@ def _check_columns(kind: AgentKind, population: Collection[str]) -> None:
         if field.type.kind not in SCALARS:
             raise MisuseError(
                 f"{kind.name} has methods for populations, so its attributes must be numbers,"
-                f" truths or texts; {field.name} is a {field.type}"
+                f" bools or texts; {field.name} is a {field.type}"
             )
 
 

@@ -1,4 +1,4 @@
-"""What user code may know and do in the frame in which it runs."""
+"""Contexts: the frame in which user code runs, its random streams, and emission of events."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One frame t of a world: its number, its duration `dt` in seconds, and the world's seed."""
+    """A frame t of a world: its number, its duration `dt` in seconds, and the world's seed."""
 
     number: int = 0
     dt: float = 0.1
@@ -37,7 +37,7 @@ class Frame:
 
 
 class FrameStreams:
-    """All random streams of some agents in a frame."""
+    """All random streams of the agents with these ids in a frame."""
 
     __slots__ = ("_answers", "_frame", "_generators", "_ids", "draws")
 
@@ -50,11 +50,11 @@ class FrameStreams:
 
     @property
     def alone(self) -> bool:
-        """Whether these are the streams of one agent."""
+        """Whether these are the streams of a single agent."""
         return len(self._ids) == 1
 
     def answers(self, event_type: str) -> Streams:
-        """The streams that decide which events of a type are answered by chance."""
+        """The streams that decide which events of a type the agents respond to."""
         streams = self._answers.get(event_type)
         if streams is None:
             key = answer_key(self._frame.seed, self._frame.number, event_type)
@@ -71,7 +71,7 @@ class FrameStreams:
 
 
 class InFrame:
-    """When a piece of user code runs."""
+    """Number, duration and time of the current frame."""
 
     __slots__ = ()
     frame: Frame
@@ -83,21 +83,21 @@ class InFrame:
 
     @property
     def dt(self) -> float:
-        """Simulated seconds that a frame lasts."""
+        """Duration of a frame in simulated seconds."""
         return self.frame.dt
 
     @property
     def time(self) -> float:
-        """Simulated seconds since the world began."""
+        """Simulated seconds since the start of the world."""
         return self.frame.number * self.frame.dt
 
 
 @dataclass(slots=True)
 class Context(InFrame):
-    """A frame as one agent or generator sees it.
+    """The context of one agent or generator in a frame.
 
-    `who` is the generator's name, or `#id` for an agent. The agents of a population share the
-    random streams of the frame: each has those in its `row`.
+    `who` is the generator's name, or `#id` for an agent. The agents of a population share a
+    `FrameStreams`, in which each has the streams of its `row`.
     """
 
     frame: Frame
@@ -108,11 +108,11 @@ class Context(InFrame):
     _rng: Rng | None = field(default=None, repr=False)
 
     def enter(self, row: int, agent_id: str) -> None:
-        """Continue as the agent with this id, which has the streams in this row."""
+        """Switch to the agent with this id and the streams of this row."""
         self.row, self.who, self._rng = row, "#" + agent_id, None
 
     def shared_streams(self) -> FrameStreams:
-        """The streams that this one is among; those of it alone unless others were given."""
+        """The streams of the population, or of this agent alone."""
         if self.streams is None:
             self.streams = FrameStreams((self.who.removeprefix("#"),), self.frame)
             if self._rng is not None:
@@ -126,7 +126,7 @@ class Context(InFrame):
 
     @property
     def chance(self) -> Rng:
-        """The draws of this agent or generator in this frame; equal to those of a population."""
+        """The random numbers of this agent or generator, equal to those in a population."""
         rng = self._rng
         if rng is None:  # kept, because most methods draw several times
             if self.streams is not None:
@@ -138,21 +138,21 @@ class Context(InFrame):
         return rng
 
     def batch(self, population: Population) -> BatchContext:
-        """The same frame for a population of this one agent, with the same streams."""
+        """The context of a population that consists of this agent, with the same streams."""
         alone = self.streams is None or self.streams.alone
         rows = None if alone else np.array([self.row], np.intp)
         streams, self._rng = self.shared_streams(), None  # its stream moves on in the batch
         return BatchContext(self.frame, streams.draws, population, rows)
 
     def answers(self, event_type: str, probability: float) -> bool:
-        """Whether an agent answers the next event of a type that it answers by chance.
+        """Whether the agent responds to the next event of a type, with a probability.
 
-        Takes a number for each such event from a stream for each (seed, agent, frame, type).
+        Each such event takes a number from the stream of (seed, agent, frame, type).
         """
         return self.shared_streams().answers(event_type).row(self.row).chance(probability)
 
     def emit(self, event: AnyEvent) -> None:
-        """Send an event, or several; they belong to the next frame. An agent's carry its id."""
+        """Emit an event or a batch into the next frame; the sender is the agent, if any."""
         if isinstance(event, Events):
             for each in event:
                 self.emit(each)
@@ -166,7 +166,7 @@ class Context(InFrame):
 
 
 class BatchContext(InFrame):
-    """A frame as many agents see it at once; `rows` are theirs in the streams, None: all."""
+    """The context of a population in a frame; `rows` are its rows in the streams, None for all."""
 
     __slots__ = ("_population", "_rows", "_streams", "frame")
 
@@ -180,21 +180,22 @@ class BatchContext(InFrame):
 
     @property
     def chance(self) -> RngBatch:
-        """The agents' draws: one number for each, from its own stream."""
+        """The random numbers of the agents, each from the agent's own stream."""
         return self._streams.batch(self._rows)
 
     @property
     def random(self) -> Any:
-        """A single agent has it; a population has not."""
+        """Available to single agents only; raises MisuseError."""
         raise MisuseError(
             "moment.random is for one agent; a population draws from moment.chance, one number for"
             " each (a single agent may use it too, and gets the same numbers)"
         )
 
     def emit(self, event: AnyEvent, where: Mask = True) -> None:
-        """Send an event from each agent where the mask is true; they belong to the next frame.
+        """Emit an event into the next frame from each agent where the mask is true.
 
-        `eGive(amount=array, receivers=ids)` has a row for each of the agents, or for each sender.
+        A batch, such as `eGive(amount=array, receivers=ids)`, has a row for each agent or for each
+        sender. Raises MisuseError.
         """
         self._population._emit(event, where)  # pyright: ignore[reportPrivateUsage]
 

@@ -1,4 +1,4 @@
-"""What the class of an agent declares: its state ST by its annotations, D by its marked methods."""
+"""Declarations of agent classes: the state ST by annotations, D by marked methods."""
 
 from __future__ import annotations
 
@@ -25,44 +25,43 @@ ARGUMENTS: Final = {
 
 
 def handlers(cls: type, mark: str) -> dict[str, Callable[..., Any]]:
-    """The methods under a mark by event type; a subclass's go before those it inherits.
+    """The methods with a mark by event type; those of a subclass precede inherited ones.
 
-    A method that is overridden without a mark keeps that of the one it overrides. Raises
-    MisuseError where one class has two methods for one event type, and SignatureError where one
-    takes other arguments.
+    A method that overrides a marked one without a mark inherits its event types. Raises MisuseError
+    if a class has two methods for an event type, and SignatureError for wrong arguments.
     """
-    found: dict[str, str] = {}
+    methods: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         own: dict[str, str] = {}
         for name, function in vars(base).items():
             event_types: tuple[str, ...] = getattr(function, mark, ())
             if event_types or not callable(function):
-                found = {event: method for event, method in found.items() if method != name}
+                methods = {event: method for event, method in methods.items() if method != name}
             for event_type in event_types:
                 if own.setdefault(event_type, name) != name:
                     raise MisuseError(
                         f"{base.__name__} has two methods for {event_type}:"
                         f" {own[event_type]} and {name}"
                     )
-        found |= own
-    for name in set(found.values()) & vars(cls).keys():
+        methods |= own
+    for name in set(methods.values()) & vars(cls).keys():
         check_signature(vars(cls)[name], *ARGUMENTS[mark])
-    return {event_type: getattr(cls, name) for event_type, name in found.items()}
+    return {event_type: getattr(cls, name) for event_type, name in methods.items()}
 
 
 def takes_batch(function: Callable[..., Any]) -> bool:
-    """Whether a method for single agents takes all events of a frame in one call."""
+    """Whether a method is for one agent and takes all events of a frame in one call."""
     return getattr(function, TOGETHER, False) and not getattr(function, POPULATION, False)
 
 
 def chances_of(
     cls: type, activities: Mapping[str, Callable[..., Any]]
 ) -> tuple[tuple[str, float | str], ...]:
-    """The event types that a class answers with a probability only, sorted: h of a^{d,h}.
+    """Event types, sorted, that a class responds to with a probability: h of a^{d,h}.
 
-    A method that is overridden without a mark keeps the probability of the one it overrides.
+    A method that overrides a marked one without a mark inherits its probability.
     """
-    found: dict[str, float | str] = {}
+    chances: dict[str, float | str] = {}
     for event_type, function in activities.items():
         marked = (vars(base).get(function.__name__) for base in cls.__mro__)
         first = next(
@@ -70,14 +69,14 @@ def chances_of(
         )
         probability: float | str = getattr(first, PROBABILITY, 1.0)
         if probability != 1.0:
-            found[event_type] = probability
-    return tuple(sorted(found.items()))
+            chances[event_type] = probability
+    return tuple(sorted(chances.items()))
 
 
 def state_of(cls: type, root: type) -> Fields:
-    """The attributes that the annotations of a class and its bases below `root` declare.
+    """The attributes that a class and its bases below `root` declare by annotations.
 
-    Names that begin with _ and class variables are no state. Raises MisuseError.
+    Class variables and names that begin with _ are not part of the state. Raises MisuseError.
     """
     hints = _hints(cls)
     taken = {name for name in (*dir(root), *get_annotations(root)) if not name.startswith("_")}

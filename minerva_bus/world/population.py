@@ -5,9 +5,9 @@
         self.energy -= hunger.amount
         self.die(self.energy <= 0)
 
-`self` holds only the agents that the events concern, each once. Its attributes and the data of
-`hunger` are arrays of shape (n,), with a row for each. (Data are single values where one event is
-for all.) An agent with several events in a frame gets them one after another, in several calls.
+`self` has the agents that the events concern, each once. Its attributes and the data of `hunger`
+are arrays of shape (n,) with a row per agent; data are single values if one event is for all. An
+agent with several events in a frame processes them in several calls.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Birth:
 class PopulationState:
     """Working state of a population within a frame: arrays, deaths, births and sent events.
 
-    An attribute is copied from `part`, the agents at the beginning of the frame, when it is first
-    written. With `lasting=False` nothing is kept, as for a view.
+    An attribute is copied from `part`, the agents at the start of the frame, on first access by
+    user code. With `lasting=False`, as for views, it is not copied, because views do not write.
     """
 
     def __init__(self, part: Columns, fields: Fields, *, lasting: bool = True) -> None:
@@ -93,13 +93,13 @@ class PopulationState:
         array = self.arrays.get(name)
         if array is None:
             array = self.part.column(name)
-            if self._lasting:  # otherwise nobody has a reason to write, and a copy is wasted
+            if self._lasting:
                 array = self.arrays[name] = array.copy()
         return array
 
 
 class Population:
-    """The agents in some rows of a `PopulationState`, or in all; see the module."""
+    """The agents in the given rows of a `PopulationState`, or in all; see the module."""
 
     __slots__ = ("_kind", "_rows", "_state")
     _state: PopulationState
@@ -161,16 +161,15 @@ class Population:
             raise MisuseError(f"{self._kind.kind.name}: {name} must be {unfit}") from None
 
     def die(self, where: Mask = True) -> None:
-        """Remove the agents where the mask is true; they meet no further event."""
+        """Remove the agents where the mask is true; they process no further event."""
         rows = self._chosen(where)
         if len(rows):
             self._state.leave(rows)
 
     def bear(self, where: Mask = True, kind: type[Agent] | None = None, **state: Any) -> None:
-        """Give each agent where the mask is true a newborn beside it, as `child` of one agent does.
+        """Place a newborn beside each agent where the mask is true, as `Agent.child` does.
 
-        Values of `state` may be arrays, of shape (n,) for all agents or with a row for each birth.
-        Raises MisuseError.
+        Values of `state` may be arrays with a row per agent, or per birth. Raises MisuseError.
         """
         check_births(self._kind.kind)
         rows = self._chosen(where)
@@ -192,14 +191,16 @@ class Population:
         senders = Ids(ids.stem, ids.data[rows])
         if isinstance(event, Event):
             if len(event.receivers) > 1:
-                raise MisuseError("an event of a population has one receiver for each, or none")
+                raise MisuseError("an event of a population has at most one receiver per agent")
             batch = Events.repeated(event, len(rows))
         else:
             batch = event
             if batch.count == len(self) != len(rows):
                 batch = batch.take(np.flatnonzero(where))
             if batch.count != len(rows):
-                raise MisuseError(f"{batch.count} events from {len(rows)} agents; one from each")
+                raise MisuseError(
+                    f"{batch.count} events from {len(rows)} agents; expected one each"
+                )
         if len(rows):
             self._state.sent.append((rows, replace(batch, senders=senders)))
 
@@ -221,7 +222,7 @@ class Population:
 
 
 def returns_nothing(result: object) -> None:
-    """Check what an activity of a population has returned. Raises TypeError."""
+    """Raise TypeError if an activity of a population has returned anything but None."""
     if result is not None:
         raise TypeError(
             "an activity of a population returns nothing: self.die(mask), self.bear(mask, ...)"

@@ -1,7 +1,7 @@
-"""η of agents that are held in columns: what equation 3 makes of them, all at once.
+"""η of agents in columns (equation 3), computed for all agents at once.
 
-Each agent processes its events in order, with the results that an `AgentStep` has. Methods for a
-population run on arrays; methods for one agent run over the rows, one agent after another.
+The results are those of an `AgentStep` per agent. Methods for populations run on arrays; methods
+for one agent run for one row after another.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class PopulationStep:
         With `at_once` a row may occur several times in a batch.
         """
         for item in items:
-            # an answer by chance is drawn for each event, which takes rows that occur once
+            # A probability takes a draw per event, and a batch of draws has each row once.
             once = not at_once or self._steps or item.type in self._probabilities
             for event, rows in rounds(item, self._ids, at_once=not once):
                 if self._steps:
@@ -101,7 +101,7 @@ class PopulationStep:
                     yield left
 
     def _answering(self, event: AnyEvent, rows: Rows | None) -> Round | None:
-        """Those that answer an event which they answer by chance."""
+        """The part of a round whose receivers respond, for a type with a probability."""
         probability: Any = self._probabilities[event.type]
         if isinstance(probability, str):
             self._settle(event)
@@ -113,14 +113,14 @@ class PopulationStep:
         return narrowed(event, rows, keep)
 
     def _willing(self, event: AnyEvent, keep: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-        """Those for which the condition holds."""
+        """The agents for which the condition of an event holds, as a mask."""
         self._settle(event)
         values = {name: self._state.value(name) for name in self._state.fields.names}
         willing = holds_of_many(event.condition, values, len(self._ids))
         return willing if keep is None else willing & keep
 
     def _continue_steps(self, event: AnyEvent, rows: Rows | None) -> None:
-        """Let the agents that have left the arrays process an event of a round."""
+        """Process a round for the agents that have left the arrays."""
         places = None if rows is None else {row: place for place, row in enumerate(rows.tolist())}
         for row, step in self._steps.items():
             cls = self._kinds.get(step.symbol)
@@ -133,7 +133,7 @@ class PopulationStep:
     # --- methods for populations ---
 
     def _run_together(self, activity: Activity, items: Sequence[AnyEvent]) -> None:
-        """Pass all events of a type in one call."""
+        """Pass all events of a type to a method for populations, in one call."""
         events, row, chosen = self._batch(items)
         if not len(row):
             return
@@ -148,7 +148,7 @@ class PopulationStep:
         self._run_population(activity, EventBatch(events, row, chosen), shown, concerned)
 
     def _batch(self, items: Sequence[AnyEvent]) -> tuple[Events, Rows, Rows | None]:
-        """Events of one type, the row of each, and which of them concern an agent here."""
+        """Events of one type, the row of each receiver, and which of the events to take."""
         first = items[0]
         simple = len(items) == 1 and not self._steps and self._state.away is None
         simple &= first.type not in self._probabilities
@@ -168,14 +168,14 @@ class PopulationStep:
         ]
         events = joined(parts)
         if events is None:
-            raise MisuseError(f"{first.type} comes in forms that cannot be taken together")
+            raise MisuseError(f"events {first.type} have different forms and cannot be one batch")
         return events, np.concatenate(receiving), None
 
     def _run_population(
         self, activity: Activity, given: Any, event: AnyEvent, rows: Rows | None
     ) -> None:
         if rows is not None and len(rows) == len(self._ids):
-            rows = None  # each row occurs once, so these are all, in order
+            rows = None  # each row occurs once, so these are all rows in order
         self._settle(event)
         self._adapter.forget()
         self._state.turn += 1
@@ -199,7 +199,7 @@ class PopulationStep:
         self._run_each(activity, item, rows, calls)
 
     def _run_batches(self, activity: Activity, items: Sequence[AnyEvent]) -> None:
-        """Pass each agent all its events of a type in one call."""
+        """Pass each agent all its events of a type, in one call per agent."""
         events, row, chosen = self._batch(items)
         if not len(row):
             return
@@ -219,9 +219,9 @@ class PopulationStep:
         rows: Rows | None,
         calls: Iterable[tuple[Event, Event | EventBatch]],
     ) -> None:
-        """Run a method for each agent in turn.
+        """Run a method for one agent after another.
 
-        `calls` has for each the event that an error names and what the method gets.
+        `calls` has for each agent the event that an error would name, and the method's argument.
         """
         agents = self._adapter.agents(rows)
         chosen = range(len(agents)) if rows is None else rows.tolist()
@@ -246,7 +246,7 @@ class PopulationStep:
     def _let_go(
         self, row: int, agent: Agent, activity: Activity, result: Any, event: Event
     ) -> None:
-        """Take an agent out of the arrays: it is more, less or other than a row from now on."""
+        """Move an agent from the arrays to an `AgentStep`, because it is no longer one row."""
         context = Context(self._frame, "#" + agent.id, streams=self._streams, row=row)
         step = AgentStep(self._node(row), self._kinds, context, agent)
         step.returned(activity, result, event)
@@ -255,7 +255,7 @@ class PopulationStep:
         self._adapter.drop(row)
 
     def _settle(self, event: AnyEvent) -> None:
-        """Write the states of agent objects into the arrays."""
+        """Write the states of agent objects to the arrays, for methods and conditions on arrays."""
         try:
             grown = self._adapter.settle()
         except MinervaError as error:
@@ -266,7 +266,7 @@ class PopulationStep:
     # --- the end of the frame ---
 
     def end(self, event: AnyEvent) -> tuple[Scene, tuple[AnyEvent, ...]]:
-        """The string that they have become, and the events sent, by type and in order."""
+        """The string of the agents after the frame, and the emitted events by type."""
         self._settle(event)
         steps = sorted(self._steps.items())
         sent = [*self._sent, *((row, step.context.emitted) for row, step in steps)]
@@ -295,7 +295,7 @@ class PopulationStep:
 def evolve_population(
     part: Columns, addressed: Addressed, kinds: Kinds, frame: Frame
 ) -> tuple[Scene, tuple[AnyEvent, ...]]:
-    """η of agents in columns, and the events that they sent. Raises ActivityError."""
+    """η of agents in columns, and the events that they emitted. Raises ActivityError."""
     cls = kinds[part.symbol]
     if not addressed.types & cls.activities.keys():
         return Scene((part,)), ()

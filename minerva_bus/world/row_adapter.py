@@ -1,4 +1,4 @@
-"""Rows of a population as the agent objects that methods for one agent are written for."""
+"""Agent objects for the rows of a population, so that methods for one agent can run on rows."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _OWN = 3  # id, scope and _node beside the state
 
 
 class RowAdapter:
-    """The agents in the rows of a population, made when a method for one agent first needs them.
+    """Agent objects for the rows of a population, created on first use.
 
-    They are kept from frame to frame beside the columns that they have become, because making
-    them costs more than most methods do; until those columns are evolved in another way.
+    They are cached from frame to frame with the columns that they have become, because creating
+    them takes longer than most methods. The cache is dropped when the columns change otherwise.
     """
 
     def __init__(self, cls: type[Agent], state: PopulationState) -> None:
@@ -39,7 +39,7 @@ class RowAdapter:
         self._all: list[Agent] | None = None
         self._kept, self._texts = _taken(state.part, cls)
         self.at_fault = 0
-        """The row of the agent whose state was not valid."""
+        """The row of the agent with an invalid state."""
 
     def agents(self, rows: Rows | None) -> Sequence[Agent]:
         """The agents in these rows, or in all."""
@@ -87,7 +87,7 @@ class RowAdapter:
         return self._texts
 
     def drop(self, row: int) -> None:
-        """Forget an agent that has left the arrays."""
+        """Drop an agent that has left the arrays."""
         if self._all is not None:
             self._made = dict(enumerate(self._all))
             self._all = None
@@ -95,20 +95,20 @@ class RowAdapter:
         del self._made[row]
 
     def forget(self) -> None:
-        """Forget all agents, because their rows are about to be written otherwise."""
+        """Drop all agents, because their rows are about to change."""
         self._made, self._all, self._kept = {}, None, None
 
     def keep(self, part: Columns) -> None:
-        """Keep all agents beside the columns that they are at the end of the frame."""
+        """Cache all agents with the columns that they are at the end of the frame."""
         every = self._all or self._kept
         if every is not None and part.columns and part.ids is self._state.ids:
             ids = self._ids(None)
             part.columns[0].kept = self._cls, self._state.ids, part.columns[1:], every, ids
 
     def settle(self) -> list[tuple[int, Agent]]:
-        """Write the agents' states into the arrays; returns those that have got a scope.
+        """Write the agents' states to the arrays; returns the agents that now have a scope.
 
-        Raises MisuseError where an attribute has a value of a wrong type; `at_fault` is its row.
+        Raises MisuseError if an attribute has a value of a wrong type; `at_fault` is its row.
         """
         agents = self._all if self._all is not None else list(self._made.values())
         if not agents:
@@ -127,7 +127,7 @@ class RowAdapter:
         return grown
 
     def _check_ids(self, rows: Rows | None, states: list[dict[str, Any]]) -> None:
-        """Check that no agent has changed its id."""
+        """Raise StateError if an agent has changed its id."""
         ids = self._ids(rows)
         if list(map(_id, states)) == ids:
             return
@@ -147,7 +147,7 @@ class RowAdapter:
         return [(row, agent) for row, agent in every if agent.freeze().scope.pieces]
 
     def _usual(self, states: list[dict[str, Any]]) -> list[NDArray[Any]] | None:
-        """The values of each attribute if all have exactly the declared type, else None."""
+        """The values of each attribute; None unless all have exactly the declared type."""
         arrays: list[NDArray[Any]] = []
         for field in self._state.fields.all:
             kind, dtype = _TYPES[field.type.kind]
@@ -168,7 +168,7 @@ class RowAdapter:
         for place, agent in enumerate(agents):
             self.at_fault = place if rows is None else rows[place]
             values.append(agent.freeze().values)
-        self.forget()  # attributes whose names begin with _ do not last
+        self.forget()  # temporary attributes, with names that begin with _, end here
         return list(zip(*values, strict=True))
 
 
@@ -177,7 +177,7 @@ _scope = methodcaller("get", "scope")
 
 
 def _taken(part: Columns, cls: type[Agent]) -> tuple[list[Agent] | None, list[str] | None]:
-    """The agents kept beside these columns and their ids; the columns forget them."""
+    """The agents cached with these columns, and their ids; clears the cache."""
     kept = part.columns[0].kept if part.columns else None
     if kept is None:
         return None, None
