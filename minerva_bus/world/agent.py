@@ -230,7 +230,7 @@ class Agent:
         for name in sorted(state):
             if name not in names and name not in _OWN and not name.startswith("_"):
                 raise StateError(
-                    f"{owner} has no {name}, so its value would be lost; declare it in the class,"
+                    f"{owner} has no {name}, so it would be lost; declare it in the class,"
                     f" or begin its name with _ if it is temporary{nearest(name, list(names))}",
                     name,
                 )

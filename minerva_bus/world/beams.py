@@ -1,8 +1,8 @@
-"""Where the beams of a scan end, as seen from where its robot was at the first beam.
+"""End points of the beams of a scan, relative to its robot's pose at the first beam.
 
-A lidar turns while its robot moves, so beam i starts from where the robot was `i·beam_time` seconds
-after the first beam. A scan whose `path` is known is corrected for that motion here, for everybody
-who uses its beams: generators, maps, scan matching and windows.
+A lidar turns while its robot moves, so beam i starts at the robot's pose `i·beam_time` seconds
+after the first beam. If the `path` of a scan is known, its beams are corrected for that motion
+here, for all users of beams: generators, maps, scan matching and windows.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ Reals: TypeAlias = NDArray[np.float64]
 
 
 def hits(scan: Scan, every: int = 1) -> tuple[Reals, Reals]:
-    """Metres from the robot's centre and degrees from its heading of each beam that hit, (n,) each.
+    """Distances from the robot's centre (m) and angles (deg) of beams that hit, (n,) each.
 
-    `every` takes only each so many-th beam, beginning with the first.
+    With `every` = k, only each k-th beam is used, from the first.
     """
     ranges = scan.ranges[::every]
-    # The limit as float32 too, or a beam that reads just the limit might seem to be below it.
+    # Compared as float32: in float64, a beam at exactly the limit could seem to be below it.
     beams = np.flatnonzero((ranges > 0) & (ranges < np.float32(scan.range_max)))
     return _ends(scan, beams * every, ranges[beams].astype(np.float64))
 
 
 def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
-    """As `hits`, of each beam that met nothing; it counts as free for `most` metres at most.
+    """As `hits`, for beams without an obstacle in range; they are free for at most `most` metres.
 
-    A sensor whose `range_max` is no positive number says of no beam that it met nothing.
+    Without a positive `range_max` there are none, because such a sensor cannot report them.
     """
     free = min(scan.range_max, most)
     if not free > 0:
@@ -42,7 +42,7 @@ def no_returns(scan: Scan, most: float, every: int = 1) -> tuple[Reals, Reals]:
 
 
 def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Reals]:
-    """Where beams end that go so many metres from the sensor."""
+    """End points, as for `hits`, of beams with lengths `dist` in metres from the sensor."""
     if not (scan.mount_x or scan.mount_y or scan.path):
         return dist, _bearings(scan, beams)
     x, y, degrees = origins(scan, beams)
@@ -53,9 +53,9 @@ def _ends(scan: Scan, beams: NDArray[np.intp], dist: Reals) -> tuple[Reals, Real
 
 
 def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
-    """Where beams start, in metres ahead and to the left, and where they point, in degrees.
+    """Origins of beams, in metres ahead and to the left, and their directions in degrees.
 
-    Both are relative to the robot at the first beam; `beams` are their numbers, (n,).
+    Both are relative to the robot's pose at the first beam; `beams` are numbers of beams, (n,).
     """
     if not scan.path:
         zeros = np.zeros(len(beams))
@@ -68,12 +68,12 @@ def origins(scan: Scan, beams: NDArray[np.intp]) -> tuple[Reals, Reals, Reals]:
 
 
 def _bearings(scan: Scan, beams: NDArray[np.intp]) -> Reals:
-    """Degrees from the robot's heading at which beams point."""
+    """Directions of beams, in degrees from the robot's heading."""
     return scan.first + beams.astype(np.float64) * float(scan.step) + scan.mount_angle
 
 
 def _moved(scan: Scan, seconds: Reals) -> tuple[Reals, Reals, Reals]:
-    """Metres ahead, metres to the left and degrees by which the robot has moved, (n,) each."""
+    """Motion of the robot after some seconds: metres ahead and to the left, degrees; (n,) each."""
     knots = np.array([place.seconds for place in scan.path])
     x: Reals = np.interp(seconds, knots, np.array([place.x for place in scan.path]))
     y: Reals = np.interp(seconds, knots, np.array([place.y for place in scan.path]))

@@ -1,7 +1,6 @@
-"""Compensation of a robot's motion during a scan: finds each scan's `path` from the odometry.
+"""Compensation of motion distortion: the `path` of a robot during a scan, from its odometry.
 
-The standard name of the effect is motion distortion, or skew. Only the path is found here; `beams`
-applies it.
+`beams` applies the path to the beams.
 """
 
 from __future__ import annotations
@@ -20,21 +19,21 @@ from minerva_bus.world.readings import Displacement, Odometry, Scan
 from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 
 GAP_SECONDS: Final = 0.5
-"""Between two readings of odometry that a path may connect, and from the last one to a beam."""
+"""Maximum gap between odometry readings on a path, and from the last reading to a beam."""
 
 MAX_SPEED, MAX_TURN = 20.0, 1080.0
-"""Metres and degrees per second; odometry that is faster has jumped, and no robot moves so."""
+"""Metres and degrees per second; odometry that moves faster has jumped."""
 
 _KEPT: Final = 2000
 _HELD: Final = 1000
 
 
 class Compensator:
-    """Adds paths to scans that pass through, by the odometry that passes through with them.
+    """Adds paths to the scans in a stream of readings, from the odometry in the stream.
 
-    A scan, and what comes after it, is held until the odometry reaches its last beam, but no longer
-    than GAP_SECONDS of the recording. `offset` is added to the times of scans, in seconds.
-    `uncorrected` is called for each scan with beam times that gets no path: no odometry is near.
+    A scan, and all later readings, are delayed until the odometry reaches the last beam, at most
+    for GAP_SECONDS of the recording. `offset`, in seconds, is added to the times of scans.
+    `uncorrected` is called for each scan with beam times that gets no path, for lack of odometry.
     """
 
     def __init__(self, offset: float = 0.0, uncorrected: Callable[[], None] = lambda: None) -> None:
@@ -44,13 +43,13 @@ class Compensator:
         self._held = deque[Recorded]()
 
     def all(self, readings: Iterable[Recorded]) -> Iterator[Recorded]:
-        """All readings in their order."""
+        """All readings in order."""
         for recorded in readings:
             yield from self.add(recorded)
         yield from self.rest()
 
     def add(self, recorded: Recorded) -> list[Recorded]:
-        """Take a reading; returns those that are ready, in the order in which they came."""
+        """Add a reading; returns the readings that are complete, in order of arrival."""
         reading = recorded.reading
         if isinstance(reading, Scan) and self._offset:
             recorded = replace(recorded, reading=replace(reading, time=reading.time + self._offset))
@@ -60,7 +59,7 @@ class Compensator:
         return self._ready(recorded.stamp)
 
     def rest(self) -> list[Recorded]:
-        """Everything that is still held."""
+        """The readings that are still delayed."""
         rest = [self._corrected(recorded) for recorded in self._held]
         self._held.clear()
         return rest
@@ -103,7 +102,7 @@ class Compensator:
 
 
 def needs_path(scan: Scan) -> bool:
-    """Whether the beams of a scan have different times, and the motion meanwhile is not known."""
+    """Whether the beams of a scan have different times, and the motion between them is unknown."""
     return bool(scan.beam_time) and len(scan.ranges) > 1 and not scan.path
 
 
@@ -116,10 +115,10 @@ def span(scan: Scan) -> tuple[float, float]:
 def path_of(
     scan: Scan, times: Sequence[float], places: Sequence[HasPose]
 ) -> tuple[Displacement, ...]:
-    """The path of a robot during a scan; () where it is not known.
+    """The path of a robot during a scan; () if unknown.
 
-    `times` rise strictly, in seconds of the scan's clock; `places` are where the robot was then.
-    From the last place on, and before the first, the robot is taken to go on as it did.
+    `times` are strictly increasing, in seconds of the scan's clock; `places` are the robot's poses
+    at these times. Before the first and after the last pose, the motion is extrapolated.
     """
     begin, end = span(scan)
     first = max(0, min(bisect_left(times, begin) - 1, len(times) - 2))
@@ -153,7 +152,7 @@ def _jumps(times: Sequence[float], places: Sequence[HasPose]) -> bool:
 
 
 def _at(time: float, times: Sequence[float], places: Sequence[HasPose]) -> Pose:
-    """The pose at a time, on the line through the two poses around it, or next to it."""
+    """The pose at a time, interpolated or extrapolated from the two nearest poses."""
     after = min(max(bisect_left(times, time), 1), len(times) - 1)
     part = (time - times[after - 1]) / (times[after] - times[after - 1])
     return interpolated(places[after - 1], places[after], part)

@@ -1,11 +1,12 @@
 """Norms: what agents may do, where and how often, enforced while the world runs (section 1).
 
-A norm is about events of some types, or about what agents become. Its condition, in the language
-of grammar/condition.py, says what it forbids. Besides the attributes of the agent, it may name
+A norm is about events of the given types, or about new states of agents. Its condition, in the
+language of grammar/condition.py, describes what is forbidden. Besides the attributes of the agent,
+it may name
 
-    was.x       what an agent's attribute was before the frame      norms on what agents become
-    event.x     a datum of the event                                norms on events
-    #id.x       an attribute of a certain agent as the frame began  both
+    was.x       the agent's attribute before the frame               norms on states
+    event.x     a datum of the event                                 norms on events
+    #id.x       the attribute of an agent at the start of the frame  both
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ SOURCE: Final = "~norms"
 """Source of sanctions, and the key of the violation counts in checkpoints."""
 
 REFUSED: Final = "eRefused"
-"""Event type, where a world declares it, that tells an agent that its step was rejected."""
+"""Event type, if declared by the world, that notifies an agent that its step was rejected."""
 
 WAS: Final = "was."
 EVENT: Final = "event."
 
 
 class Then(Enum):
-    """What follows a violation.
+    """The consequence of a violation.
 
     REFUSE    reject it: the event is dropped, or the agent keeps its state in this frame
     SANCTION  allow it, and send the violator an event in the next frame
@@ -51,9 +52,9 @@ class Norm:
     """One norm.
 
     It `applies` to agents of these kinds and to events from members of these names; if empty, to
-    all. It concerns events of the types `on`; if empty, what agents become. It forbids what fulfils
-    both `when` and `where`, except `most` times in `per` frames for each agent. With `sanction`, a
-    violator gets this event in the next frame, even if the violation is rejected.
+    all. It is about events of the types `on`; if empty, about states of agents. An act that fulfils
+    both `when` and `where` is forbidden, except `most` times in `per` frames for each agent. With
+    `sanction`, a violator gets this event in the next frame, even if the violation is rejected.
     """
 
     name: str
@@ -68,7 +69,7 @@ class Norm:
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
-        """The conditions; what fulfils all of them is forbidden."""
+        """The conditions of the norm; an act is forbidden if it fulfils all of them."""
         return tuple(
             [
                 parse_condition(condition)
@@ -83,19 +84,18 @@ class Norm:
         return self.then is Then.REFUSE
 
     def holds(self, state: Mapping[str, Any]) -> bool:
-        """Whether it forbids this state."""
+        """Whether the norm forbids this state."""
         return all(condition.holds(state) for condition in self.conditions)
 
     def concerns(self, *names: str) -> bool:
-        """Whether it applies to a kind or a member with one of these names."""
+        """Whether the norm applies to a kind or a member with any of these names."""
         return not self.applies or any(name in self.applies for name in names)
 
 
 def check_condition(norm: Norm, text: str, vocabulary: Vocabulary, w: Scene, source: str) -> None:
-    """Check that a condition of a norm can hold for some agent or event that it concerns.
+    """Raise VocabularyError, with a caret, if a condition of a norm cannot hold for any agent.
 
-    `w` is the initial string; it must contain the agents that the condition names by id. Raises
-    VocabularyError with a caret.
+    `w` is the initial string; it must contain the agents that the condition names by id.
     """
     named = {agent.id: agent.symbol for agent in agents(w)} if "#" in text else {}
     others = {agent_id: vocabulary.kinds[symbol] for agent_id, symbol in named.items()}
@@ -139,7 +139,7 @@ def _scope(
 
 
 def sanction_of(norm: str, declared: EventType, data: Mapping[str, Any]) -> Event:
-    """The event that a violator gets; a datum `norm` defaults to the norm's name.
+    """The event that a violator gets; its datum `norm` defaults to the name of the norm.
 
     Raises MisuseError and VocabularyError.
     """
@@ -150,10 +150,10 @@ def sanction_of(norm: str, declared: EventType, data: Mapping[str, Any]) -> Even
 
 
 class ViolationCounts:
-    """How often each norm has been broken, and who did lately what it limits."""
+    """The number of violations of each norm, and the recent acts that norms limit, by agent."""
 
     def __init__(self, saved: Mapping[str, Any]) -> None:
-        """Go on from what was `saved`."""
+        """Continue from the state that `saved` returned."""
         self.broken: dict[str, int] = dict(saved.get("broken", {}))
         self._lately: dict[str, dict[str, list[int]]] = {
             norm: {who: list(frames) for who, frames in of.items()}
@@ -161,7 +161,7 @@ class ViolationCounts:
         }
 
     def breaks(self, norm: Norm, who: str, frame: int) -> bool:
-        """Count an act that a norm forbids or limits; whether it is a violation."""
+        """Count an act that a norm forbids or limits; True if it is a violation."""
         if norm.most:
             lately = self._lately.setdefault(norm.name, {})
             frames = [past for past in lately.get(who, ()) if past > frame - norm.per]
@@ -175,7 +175,7 @@ class ViolationCounts:
         return True
 
     def exceeds(self, norm: Norm, who: str, frame: int) -> bool:
-        """Whether an act in this frame would be a violation; counts nothing."""
+        """Whether an act in this frame would be a violation; does not count it."""
         lately = self._lately.get(norm.name, {}).get(who, ())
         count = sum(frame - norm.per < past < frame for past in lately)
         return count >= norm.most

@@ -1,9 +1,9 @@
-"""Raw sensor data, as it travels on sensor topics from whoever measures to a generator.
+"""Raw sensor data on sensor topics, from a simulated or real sensor to a generator.
 
-One layout for each kind of sensor: a simulated one and a real one publish the same, so swapping
-them changes nothing behind the topic (4.3). Angles are degrees counter-clockwise from the
-robot's heading, lengths metres. `time` is in seconds: simulated seconds where the sensor is
-simulated, else those of the sensor's own clock. `robot` is the id of the agent that carries it.
+Each kind of sensor has one layout. A simulated and a real sensor publish the same, so replacing one
+by the other has no effect beyond the topic (section 4.3). Angles are in degrees counter-clockwise
+from the robot's heading, lengths in metres. `time` is in seconds: simulated seconds for a simulated
+sensor, otherwise those of the sensor's clock. `robot` is the id of the agent that has the sensor.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a sensor sits on its robot: metres ahead (x) and to the left (y), degrees turned."""
+    """Pose of a sensor on its robot: metres ahead (x) and to the left (y), angle in degrees."""
 
     x: float = 0.0
     y: float = 0.0
@@ -29,9 +29,9 @@ CENTRE: Final = Mount()
 
 @dataclass(frozen=True, slots=True)
 class Displacement:
-    """Where a robot is so many seconds after a scan's first beam, as seen from its place then.
+    """Pose of a robot `seconds` after a scan's first beam, relative to its pose at that beam.
 
-    Metres ahead and to the left, degrees counter-clockwise.
+    Metres ahead (x) and to the left (y), degrees counter-clockwise.
     """
 
     seconds: float
@@ -44,13 +44,13 @@ class Displacement:
 class Scan:
     """One turn of a laser range finder.
 
-    `ranges[i]` is the distance from the sensor at `first + i·step` degrees from where it points;
-    `range_max` or more, also infinity, means that nothing was hit; 0 or less, and NaN, that nothing
-    was measured. Shape (n,), metres.
+    `ranges[i]`, shape (n,), is the distance in metres at `first + i·step` degrees from the sensor's
+    direction. `range_max` or more, including infinity, means no obstacle in range; 0 or less and
+    NaN mean no measurement.
 
-    `time` is that of the first beam; beam i is measured `i·beam_time` seconds later, all beams at
-    once where that is 0. `path` is how the robot moved meanwhile, in the order of time, from the
-    earliest beam to the latest; empty where that is not known.
+    `time` is that of the first beam; beam i is measured `i·beam_time` seconds later (0: all beams
+    at once). `path` is the motion of the robot from the earliest to the latest beam, in order of
+    time; empty if unknown.
     """
 
     robot: str
@@ -68,7 +68,7 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """A marker that a camera sees, at a distance and an angle from the robot's heading."""
+    """A marker in a camera image: distance in metres, angle from the robot's heading in degrees."""
 
     marker: str
     distance: float
@@ -77,7 +77,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """What one camera image shows of markers."""
+    """The markers in one camera image."""
 
     robot: str
     seen: tuple[Sighting, ...]
@@ -89,7 +89,7 @@ ENCODINGS: Final = ("jpeg", "png", "rgb8", "mono8")
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """One image of a camera: a JPEG or PNG file's bytes, or rows of pixels from the top.
+    """A camera image: the bytes of a JPEG or PNG file, or rows of pixels from the top.
 
     `encoding` is "jpeg", "png", "rgb8" (3 bytes a pixel) or "mono8" (1 byte a pixel).
     """
@@ -105,9 +105,9 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """Where a robot's wheels believe it to be since they were started, and how fast it goes.
+    """Pose and velocity of a robot, estimated from its wheels.
 
-    Metres and degrees in the odometry's own frame; metres and degrees per second.
+    Metres and degrees in the frame of the odometry; metres and degrees per second.
     """
 
     robot: str
@@ -121,7 +121,7 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """A robot's battery: its charge from 0 to 1, and its voltage in volts (0: not measured)."""
+    """State of a battery: charge from 0 to 1, and volts (0: not measured)."""
 
     robot: str
     charge: float
@@ -131,7 +131,7 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A place on the Earth: degrees north and east (WGS 84), metres up, metres of accuracy.
+    """A position on the Earth: degrees north and east (WGS 84), altitude and accuracy in metres.
 
     `altitude` and `accuracy` are None where the receiver does not report them.
     """

@@ -1,4 +1,4 @@
-"""Readings that were recorded: what a log or a bag is to those who play it or draw its map."""
+"""Recordings of readings: interface of logs and bags for playback and mapping."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from minerva_bus.errors import MinervaError, MisuseError, nearest
 from minerva_bus.world.readings import Reading
 
 PassOver: TypeAlias = Callable[[str, str], None]
-"""Told of what is passed over: what kind of thing it is, and where and why in a line."""
+"""Called with skipped data: its kind, and a line with position and reason."""
 
 Progress: TypeAlias = Callable[[float], None]
-"""Told now and then how much of some work is done, from 0 to 1."""
+"""Called occasionally with the progress of a task, from 0 to 1."""
 
 
 POSE: Final = "pose"
@@ -24,15 +24,15 @@ CORRECTION: Final = "correction"
 
 
 class RecordingError(MinervaError):
-    """A recording cannot be read, or has not what is wanted of it."""
+    """A recording cannot be read, or lacks the requested data."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A reading, the sensor topic that it belongs on, and when it was recorded, in seconds.
+    """A reading, its sensor topic, and the time of recording in seconds.
 
-    `stamp` is by the clock of whoever recorded, which may jump; the reading's own `time` is by
-    its sensor's.
+    `stamp` is from the clock of the recorder, which may jump; the reading's `time` is from the
+    clock of its sensor.
     """
 
     stamp: float
@@ -43,22 +43,22 @@ class Recorded:
 class Recording(Protocol):
     """A file of readings.
 
-    The topic `pose` has an `Odometry` for each scan of which the recording knows where the robot
-    was, right before that scan. The topic `correction` has one where the readings of odometry after
-    it begin anew: whoever recorded has moved what they had reached to there.
+    The topic `pose` has an `Odometry` right before each scan for which the recording has a pose of
+    the robot. The topic `correction` has one where the recorder has reset the odometry: later
+    readings of odometry continue from the pose in it.
     """
 
     @property
     def part(self) -> float:
-        """How much of it has been read since `readings` was last called, from 0 to 1."""
+        """The part that has been read since the last call of `readings`, from 0 to 1."""
         ...
 
     def readings(self) -> Iterator[Recorded]:
-        """All of it from the beginning, in the order of the file; raises RecordingError."""
+        """All readings in the order of the file. Raises RecordingError."""
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the file."""
         ...
 
 
@@ -67,13 +67,13 @@ POSES: Final = ("published", "odometry", "matched")
 
 @dataclass(frozen=True, slots=True)
 class MapChoice:
-    """What of a recording a map is drawn from, and how finely. Raises MisuseError.
+    """Options of a map of a recording. Raises MisuseError.
 
-    `cell` is the side of a cell and `farthest` the longest range that counts (0: as recorded), in
-    metres; `begin` and `end` are seconds after the first reading. `poses` says which places of
-    the robot count: those that are `published` in it, those of the `odometry` alone, or those
-    that scans `matched` to the map correct. `time_offset` is added to the times of scans, in
-    seconds: the lidar's clock and that of the odometry may differ.
+    `cell` is the side of a cell and `farthest` the longest range to use (0: as recorded), in
+    metres; `begin` and `end` are seconds after the first reading. `poses` selects the poses of the
+    robot: those `published` in the recording, those of the `odometry`, or those corrected by scans
+    `matched` to the map. `time_offset`, in seconds, is added to the times of scans, because the
+    clocks of lidar and odometry may differ.
     """
 
     cell: float = 0.05
@@ -103,12 +103,12 @@ class MapChoice:
 
 
 class Mapper(Protocol):
-    """Draws the map of a recording into files."""
+    """Writes the map of a recording to files."""
 
     def __call__(
         self, open: Callable[[], Recording], into: Path, choice: MapChoice, progress: Progress
     ) -> list[str]:
-        """Lines that say what was drawn. `open` may be called several times.
+        """Lines that describe the map. `open` may be called several times.
 
         Raises MinervaError.
         """

@@ -1,12 +1,13 @@
 """Random streams, keyed by (seed, id, frame): draws do not depend on where an agent runs.
 
-`Rng` draws for one agent and `RngBatch` a number for each of many agents, with the same interface
-and the same numbers: SplitMix64 (Steele, Lea and Flood 2014), begun for each agent at a hash of the
-key. `stream` is a numpy Generator with all of numpy's distributions.
+`Rng` draws for one agent, `RngBatch` a number for each agent of a population. Both have the same
+interface and draw the same numbers: SplitMix64 (Steele, Lea and Flood 2014), seeded for each agent
+with a hash of the key. numpy's generators cannot be seeded for a million streams per frame.
+`stream` is a numpy Generator with all of numpy's distributions.
 
 Normal and exponential draws use `minerva_bus.portable`, because numpy's logarithm depends on the
-processor. Of a numpy Generator, `random`, `uniform` and `integers` do not depend on it;
-`portable.normal` makes normal numbers of them.
+processor. Of a numpy Generator, `random`, `uniform` and `integers` do not; `portable.normal`
+converts their numbers to normal ones.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _UNIT: Final = 2.0**-53
 _MASK: Final = (1 << 64) - 1
 
 _BEGIN_ALL: Final = 16
-"""Once one in so many agents has drawn alone, it is cheaper to begin the streams of all."""
+"""Once one in this many agents has drawn singly, seeding the streams of all agents is cheaper."""
 
 
 def stream(seed: int, who: str, frame: int) -> np.random.Generator:
@@ -64,9 +65,9 @@ def frame_key(seed: int, frame: int) -> int:
 
 @lru_cache(maxsize=64)
 def answer_key(seed: int, frame: int, event_type: str) -> int:
-    """Key of the streams that decide which events of a type agents answer (h of a^{d,h}).
+    """Key of the streams that decide which events of a type agents respond to (h of a^{d,h}).
 
-    These are separate streams, so a probability does not change the numbers that λ draws.
+    The streams are separate, so that a probability does not change the numbers that λ draws.
     """
     source = f"{seed}\0{frame}\0{event_type}"
     return int.from_bytes(blake2b(source.encode(), digest_size=8).digest(), "little")
@@ -78,7 +79,7 @@ _R = TypeVar("_R", float, Numbers)
 
 
 class _Distributions(Generic[_B, _I, _R]):
-    """What can be drawn; parameters may be arrays where the draws are arrays."""
+    """The distributions; for a batch, parameters may be arrays."""
 
     __slots__ = ()
 
@@ -97,14 +98,14 @@ class _Distributions(Generic[_B, _I, _R]):
         return low + (high - low) * self.random()
 
     def integers(self, low: Any, high: Any = None) -> _I:
-        """An int in [low, high), or in [0, low) if `high` is not given; bounds below 2^53.
+        """An int in [low, high), or in [0, low) without `high`; bounds below 2^53.
 
-        Raises MisuseError where that range is empty.
+        Raises MisuseError if the range is empty.
         """
         least, below = (0, low) if high is None else (low, high)
         none = below <= least
         if none is True or (none is not False and np.any(none)):
-            raise MisuseError(f"there is no integer from {least} to below {below}")
+            raise MisuseError(f"no integer is in [{least}, {below}); expected low < high")
         return self._floored(least, (below - least) * self.random())
 
     def chance(self, probability: Any) -> _B:
@@ -121,7 +122,7 @@ class _Distributions(Generic[_B, _I, _R]):
 
 
 class Rng(_Distributions[bool, int, float]):
-    """The draws of one agent in a frame; `word` is the state of its stream."""
+    """Draws of one agent in a frame; `word` is the state of its stream."""
 
     __slots__ = ("word",)
 
@@ -145,7 +146,7 @@ class Rng(_Distributions[bool, int, float]):
 
 
 class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
-    """The draws of the agents in some rows: one number for each, shape (n,)."""
+    """Draws of the agents in the given rows: a number for each, shape (n,)."""
 
     __slots__ = ("_rows", "words")
 
@@ -155,11 +156,11 @@ class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
 
     @staticmethod
     def begin(agents: Words, key: int) -> Words:
-        """The states in which the streams of agents with these hashes begin."""
+        """Initial states of the streams of agents with these hashes."""
         return _mixed(agents ^ np.uint64(key))
 
     def of(self, rows: Rows | None) -> RngBatch:
-        """The draws of some of these rows; the other streams do not move."""
+        """Draws of a selection of these rows; the other streams do not advance."""
         if rows is None or self._rows is None:
             return RngBatch(self.words, self._rows if rows is None else rows)
         return RngBatch(self.words, self._rows[rows])
@@ -181,9 +182,9 @@ class RngBatch(_Distributions[NDArray[np.bool_], NDArray[np.int64], Numbers]):
 
 
 class Streams:
-    """The streams under one key of the agents with these ids, drawn from singly or in batches.
+    """The streams of agents with these ids under one key, for single draws and for batches.
 
-    Each stream continues at its last draw, whichever form that had.
+    Each stream continues after its last draw, single or not.
     """
 
     __slots__ = ("_batch", "_ids", "_key", "_single")
@@ -195,7 +196,7 @@ class Streams:
         self._single: dict[int, Rng] = {}
 
     def batch(self, rows: Rows | None = None) -> RngBatch:
-        """The streams of some rows, or of all."""
+        """The streams of the given rows, or of all."""
         batch = self._begun()
         if self._single:
             for row, rng in self._single.items():
@@ -204,7 +205,7 @@ class Streams:
         return batch if rows is None else batch.of(rows)
 
     def adopt(self, row: int, rng: Rng) -> None:
-        """Continue the stream in a row where this one is."""
+        """Let the stream of a row continue in the state of `rng`."""
         self._single[row] = rng
 
     def row(self, row: int) -> Rng:
@@ -223,7 +224,7 @@ class Streams:
         if self._batch is None:
             if isinstance(self._ids, Ids):
                 words = RngBatch.begin(self._ids.hashes, self._key)
-            else:  # few agents: faster without arrays
+            else:  # a single agent: faster without arrays
                 begun = [Rng.of(hash_of(agent), self._key).word for agent in self._ids]
                 words = np.array(begun, np.uint64)
             self._batch = RngBatch(words)

@@ -8,8 +8,8 @@
             if tick.random.random() < self.chance:
                 yield eRain()
 
-The constructor's keyword arguments are what the world file may set for the process. A class may
-be a generator and a device at once.
+The keyword arguments of the constructor are the options of the process in the world file. A class
+may be both a generator and a device.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from minerva_bus.world.signatures import check_overridden
 class WorldInfo:
     """The world that a member has joined.
 
-    `operator` is for services through which people control the world.
+    `operator` is for services with controls for people.
     """
 
     world: str
@@ -50,8 +50,8 @@ class WorldInfo:
 class Tick(Context):
     """The context in which a lockstep generator produces C^d(t).
 
-    `readings` are this frame's readings of its topics, sorted by topic and publisher; `orders` are
-    the events that people have sent through it since the last tick.
+    `readings` are this frame's readings of its topics, sorted by topic and publisher. `orders` are
+    the events that people have sent through it since the previous tick.
     """
 
     readings: tuple[Reading, ...] = ()
@@ -59,7 +59,7 @@ class Tick(Context):
     published: list[tuple[str, Reading]] = field(default_factory=list[tuple[str, Reading]])
 
     def publish(self, topic: str, reading: Reading) -> None:
-        """Put a reading on a sensor topic of this frame."""
+        """Publish a reading on a sensor topic, for this frame."""
         self.published.append((topic, reading))
 
 
@@ -68,12 +68,12 @@ class View:
     """The view π of a frame's string for one visual event type: a string of L(E).
 
     `skeleton` is that string with a slot `A#name()` for each outermost agent, or part of a
-    population, and `parts` has the views of these by name. A part that is the same object as in the
-    previous view has not changed. `scene` is the whole string.
+    population, and `parts` has their views by name. A part that is the same object as in the
+    previous view has not changed. `scene` is the complete string.
 
-    `halted` are the ids of agents whose step does not count in this frame, because a norm rejects
-    it or their host is away. A device that executes commands in a view, such as motors, executes
-    none for these agents, because the string has them at their old place.
+    `halted` are the ids of agents whose step does not count in this frame, because a norm rejected
+    it or their host is absent. A device that executes commands in a view, such as motors, executes
+    none for these agents, because the string still has them at their former position.
     """
 
     frame: int
@@ -84,18 +84,18 @@ class View:
 
     @cached_property
     def scene(self) -> Scene:
-        """The whole string v."""
+        """The complete string v."""
         return fill(self.skeleton, self.parts)
 
 
 class Emit(Protocol):
-    """How a free-running generator sends, from its own thread."""
+    """Output of a free-running generator, called from its own thread."""
 
     def __call__(self, event: AnyEvent) -> None:
-        """Send an event, which belongs to the next frame."""
+        """Emit an event, which belongs to the next frame."""
 
     def publish(self, topic: str, reading: Reading) -> None:
-        """Put a reading on a sensor topic, which must be among the class's `publishes`."""
+        """Publish a reading on a sensor topic that `publishes` of the class lists."""
         ...
 
 
@@ -113,16 +113,16 @@ class Service:
     topics: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     takes: str = "newest"
-    """Of readings that arrive faster than frames, use the "newest", or "all" of them."""
+    """Which readings to use if several arrive within a frame: the "newest" or "all"."""
 
     nth: int = 1
-    """Use only every n-th reading of a free-running publisher."""
+    """Use only each n-th reading of a free-running publisher."""
 
     interactive: bool = False
-    """It has a user interface: a world with it as a view runs in real time, without an end."""
+    """Whether it has a user interface; a world with it as a view runs in real time, without end."""
 
     pulse_every: float = 0.0
-    """Seconds from one `pulse` to the next; 0: none."""
+    """Seconds between calls of `pulse`; 0 disables it."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -131,23 +131,23 @@ class Service:
                 check_overridden(cls, base, CALLED.get(base.__name__, ()))
 
     def joined(self, world: WorldInfo) -> None:
-        """Called once, when the member has joined a world and before anything else."""
+        """Called once, first of all, when the member has joined a world."""
 
     def save(self) -> Any:
-        """State that a successor needs to continue after this frame; None: nothing.
+        """State from which a successor continues after this frame; None if it needs none.
 
-        A boolean, a number, a text, bytes, or a list or mapping (with texts as keys) of these.
+        A bool, number, text, bytes, or a list or mapping (with texts as keys) of these.
         """
         return None
 
     def restore(self, saved: Any) -> None:
-        """Continue from what a predecessor saved; tuples arrive as lists."""
+        """Continue from the state that a predecessor saved; its tuples are lists here."""
 
     def pulse(self) -> None:
         """Called every `pulse_every` seconds between messages, for example to poll the keyboard."""
 
     def leaves(self) -> bool:
-        """Whether it leaves the world, as after its window was closed; called after a pulse."""
+        """Whether it leaves the world, for example with its window closed; called after a pulse."""
         return False
 
     def report(self) -> Mapping[str, bool | int | float | str]:
@@ -171,8 +171,8 @@ class Generator(Service):
     """An event generator, C^d(t).
 
     Lockstep (the default): `generate` is called once per frame. With `lockstep=False` the member
-    runs freely: `run` emits at any time, and events that arrive before a frame begins belong to it.
-    With `ahead=True`, `generate` is called while the previous frame still runs: for generators that
+    runs freely: `run` emits at any time, and a frame has the events that arrived before it began.
+    With `ahead=True`, `generate` is called during the previous frame. This is for generators that
     depend neither on the world nor on the time, nor on readings, views or orders.
     """
 
@@ -180,7 +180,7 @@ class Generator(Service):
     lockstep: ClassVar[bool] = True
     ahead: ClassVar[bool] = False
     people: bool = False
-    """Its events are actions of people, and norms treat them as such."""
+    """Whether its events are actions of people, for norms."""
 
     def __init_subclass__(
         cls,
@@ -202,25 +202,25 @@ class Generator(Service):
         return self.events
 
     def takes_orders(self) -> tuple[str, ...]:
-        """The event types that people may send through it; they arrive in `tick.orders`."""
+        """The event types that people may send through it; the events are in `tick.orders`."""
         return ()
 
     def generate(self, tick: Tick) -> Iterable[AnyEvent | None] | AnyEvent | None:
-        """C^d(t): the events of one frame; any number of them, a single one, or None."""
+        """C^d(t): the events of one frame, a single event, or None."""
         return ()
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
-        """Emit events until `stop` is set; runs in its own thread, for free-running generators."""
+        """Emit events until `stop` is set; free-running generators run it in their own thread."""
 
 
 class Device(Service):
     """An output device g with its own geometric system G.
 
     `draws` are the visual event types whose views it shows. With `every` > 0 it is itself the
-    source of those events, one every so many frames; with `rate` > 0 too, but so many a second by
-    the clock at most, however fast the frames are; else they come from a generator. A *coupled*
-    device has shown frame t's view before frame t+1's events are taken; another one is an observer
-    and never holds a frame up.
+    source of these events, one each `every` frames; with `rate` > 0, at most `rate` events per
+    second of real time. Otherwise a generator is their source. A *coupled* device has shown the
+    view of frame t before the events of frame t+1 are collected. Any other device is an observer,
+    for which frames never wait.
     """
 
     draws: tuple[str, ...] = ()
@@ -238,7 +238,7 @@ class Device(Service):
             cls.coupled = True
 
     def heard(self, reading: Reading) -> None:
-        """A reading of one of the `topics`, as it comes; for a device that is no generator."""
+        """Called with each reading of `topics`, on arrival, if the device is not a generator."""
 
     @abstractmethod
     def show(self, view: View) -> None:
@@ -246,9 +246,9 @@ class Device(Service):
 
 
 def checked_service(service: Service | None) -> Service | None:
-    """The service, if what it says of itself are names. Raises MisuseError.
+    """The service, if its declared topics and event types are names. Raises MisuseError.
 
-    They are attributes, which a value of its own, such as an option's, can stand in for.
+    These are attributes, which a constructor may overwrite by accident, for example with an option.
     """
     names = ["topics", "publishes"] if service is not None else []
     if isinstance(service, Generator) and type(service).generates is Generator.generates:
@@ -256,13 +256,14 @@ def checked_service(service: Service | None) -> Service | None:
     if isinstance(service, Device):
         names.append("draws")
     for name in names:
-        said = getattr(service, name)
-        names_only = isinstance(said, tuple | list) and all(
-            isinstance(event, str) for event in cast("Iterable[Any]", said)
+        declared = getattr(service, name)
+        names_only = isinstance(declared, tuple | list) and all(
+            isinstance(event, str) for event in cast("Iterable[Any]", declared)
         )
         if not names_only:
             raise MisuseError(
-                f"{type(service).__name__}: self.{name} must be a tuple of names, not {said!r:.60};"
+                f"{type(service).__name__}: self.{name} must be a tuple of names, not"
+                f" {declared!r:.60};"
                 " call an attribute for something else, as an option's value, otherwise"
             )
     return service
