@@ -294,28 +294,28 @@ def _left(
     """The events of a population, in the order of its agents."""
     if not undone:
         return sent
-    found = _kept(sent, lambda who: who not in undone)
+    kept = _kept(sent, lambda who: who not in undone)
     for outcome, events in later:
-        found += _kept(events, lambda who, by=outcome: undone.get(who) is by)
-    many, alone = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
-    for event in found:
+        kept += _kept(events, lambda who, by=outcome: undone.get(who) is by)
+    batches, singles = list[tuple[Rows, Events]](), list[tuple[int, list[Event]]]()
+    for event in kept:
         if isinstance(event, Event):
-            alone.append((ids.row_of(event.sender), [event]))
+            singles.append((ids.row_of(event.sender), [event]))
         elif event.senders is not None:
-            many.append((ids.rows_of(event.senders), event))
-    return emissions(many, alone)
+            batches.append((ids.rows_of(event.senders), event))
+    return emissions(batches, singles)
 
 
 def _kept(sent: Sent, keeps: Callable[[str], bool]) -> list[AnyEvent]:
     """The events of those senders that `keeps` accepts."""
-    found: list[AnyEvent] = []
+    kept: list[AnyEvent] = []
     for event in sent:
         if isinstance(event, Event):
-            found += [event] if keeps(event.sender) else []
+            kept += [event] if keeps(event.sender) else []
         elif event.senders is not None:
             rows = np.flatnonzero([keeps(who) for who in event.senders.texts()])
-            found += [event.take(rows)] if len(rows) else []
-    return found
+            kept += [event.take(rows)] if len(rows) else []
+    return kept
 
 
 def _ids(part: Columns) -> Ids:

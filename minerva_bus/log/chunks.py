@@ -12,24 +12,23 @@ from bisect import bisect
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Final
 
-from minerva_bus.log.channels import FORMER, OWN, PROFILE
+from minerva_bus.log.channels import OWN, PROFILE
 from minerva_bus.log.errors import RecordError, check_installed
 from minerva_bus.log.scanning import (
-    CHANNEL,
     MAGIC,
+    MESSAGE,
     ChunkLocation,
     Damage,
+    channels_in,
     read_summary,
     scan,
     split,
 )
 from minerva_bus.outputs import note_read
 
-_MESSAGE: Final = 0x05
 _MESSAGE_BEGIN: Final = struct.Struct("<HIQQ")
 FEWEST_MESSAGES: Final = 100
 MESSAGES_PER_BYTE: Final = 4
@@ -97,7 +96,7 @@ class Chunks:
         try:
             data = _unpacked(self._file, place)
             return list(_messages(data, wanted, place))
-        except Exception as error:  # whatever decompressors raise
+        except Exception as error:  # decompressors raise various exceptions
             self._note(Damage(place.begin, place.end, _why(error)))
             return None
 
@@ -141,8 +140,8 @@ class Chunks:
         """Channels are in the first chunk and in the summary; ours always have the same ids."""
         try:
             data = _unpacked(self._file, self.places[0])
-            first = _channels(data)
-        except Exception as error:  # whatever decompressors raise
+            first = dict(channels_in(data))
+        except Exception as error:  # decompressors raise various exceptions
             self._note(Damage(self.places[0].begin, self.places[0].end, _why(error)))
             first = {}
         return {**self._summary.topics, **first} or dict(enumerate(OWN, 1))
@@ -203,7 +202,7 @@ def _messages(
         left -= 1
         if left < 0:
             raise ValueError("it has more messages than a chunk of its size can have")
-        if opcode != _MESSAGE:
+        if opcode != MESSAGE:
             continue
         if end - begin < _MESSAGE_BEGIN.size:
             raise ValueError("a message in it is too short")
@@ -212,19 +211,3 @@ def _messages(
         if topic is not None:
             body = data[begin + _MESSAGE_BEGIN.size : end]
             yield topic, Message(channel, sequence, log, publish, body)
-
-
-def _channels(data: bytes) -> dict[int, str]:
-    """Topics of the channels in a chunk, by id."""
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Channel
-
-    topics: dict[int, str] = {}
-    for opcode, begin, end in split(data):
-        if opcode == _MESSAGE:
-            break  # Channels precede all messages.
-        if opcode == CHANNEL:
-            channel: Any = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
-            topic: str = channel.topic
-            topics[channel.id] = FORMER.get(topic, topic)
-    return topics

@@ -93,9 +93,7 @@ class Journal:
         self._algorithm = algorithm
         self._file = -1
         self._since = self._key_bytes = 0
-        self._members: tuple[str, ...] = ()
-        self._pace: tuple[float, int | None] = (0.0, None)
-        self._waiting: dict[str, list[Any]] = {}
+        self._noted: dict[str, list[Any]] = {"members": [[]], "pace": [0.0, None], "waiting": [{}]}
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._rewrite()
@@ -105,30 +103,28 @@ class Journal:
     def frame(self, inputs: FrameInputs) -> None:
         """Append the inputs of a frame that has ended."""
         self._put(encode_inputs(inputs))
-        rate, left = self._pace
-        self._pace = rate, left and left - 1
+        rate, left = self._noted["pace"]
+        self._noted |= {"pace": [rate, left and left - 1], "waiting": [{}]}
         if self._since > max(MIN_REWRITE_BYTES, REWRITE_RATIO * self._key_bytes):
             self._rewrite()
 
     def members(self, names: Iterable[str]) -> None:
         """Note the members that take part."""
-        now = tuple(sorted(names))
-        if now != self._members:
-            self._members = now
-            self._put(pack(["members", list(now)]))
+        self._note("members", sorted(names))
 
     def pace(self, rate: float, left: int | None) -> None:
         """Note the pace; `left` is the number of frames allowed after those in the journal."""
-        if (rate, left) != self._pace:
-            self._pace = rate, left
-            self._put(pack(["pace", rate, left]))
+        self._note("pace", rate, left)
 
     def waiting(self, events: EventsBySource) -> None:
         """Note the waiting events after people have sent some."""
-        now = plain_by_source(events)
-        if now != self._waiting:
-            self._waiting = now
-            self._put(pack(["waiting", now]))
+        self._note("waiting", plain_by_source(events))
+
+    def _note(self, name: str, *items: Any) -> None:
+        """Append an entry, unless the journal has the same one already."""
+        if [*items] != self._noted[name]:
+            self._noted[name] = [*items]
+            self._put(pack([name, *items]))
 
     def close(self, *, over: bool) -> None:
         """Close the file, and delete it if the world is `over`."""
@@ -162,8 +158,8 @@ class Journal:
         kept = Kept.of(algorithm.checkpoint)
         self._put(pack(["begin", FORMAT, key_of(algorithm.world), self._epoch]))
         self._put(encode_keyframe(algorithm.frame, algorithm.scene, kept, algorithm.shown))
-        self._put(pack(["members", list(self._members)]))
-        self._put(pack(["pace", *self._pace]))
+        for name in ("members", "pace"):
+            self._put(pack([name, *self._noted[name]]))
 
     def _put(self, data: bytes) -> None:
         if self._key_bytes and self._is_followed():

@@ -21,7 +21,7 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
 """Head of each record of an MCAP file: opcode and length of the body."""
 
-HEADER, FOOTER, CHANNEL, CHUNK, MESSAGE_INDEX = 0x01, 0x02, 0x04, 0x06, 0x07
+HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 0x01, 0x02, 0x04, 0x05, 0x06, 0x07
 _CHUNK_INDEX, _ATTACHMENT, _METADATA, _DATA_END = 0x08, 0x09, 0x0C, 0x0F
 _SUMMARY: Final = b"\x02\x03\x04\x08\x0a\x0b\x0d\x0e"
 """Opcodes allowed after the end of the data."""
@@ -235,22 +235,33 @@ def read_summary(file: IO[bytes], size: int) -> FileSummary:
 
 def _summarized(data: bytes) -> FileSummary:
     from mcap.data_stream import ReadDataStream
-    from mcap.records import Channel, ChunkIndex
+    from mcap.records import ChunkIndex
 
-    topics: dict[int, str] = {}
     channels: dict[int, frozenset[int]] = {}
     try:
         for opcode, begin, end in split(data):
-            stream = ReadDataStream(BytesIO(data[begin:end]))
-            if opcode == CHANNEL:
-                channel = Channel.read(stream)
-                topics[channel.id] = FORMER.get(channel.topic, channel.topic)
-            elif opcode == _CHUNK_INDEX:
-                index = ChunkIndex.read(stream)
+            if opcode == _CHUNK_INDEX:
+                index = ChunkIndex.read(ReadDataStream(BytesIO(data[begin:end])))
                 channels[index.chunk_start_offset] = frozenset(index.message_index_offsets)
-    except Exception:  # whatever mcap raises for invalid data
+        return FileSummary(True, dict(channels_in(data)), channels)
+    except Exception:  # mcap raises various exceptions for invalid data
         return FileSummary(False)
-    return FileSummary(True, topics, channels)
+
+
+def channels_in(data: bytes) -> Iterator[tuple[int, str]]:
+    """Id and topic of each channel that these bytes declare, before any message. Raises ValueError.
+
+    mcap raises further exceptions for invalid data.
+    """
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Channel
+
+    for opcode, begin, end in split(data):
+        if opcode == MESSAGE:
+            return  # Channels precede all messages.
+        if opcode == CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(data[begin:end])))
+            yield channel.id, FORMER.get(channel.topic, channel.topic)
 
 
 def split(data: bytes) -> Iterator[tuple[int, int, int]]:

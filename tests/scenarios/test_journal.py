@@ -196,12 +196,12 @@ def test_people_s_events_between_two_frames_are_not_lost(tmp_path):
     written = Written(tmp_path / "w.journal", "pond")
     written.bus.frame()
     algorithm = written.bus.algorithm
-    event = written.world.vocabulary.events["eAdd"](n=3)
-    written.bus.handle(Order(event))
-    written.journal.waiting(algorithm.ordered)
-    _, again, _ = written.read()
-    assert kept(again) == kept(algorithm)
-    assert algorithm.checkpoint.inbox
-    written.bus.step(BEGIN)
-    written.bus.settle()
-    assert written.read()[1].checkpoint.inbox == {}
+    for _ in range(2):  # The second event equals the one of the frame before.
+        written.bus.handle(Order(written.world.vocabulary.events["eAdd"](n=3)))
+        written.journal.waiting(algorithm.ordered)
+        _, again, _ = written.read()
+        assert kept(again) == kept(algorithm)
+        assert again.checkpoint.inbox
+        written.bus.step(BEGIN)
+        written.bus.settle()
+        assert written.read()[1].checkpoint.inbox == {}
