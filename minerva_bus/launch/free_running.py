@@ -13,7 +13,7 @@ from minerva_bus.errors import UserCodeError
 from minerva_bus.frame import stimuli as s
 from minerva_bus.frame.member import Member
 from minerva_bus.runtime.direct import InProcessRunner
-from minerva_bus.runtime.notices import Outlet, Published
+from minerva_bus.runtime.own_threads import Outlet, Published
 from minerva_bus.source import handler_name
 from minerva_bus.world.services import Generator
 

@@ -25,10 +25,10 @@ from minerva_bus.launch.printed import MEMBERS, printed
 from minerva_bus.launch.recording import RunRecord, recording
 from minerva_bus.launch.summary import RunSummary
 from minerva_bus.launch.worldfile import WorldFile
+from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.runtime.control import Operated, answer
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.runtime.metrics import Metrics
-from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.runner import Notice, Sink
 from minerva_bus.runtime.schedule import FrameSchedule
 from minerva_bus.runtime.status import StatusMeter

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, Final
 
-from minerva_bus.runtime.notices import Ungreeted
 from minerva_bus.runtime.system import System, Timer
 
 
@@ -26,7 +25,12 @@ class Arrival:
 
 ARRIVAL: Final = Arrival()
 STARTED_HERE: Final = Arrival(60.0, 60.0, inf, inf)
-"""A member that the launcher started is in the right place; the launcher ends it if it is late."""
+"""For members that the launcher started: it knows that the world exists, and ends late members."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ungreeted:
+    """Timer: the member was not greeted before the time-out."""
 
 
 class GreetingTimer:

@@ -1,39 +1,43 @@
-"""A question to a world's coordinator, and its answer."""
+"""Questions to a world's coordinator: how they are sent, and an operator that asks them."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import zenoh
 
 from minerva_bus.errors import BusError
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.keys import ANY_WORLD, asking_key, control_key
-from minerva_bus.wire.plain import as_map, as_text, pack, unpack
+from minerva_bus.wire.plain import as_list, as_map, as_text, pack, unpack
+from minerva_bus.wire.status import read_lines, read_status
+from minerva_bus.wire.values import plain_event
+from minerva_bus.world.operator import LogLine, WorldStatus
 
 
 def question_key(world: str, own: Credentials | None) -> str:
-    """Where one puts questions to a world, by its name; without one, to whichever is there."""
-    named = world or ANY_WORLD
+    """The key for questions to the world of a name; with an empty name, to any world there."""
+    name = world or ANY_WORLD
     if own is None:
-        return control_key(named)
-    return control_key(named, own.name) if own.operates else asking_key(named, own.name)
+        return control_key(name)
+    return control_key(name, own.name) if own.operates else asking_key(name, own.name)
 
 
 def ask(
-    session: zenoh.Session, key: str, question: str, within: float, details: Mapping[str, Any]
+    session: zenoh.Session, key: str, question: str, seconds: float, details: Mapping[str, Any]
 ) -> Mapping[str, Any] | None:
-    """The world's answer to a question, or None where none comes within so many seconds.
+    """The world's answer to a question, or None without an answer within `seconds`.
 
-    Raises BusError where the world refuses.
+    Raises BusError if the world rejects the question.
     """
     try:
-        replies = session.get(key, payload=pack({"ask": question, **details}), timeout=within)
+        replies = session.get(key, payload=pack({"ask": question, **details}), timeout=seconds)
     except zenoh.ZError as error:
-        raise BusError(f"the bus cannot be asked any more: {error}") from None
+        raise BusError(f"the question cannot be sent: {error}") from None
     for reply in replies:
         if reply.ok is not None:
             answer = as_map(unpack(reply.ok.payload.to_bytes()), "an answer")
@@ -41,3 +45,54 @@ def ask(
                 raise BusError(as_text(answer["error"], "an error"))
             return answer
     return None
+
+
+class AskingOperator:
+    """Operates a world by questions; `ask` sends one to the coordinator and returns the answer.
+
+    Commands, windows and pages use the same operator.
+    """
+
+    def __init__(self, ask: Callable[..., Mapping[str, Any]]) -> None:
+        self._ask = ask
+
+    def status(self, since: int = 0) -> WorldStatus:
+        """State of the world, with the log entries since a number."""
+        return read_status(self._ask("status", since=since).get("status"))
+
+    def fragment(self, agent: str) -> str:
+        """The text of one agent."""
+        return as_text(self._ask("fragment", agent=agent).get("fragment"), "the fragment")
+
+    def order(self, event: AnyEvent) -> None:
+        """Send an event to the world."""
+        self._ask("order", event=plain_event(event))
+
+    def pause(self) -> None:
+        """Begin no frame until `resume` or `step`."""
+        self._ask("pause")
+
+    def resume(self) -> None:
+        """Resume a paused world."""
+        self._ask("resume")
+
+    def step(self, frames: int = 1) -> None:
+        """Run a number of frames, then pause."""
+        self._ask("step", frames=frames)
+
+    def set_rate(self, rate: float) -> None:
+        """Set the frames per second; 0: as many as possible."""
+        self._ask("rate", rate=rate)
+
+    def restart(self, member: str) -> None:
+        """Restart a process of the world file."""
+        self._ask("restart", member=member)
+
+    def drain(self, member: str) -> tuple[str, ...]:
+        """Let other hosts take over a host's agents; returns the names of these hosts."""
+        hosts = as_list(self._ask("drain", member=member).get("to"), "hosts")
+        return tuple([as_text(host, "a host") for host in hosts])
+
+    def logs(self, since: int = 0, member: str = "") -> tuple[LogLine, ...]:
+        """Lines that members printed, and warnings about them."""
+        return read_lines(self._ask("logs", since=since, member=member).get("lines"))

@@ -13,9 +13,8 @@ import zenoh
 from minerva_bus.errors import BusError, ProtocolError, SceneError
 from minerva_bus.frame import messages as m
 from minerva_bus.grammar.vocabulary import Vocabulary
-from minerva_bus.runtime.asking import ask, question_key
+from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.inbox import Watch
-from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.runtime.session import not_let_in, open_client
 from minerva_bus.security.credentials import Credentials
 from minerva_bus.wire.codec import Decoder

@@ -1,8 +1,8 @@
-"""Who is linked to the coordinator by which certificate; links that count no more are cut.
+"""The secured links of the coordinator with the names of their certificates.
 
-Zenoh's access control is fixed when a session opens, and it asks no list of what was revoked. So
-a link is looked at when it comes, and again when the list has changed. Zenoh has no way to close
-one, but its socket is this process's own.
+Zenoh's access control is fixed when a session opens, and does not check revocation. So each new
+link is checked, and all links again when a certificate is revoked. Zenoh cannot close a single
+link, but its socket belongs to this process.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -23,24 +23,24 @@ from minerva_bus.runtime.sockets import sockets_to
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """Somebody has come by a certificate of this name, from this address."""
+    """A link with a certificate of this name, from this address."""
 
     name: str
     address: str
 
 
 class Links:
-    """The secured links of a session. `tell` is called from Zenoh's threads for each new one."""
+    """The secured links of a session. `notify` is called in threads of Zenoh for each new one."""
 
-    def __init__(self, session: zenoh.Session, tell: Callable[[Linked], None]) -> None:
-        self._tell = tell
+    def __init__(self, session: zenoh.Session, notify: Callable[[Linked], None]) -> None:
+        self._notify = notify
         self._linked: dict[str, Linked] = {}
         self._listener: Any = session.info.declare_link_events_listener(
             Callback(self._on_event, indirect=True), history=True
         )
 
     def close(self) -> None:
-        """CheckConnection no more."""
+        """Stop watching."""
         self._listener.undeclare()
 
     def _on_event(self, event: Any) -> None:
@@ -49,17 +49,18 @@ class Links:
             return
         if event.kind == zenoh.SampleKind.PUT:
             self._linked[address] = Linked(str(name), address)
-            self._tell(self._linked[address])
+            self._notify(self._linked[address])
         else:
             self._linked.pop(address, None)
 
     def of(self, name: str) -> list[Linked]:
         """The links of a name."""
-        return [one for one in list(self._linked.values()) if one.name == name]
+        # A copy, because threads of Zenoh add links meanwhile.
+        return [linked for linked in list(self._linked.values()) if linked.name == name]
 
 
 def cut(linked: Linked) -> bool:
-    """Shut a link's socket; False where there is none of it (QUIC shares one among its links)."""
+    """Shut down a link's socket; False if it has none of its own, as with QUIC."""
     for connection in sockets_to(linked.address):
         with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)
@@ -68,9 +69,9 @@ def cut(linked: Linked) -> bool:
 
 
 @contextmanager
-def watched(session: zenoh.Session, tell: Callable[[Linked], None]) -> Generator[Links]:
-    """The links of a session, for as long as it is looked at."""
-    links = Links(session, tell)
+def watched(session: zenoh.Session, notify: Callable[[Linked], None]) -> Generator[Links]:
+    """The links of a session, while the context lasts."""
+    links = Links(session, notify)
     try:
         yield links
     finally:

@@ -16,15 +16,12 @@ from minerva_bus.frame import messages as m
 from minerva_bus.frame.member import Member, Refusal
 from minerva_bus.grammar.batch import AnyEvent, Events
 from minerva_bus.grammar.events import Event
-from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer
-from minerva_bus.runtime.asking import ask, question_key
+from minerva_bus.runtime.arrival import ARRIVAL, Arrival, GreetingTimer, Ungreeted
+from minerva_bus.runtime.asking import AskingOperator, ask, question_key
 from minerva_bus.runtime.inbox import Inbox, KeyedSample, keyed_sample
-from minerva_bus.runtime.name import Name
-from minerva_bus.runtime.notices import Claim, Count, Leave, Published, Pulse, Ungreeted
-from minerva_bus.runtime.operating import AskingOperator
-from minerva_bus.runtime.own_threads import OwnThreads
+from minerva_bus.runtime.own_threads import Leave, OwnThreads, Published, Pulse, ReportFigures
 from minerva_bus.runtime.reconnect import CheckConnection, Diagnosed, ReconnectMonitor
-from minerva_bus.runtime.rejoin import Rejoin
+from minerva_bus.runtime.rejoin import ReclaimName, Rejoin
 from minerva_bus.runtime.session import not_let_in
 from minerva_bus.runtime.system import REAL, System, run_through
 from minerva_bus.runtime.world_link import WorldLink
@@ -93,11 +90,10 @@ class MemberProcess:
         system: System = REAL,
     ) -> None:
         name = checked_name(member.name, "a member")
-        keys = Keys(world)
         self.member = member
         self.inbox = Inbox()
         self.failure: Exception | None = None
-        self.link = WorldLink(keys, name, notify, system.monotonic)
+        self.link = WorldLink(Keys(world), name, notify, system.monotonic)
         self._system = system
         self._connect = MemberLinkOptions(endpoint, shared, own, arrival)
         self._notify = notify
@@ -113,8 +109,7 @@ class MemberProcess:
             self.inbox.put,
             system,
         )
-        own_name = Name(name, keys.alive(name))
-        self._rejoin = Rejoin(name, own_name, monitor, self.link, notify, self.inbox.put, system)
+        self._rejoin = Rejoin(name, monitor, self.link, notify, self.inbox.put, system)
         self._handlers: dict[type, Callable[[Any], bool | None]] = {
             bytes: self._on_message,
             KeyedSample: self._on_sample,
@@ -122,11 +117,11 @@ class MemberProcess:
             Events: self._on_event,
             Published: self._on_reading,
             Pulse: self._on_pulse,
-            Count: self._on_count,
+            ReportFigures: self._on_figures,
             Leave: self._on_leave,
             CheckConnection: lambda _: monitor.check(),
             Diagnosed: monitor.diagnosed,
-            Claim: lambda _: self._rejoin.claim(self._session),
+            ReclaimName: lambda _: self._rejoin.reclaim(self._session),
             Ungreeted: self._on_ungreeted,
         }
 
@@ -159,7 +154,7 @@ class MemberProcess:
                 self._rejoin.monitor.close()
                 self.inbox.close()
                 self._close_service()
-                self._rejoin.name.give_back()
+                self._rejoin.name.release()
                 for declaration in declared:
                     declaration.undeclare()
 
@@ -208,7 +203,7 @@ class MemberProcess:
         declared += self.link.open(session, service.publishes if service is not None else ())
         liveliness, alive = session.liveliness(), self.link.keys.alive(COORDINATOR)
         declared.append(liveliness.declare_subscriber(alive, handler(keyed_sample), history=True))
-        self._rejoin.name.take(session)
+        self._rejoin.name.declare(session)
         return list(reversed(declared))
 
     def _subscriptions(self) -> list[str]:
@@ -287,17 +282,17 @@ class MemberProcess:
         elif sample.key != self.link.keys.alive(COORDINATOR):
             self._on_message(sample.data)
         elif sample.there:
-            self._rejoin.found(self._session)
+            self._rejoin.restored(self._session)
         else:
             self._rejoin.lost()
 
     def _on_event(self, event: AnyEvent) -> None:
         self.link.send(self.member.emitted(event))
-        self._threads.taken()
+        self._threads.outlet.taken()
 
     def _on_reading(self, item: Published) -> None:
         self.link.send(self.member.published(item.topic, item.reading))
-        self._threads.taken()
+        self._threads.outlet.taken()
 
     def _on_leave(self, _: Leave) -> bool:
         self.link.send(m.Leaving(self.member.name))
@@ -327,7 +322,7 @@ class MemberProcess:
     def _on_pulse(self, _: Pulse) -> bool:
         """Call the service's `pulse`; False when the service leaves."""
         service = self.member.service
-        self._threads.felt()
+        self._threads.pulsed()
         if service is None:
             return True
         with blamed(service.pulse):
@@ -336,7 +331,7 @@ class MemberProcess:
             leaves = service.leaves()
         return self._on_leave(Leave()) if leaves else True
 
-    def _on_count(self, _: Count) -> None:
+    def _on_figures(self, _: ReportFigures) -> None:
         """Send the member's metrics, if they have changed."""
         figures = self.member.figures()
         if figures != self._figures:

@@ -156,7 +156,7 @@ class Monitor:
             self._log.warn(name, f"{silence}; the world stops")
             self.end(s.End(f"{name} {silence}", failed=True))
         else:
-            self._waits.again(name, now)
+            self._waits.restart(name, now)
             self._watchers.stalled(name, waited)
             if not self._algorithm.members.get(name).expected:
                 reason = f"it did not answer for {waited:.0f} s"

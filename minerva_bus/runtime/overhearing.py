@@ -1,4 +1,4 @@
-"""Listening to sensor topics without taking part: whoever records them is no member."""
+"""Subscribes to sensor topics without being a member, for records."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -12,19 +12,22 @@ from zenoh.handlers import Callback
 
 from minerva_bus.wire.keys import Keys
 
-Hear = Callable[[str, str, bytes], None]
-"""Told of a topic, of who publishes there, and of the message; in Zenoh's threads."""
-
 
 def overhear(
-    session: zenoh.Session, keys: Keys, topics: Collection[str], hear: Hear
+    session: zenoh.Session,
+    keys: Keys,
+    topics: Collection[str],
+    receive: Callable[[str, str, bytes], None],
 ) -> list[zenoh.Subscriber[Any]]:
-    """Hear what comes on some topics of a world, on all of them where one is called `*`."""
+    """Subscribe to topics of a world; `*` stands for all of them.
 
-    def told(sample: zenoh.Sample) -> None:
+    `receive` is called with topic, publisher and message, in threads of Zenoh.
+    """
+
+    def on_sample(sample: zenoh.Sample) -> None:
         topic, member = str(sample.key_expr).split("/")[-2:]
-        hear(topic, member, sample.payload.to_bytes())
+        receive(topic, member, sample.payload.to_bytes())
 
-    every = f"{keys.base}/topic/*/*"
-    wanted = [every] if "*" in topics else [keys.topic(topic) for topic in sorted(topics)]
-    return [session.declare_subscriber(key, Callback(told, indirect=False)) for key in wanted]
+    all_topics = f"{keys.base}/topic/*/*"
+    wanted = [all_topics] if "*" in topics else [keys.topic(topic) for topic in sorted(topics)]
+    return [session.declare_subscriber(key, Callback(on_sample, indirect=False)) for key in wanted]

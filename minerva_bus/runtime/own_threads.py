@@ -1,33 +1,93 @@
-"""The threads of a member beside its main one: they knock, and its main thread acts."""
+"""The threads of a member beside its main one, and what they put into its inbox."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Final
 
 from minerva_bus.errors import MinervaError, UserCodeError
 from minerva_bus.frame.member import Unready
-from minerva_bus.runtime.notices import Count, Leave, Outlet, Pulse
+from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.runtime.system import System, Timer
 from minerva_bus.source import handler_name
+from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Generator, Service
 
-COUNTED_EVERY = 1.0
+MAX_WAITING: Final = 256
+"""Events and readings of a free-running generator that wait for the main thread at most."""
+
+POLL_SECONDS: Final = 0.2
+"""Interval at which a blocked generator checks whether the member stops."""
+
+FIGURES_SECONDS: Final = 1.0
+"""Interval between two reports of a member's metrics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """Request: the member leaves its world."""
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """A reading of a free-running publisher."""
+
+    topic: str
+    reading: Reading
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFigures:
+    """Timer: send the member's metrics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """Timer: call the service's `pulse`."""
+
+
+class Outlet:
+    """Passes events and readings of a free-running generator to the member's main thread."""
+
+    def __init__(self, put: Callable[[Any], None], stop: threading.Event) -> None:
+        self._put = put
+        self._stop = stop
+        self._room = threading.Semaphore(MAX_WAITING)
+
+    def __call__(self, event: AnyEvent) -> None:
+        """Emit an event."""
+        self._add(event)
+
+    def publish(self, topic: str, reading: Reading) -> None:
+        """Publish a reading on a sensor topic."""
+        self._add(Published(topic, reading))
+
+    def taken(self) -> None:
+        """The main thread has processed one item."""
+        self._room.release()
+
+    def _add(self, item: Any) -> None:
+        # A generator that is faster than the bus blocks here; otherwise memory would fill up.
+        while not self._room.acquire(timeout=POLL_SECONDS):
+            if self._stop.is_set():
+                return
+        self._put(item)
 
 
 class OwnThreads:
-    """What a service does by itself: it speaks, is counted and feels its pulse.
+    """Threads and timers of a service: free-running generation, metrics and pulses.
 
-    All of it is `put` before the main thread; `name` is the member's. `ends`: a service that has
-    said all there is to say leaves the world, which it will `tell`.
+    `put` adds items to the inbox of the member `name`. With `ends`, a service whose generation has
+    finished leaves the world, which `notify` reports.
     """
 
     def __init__(
         self,
         name: str,
         put: Callable[[Any], None],
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         system: System,
         *,
         ends: bool,
@@ -36,52 +96,49 @@ class OwnThreads:
         self._timers: list[Timer] = []
         self._name = name
         self._put = put
-        self._tell = tell
+        self._notify = notify
         self._ends = ends
         self._stop = threading.Event()
-        self._pulsed = threading.Event()
-        self._outlet = Outlet(put, self._stop)
+        self._pulse_pending = threading.Event()
+        self.outlet = Outlet(put, self._stop)
 
     def start(self, service: Service | None) -> None:
-        """Begin, for as long as the service is in a world."""
+        """Start the threads of a service that has joined a world."""
         if service is None:
             return
         if isinstance(service, Generator) and not service.lockstep:
-            self._system.aside(lambda: self._emit_all(service))
-        self._timers.append(self._system.every(COUNTED_EVERY, lambda: self._put(Count())))
+            self._system.aside(lambda: self._generate(service))
+        report = ReportFigures()
+        self._timers.append(self._system.every(FIGURES_SECONDS, lambda: self._put(report)))
         if service.pulse_every > 0:
-            self._timers.append(self._system.every(service.pulse_every, self._give_pulse))
+            self._timers.append(self._system.every(service.pulse_every, self._add_pulse))
 
     def stop(self) -> None:
-        """Come to an end, each at its next turn."""
+        """Ask all threads to stop."""
         self._stop.set()
         for timer in self._timers:
             timer.cancel()
 
-    def taken(self) -> None:
-        """One thing that the service has said is dealt with."""
-        self._outlet.taken()
+    def pulsed(self) -> None:
+        """The main thread has processed a pulse: the next one may be added."""
+        self._pulse_pending.clear()
 
-    def felt(self) -> None:
-        """A pulse was felt: the next one may come."""
-        self._pulsed.clear()
-
-    def _emit_all(self, service: Generator) -> None:
+    def _generate(self, service: Generator) -> None:
         try:
-            service.run(self._outlet, self._stop)
+            service.run(self.outlet, self._stop)
             if self._ends and not self._stop.is_set():
-                self._tell(f"{self._name}: no more comes of it; it leaves the world")
-                self._put(Count())
+                self._notify(f"{self._name}: no more events; leaving the world")
+                self._put(ReportFigures())
                 self._put(Leave())
         except MinervaError as error:
-            self._put(Unready(f"{self._name} cannot go on: {error}"))
+            self._put(Unready(f"{self._name} cannot continue: {error}"))
         except (Exception, SystemExit) as error:
             failure = UserCodeError(handler_name(service.run), service.run)
             failure.__cause__ = error
             self._put(failure)
 
-    def _give_pulse(self) -> None:
-        """Knock, but not while a pulse still waits to be felt."""
-        if not self._pulsed.is_set():
-            self._pulsed.set()
+    def _add_pulse(self) -> None:
+        # Pulses do not queue up behind a slow one.
+        if not self._pulse_pending.is_set():
+            self._pulse_pending.set()
             self._put(Pulse())

@@ -1,4 +1,4 @@
-"""Who is there: what liveliness tokens say of members and of coordinators."""
+"""Presence of members and coordinators, read from samples of their liveliness tokens."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -14,13 +14,12 @@ from minerva_bus.wire.keys import COORDINATOR, is_name, last_part
 
 HERE: Final = zenoh.SampleKind.PUT
 GONE: Final = zenoh.SampleKind.DELETE
-"""What a sample of a token says of it."""
 
 
 def presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
-    """What a token's sample says of a member; nothing of the coordinator's own.
+    """A member's appearance or disappearance; None for the coordinator's token.
 
-    Nor that one is gone who cannot have been there, for want of a name.
+    Also None when a token without a valid name disappears: its member was never admitted.
     """
     member, there = last_part(str(sample.key_expr)), sample.kind == HERE
     if member == COORDINATOR or not (there or is_name(member)):
@@ -30,13 +29,13 @@ def presence(sample: zenoh.Sample) -> s.Appeared | s.Vanished | None:
 
 @dataclass(frozen=True, slots=True)
 class Successor:
-    """A coordinator of this epoch is there."""
+    """A coordinator of this epoch is running."""
 
     epoch: int
 
 
 def successor(sample: zenoh.Sample) -> Successor | None:
-    """What a coordinator's token says of its epoch; nothing where it is gone."""
+    """The coordinator whose token appeared; None if it disappeared."""
     epoch = last_part(str(sample.key_expr))
     there = sample.kind == HERE and epoch.isdecimal()
     return Successor(int(epoch)) if there else None

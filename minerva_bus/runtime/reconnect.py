@@ -45,7 +45,7 @@ class ReconnectMonitor:
         subject: str,
         patience: float,
         obstacle: Callable[[], str],
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         put: Callable[[Any], None],
         system: System = REAL,
     ) -> None:
@@ -53,10 +53,10 @@ class ReconnectMonitor:
         self._subject = subject
         self._patience = patience
         self._obstacle = obstacle
-        self._tell = tell
+        self._notify = notify
         self._put = put
         self._since: float | None = None
-        self._said = False
+        self._reported = False
         self._timer: Timer | None = None
 
     @property
@@ -65,18 +65,18 @@ class ReconnectMonitor:
         return self._since is not None
 
     def lost(self) -> None:
-        """The connection is lost from now on."""
-        self._since, self._said = self._system.monotonic(), False
-        self._look_in(min(QUIET_SECONDS, self._patience))
+        """Note that the connection is lost."""
+        self._since, self._reported = self._system.monotonic(), False
+        self._check_in(min(QUIET_SECONDS, self._patience))
 
-    def found(self) -> None:
-        """The connection is restored."""
-        if self._said:
-            self._tell(f"{self._subject} is back after {_spoken(self._passed())}")
+    def restored(self) -> None:
+        """Note that the connection is restored."""
+        if self._reported:
+            self._notify(f"{self._subject} is reachable again after {_duration(self._elapsed())}")
         self.close()
 
     def close(self) -> None:
-        """CheckConnection no more."""
+        """Stop monitoring."""
         self._since = None
         if self._timer is not None:
             self._timer.cancel()
@@ -85,39 +85,37 @@ class ReconnectMonitor:
         """Report the loss, with exponential back-off; False after the time-out."""
         if self._since is None:
             return True
-        passed = self._passed()
-        if passed >= self._patience:
-            self._tell(f"{self._subject} is gone: it was out of sight for {_spoken(passed)}")
+        elapsed = self._elapsed()
+        if elapsed >= self._patience:
+            self._notify(
+                f"{self._subject} has been unreachable for {_duration(elapsed)}; giving up"
+            )
             return False
-        if not self._said:
-            self._said = True
-            since = time.strftime("%H:%M:%S", time.localtime(self._system.time() - passed))
-            self._tell(f"{self._subject} cannot be seen since {since}; {self._outlook()}")
+        if not self._reported:
+            self._reported = True
+            since = time.strftime("%H:%M:%S", time.localtime(self._system.time() - elapsed))
+            self._notify(f"{self._subject} has been unreachable since {since}; {self._outlook()}")
         else:
-            self._system.aside(self._see)
-        self._look_in(min(passed, MAX_INTERVAL_SECONDS, self._patience - passed))
+            self._system.aside(lambda: self._put(Diagnosed(self._obstacle())))
+        self._check_in(min(elapsed, MAX_INTERVAL_SECONDS, self._patience - elapsed))
         return True
 
-    def diagnosed(self, seen: Diagnosed) -> None:
+    def diagnosed(self, diagnosis: Diagnosed) -> None:
         """Report what prevents the connection."""
         if self._since is not None:
-            passed = f"has been out of sight for {_spoken(self._passed())}"
-            self._tell(f"{self._subject} {passed}: {seen.obstacle}; {self._outlook()}")
-
-    def _see(self) -> None:
-        self._put(Diagnosed(self._obstacle()))
+            state = f"has been unreachable for {_duration(self._elapsed())}"
+            self._notify(f"{self._subject} {state}: {diagnosis.obstacle}; {self._outlook()}")
 
     def _outlook(self) -> str:
-        left = max(0.0, self._patience - self._passed())
-        return f"it may come back within {_spoken(left)}"
+        return f"reconnecting for another {_duration(max(0.0, self._patience - self._elapsed()))}"
 
-    def _passed(self) -> float:
+    def _elapsed(self) -> float:
         return 0.0 if self._since is None else self._system.monotonic() - self._since
 
-    def _look_in(self, seconds: float) -> None:
+    def _check_in(self, seconds: float) -> None:
         self._timer = self._system.later(seconds, lambda: self._put(CheckConnection()))
 
 
-def _spoken(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     """A duration for people."""
     return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

@@ -1,17 +1,16 @@
-"""A member that has lost its world: it gives up its name, and claims it when the world is back."""
+"""A member's name in its world, and how a member reclaims it after a lost connection."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import zenoh
 
 from minerva_bus.errors import BusError
-from minerva_bus.runtime.name import Name
-from minerva_bus.runtime.notices import Claim
 from minerva_bus.runtime.reconnect import ReconnectMonitor
 from minerva_bus.runtime.system import System
 from minerva_bus.runtime.world_link import WorldLink
@@ -19,24 +18,68 @@ from minerva_bus.runtime.world_link import WorldLink
 NAME_FREE_AGAIN: Final = 4.0
 """Seconds within which the name of a member that has reconnected is free again."""
 
-CLAIMED_EVERY: Final = 0.1
-"""Seconds between two attempts to claim the name."""
+RECLAIM_SECONDS: Final = 0.1
+"""Interval between two attempts to reclaim the name."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReclaimName:
+    """Timer: check whether the member's name is free again."""
+
+
+class NameToken:
+    """The liveliness token that reserves a member's name; `key` is its key."""
+
+    def __init__(self, name: str, key: str) -> None:
+        self._name = name
+        self._key = key
+        self._token: zenoh.LivelinessToken | None = None
+
+    def until_free(
+        self, session: zenoh.Session, clock: Callable[[], float], seconds: float
+    ) -> Iterator[None]:
+        """Wait until the name is free; yields before each further check.
+
+        Raises BusError if another member has it for longer than `seconds`. The name of a member
+        that has died is free after some milliseconds.
+        """
+        until = clock() + seconds
+        while self.is_taken(session):
+            if clock() > until:
+                raise BusError(
+                    f"there is a member {self._name!r} in the world already;"
+                    " choose another name (--name)"
+                )
+            yield
+
+    def is_taken(self, session: zenoh.Session) -> bool:
+        """Whether a member has the name."""
+        return bool(list(session.liveliness().get(self._key, timeout=1.0)))
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Reserve the name."""
+        self._token = session.liveliness().declare_token(self._key)
+
+    def release(self) -> None:
+        """Give up the name."""
+        if self._token is not None:
+            self._token.undeclare()
+            self._token = None
 
 
 class Rejoin:
-    """Gives up and reclaims the name of `member`; `put` adds a `Claim` to its inbox."""
+    """Releases and reclaims the name of `member`; `put` adds a `ReclaimName` to its inbox."""
 
     def __init__(
         self,
         member: str,
-        name: Name,
         monitor: ReconnectMonitor,
         link: WorldLink,
         notify: Callable[[str], None],
         put: Callable[[Any], None],
         system: System,
     ) -> None:
-        self.name = name
+        self.name = NameToken(member, link.keys.alive(member))
         self.monitor = monitor
         self._member = member
         self._link = link
@@ -48,34 +91,34 @@ class Rejoin:
     def lost(self) -> None:
         """The coordinator's token is gone: the world has ended, or the link is interrupted.
 
-        Messages of a coordinator do not count until it greets again: another member may have taken
-        the name. The member therefore claims its name when it is free, and not before.
+        Another member may take the name meanwhile. So the member ignores coordinators until one
+        greets it again, and reclaims its name only once that is free.
         """
         if not self.monitor.away:
             self.monitor.lost()
-            self.name.give_back()
+            self.name.release()
             self._link.lost()
 
-    def found(self, session: zenoh.Session) -> None:
-        """The coordinator's token is there."""
+    def restored(self, session: zenoh.Session) -> None:
+        """The coordinator's token is back."""
         if self.monitor.away:
             self._since = self._system.monotonic()
-            self.claim(session)
+            self.reclaim(session)
 
-    def claim(self, session: zenoh.Session) -> None:
-        """Take part again under the same name. Raises BusError where another member has it."""
+    def reclaim(self, session: zenoh.Session) -> None:
+        """Take part again under the same name. Raises BusError if another member has it."""
         if not self.monitor.away:
             return
-        if not self.name.taken(session):
-            self.name.take(session)
-            self.monitor.found()
+        if not self.name.is_taken(session):
+            self.name.declare(session)
+            self.monitor.restored()
             if self._link.unsent:
-                self._notify(f"{self._member}: {self._link.unsent} events of it were not heard")
+                self._notify(f"{self._member}: {self._link.unsent} events were lost meanwhile")
                 self._link.unsent = 0
         elif self._system.monotonic() < self._since + NAME_FREE_AGAIN:
-            self._system.later(CLAIMED_EVERY, lambda: self._put(Claim()))
+            self._system.later(RECLAIM_SECONDS, lambda: self._put(ReclaimName()))
         else:
             raise BusError(
-                f"the world {self._link.keys.world!r} is back, but there is another"
-                f" {self._member!r} in it by now: this one ends"
+                f"the world {self._link.keys.world!r} is reachable again, but another member has"
+                f" the name {self._member!r}; this one ends"
             )

@@ -1,7 +1,7 @@
-"""Lines about members that others cause: some at once, and then few, with how many were left out.
+"""Rate limits of log lines about members, with a count of the lines that were omitted.
 
-Whoever may take part can come and go, or err, ten thousand times a second; a log, a terminal and a
-record must outlast that, and still show whose doing it was.
+A member can fail, or join and leave, ten thousand times a second. Log, terminal and record must
+remain readable, and still name the member.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Final
 from minerva_bus.wording import counted
 
 AT_ONCE: Final = 20
-"""Lines about one subject that are said at once; after that one is each second."""
+"""Lines about one subject that are logged at once; after that, one per second."""
 
 GUESTS: Final = "members from elsewhere"
-"""The subject that all are together who are no processes of the world file."""
+"""The common subject of all members that are not processes of the world file."""
 
 MAX_SUBJECTS: Final = 1000
 
@@ -29,13 +29,13 @@ class _Subject:
 
 
 class Restraint:
-    """Lets lines about each subject through, as many as there is room for; `now` is in seconds."""
+    """A token bucket of log lines for each subject; `now` is in seconds."""
 
     def __init__(self) -> None:
         self._subjects: dict[str, _Subject] = {}
 
     def lets(self, subject: str, now: float) -> bool:
-        """Whether a line may be said; one that may not is counted."""
+        """Whether a line may be logged; one that may not is counted."""
         known = self._subjects.get(subject)
         if known is None:
             if len(self._subjects) >= MAX_SUBJECTS:
@@ -50,17 +50,17 @@ class Restraint:
         return True
 
     def left_out(self, now: float) -> Iterator[tuple[str, str]]:
-        """Of each subject that has room again, how many lines were left out since it was said."""
+        """The subjects that may be logged again, with the number of omitted lines in words."""
         for name, known in self._subjects.items():
             room = known.room + now - known.at
             if known.held and room >= 1.0:
                 known.room, known.at = room - 1.0, now
                 whom = GUESTS if name == GUESTS else "it"
-                yield name, f"{counted(known.held, 'more line')} about {whom} left out"
+                yield name, f"{counted(known.held, 'more line')} about {whom} omitted"
                 known.held = 0
 
     def _forget(self, now: float) -> None:
-        """Keep only those of whom something was said a moment ago, or is to be said."""
+        """Forget the subjects with a full bucket and no omitted lines."""
         self._subjects = {
             name: known
             for name, known in self._subjects.items()

@@ -1,7 +1,4 @@
-"""The sockets below a session's links.
-
-Zenoh gives no hold on them, but they are this process's own.
-"""
+"""The sockets of a session's links. Zenoh has no access to them, but the process does."""
 
 # Zenoh's own stubs leave some types open.
 # pyright: reportUnknownMemberType=false
@@ -21,14 +18,14 @@ from zenoh.handlers import Callback
 
 _AT_ONCE: Final = struct.pack("ii", 0, 0)
 _BEYOND_LEASE: Final = 1.0
-"""Seconds without a sign from the other side, beside Zenoh's own lease."""
+"""Seconds that the system keeps trying to deliver, beyond Zenoh's own lease."""
 
 
 def sockets_to(address: str) -> Iterator[socket.socket]:
-    """The sockets of a link to an address, such as tls/10.0.0.2:7447, each a copy to be used once.
+    """Copies of the sockets of a link to an address such as tls/10.0.0.2:7447, newest first.
 
-    The newest come first, so that a new link's is found at once among a thousand. There are none
-    of links that have no socket of their own (QUIC, sockets in the file system).
+    Newest first, so that a new link's socket is the first of a thousand. Links without a socket of
+    their own (QUIC, sockets in the file system) have none. Each copy is closed by the next step.
     """
     host, _, port = address.partition("/")[2].rpartition(":")
     for connection in _sockets() if port.isdecimal() else ():
@@ -38,31 +35,30 @@ def sockets_to(address: str) -> Iterator[socket.socket]:
 
 
 def let_dead_links_go(session: zenoh.Session, lease: float) -> None:
-    """Let a link of a session that dies be gone soon, and hold up no others.
+    """Make dead links of a session disappear soon and without delaying other links.
 
-    `lease`: seconds without a sign after which Zenoh gives up a link.
-
-    Zenoh closes a link when nothing has come for a while, but not before it has written what it
-    was about to write, for which the system would try for a quarter of an hour (TCP_USER_TIMEOUT;
-    where the system has no such option, it does). And it closes the socket when that was
-    delivered, or ten seconds are over (SO_LINGER), while a thread that serves other links as well
-    stands still. Without, the system still delivers what it can.
+    Zenoh closes a link after `lease` seconds without a message, but only after a pending write,
+    which the system would retry for a quarter of an hour: TCP_USER_TIMEOUT shortens this, where it
+    exists. Closing then blocks for up to ten seconds, until the rest is delivered, in a thread that
+    serves other links: SO_LINGER of zero prevents that; the system still delivers what it can.
     """
-    given_up_after = round(1000 * (lease + _BEYOND_LEASE))
+    give_up_milliseconds = round(1000 * (lease + _BEYOND_LEASE))
 
     def new_link(event: Any) -> None:
         if event.kind != zenoh.SampleKind.PUT:
             return
-        for one in islice(sockets_to(str(event.link.dst)), 1):
+        for connection in islice(sockets_to(str(event.link.dst)), 1):
             with suppress(OSError, AttributeError):
-                one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
-                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, given_up_after)
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
+                connection.setsockopt(
+                    socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, give_up_milliseconds
+                )
 
     session.info.declare_link_events_listener(Callback(new_link, indirect=True), history=True)
 
 
 def _sockets() -> Iterator[socket.socket]:
-    """All sockets of the process, each by a copy of its descriptor; the highest first."""
+    """Copies of all sockets of the process, the highest descriptor first."""
     for descriptor in sorted(
         (int(entry.name) for entry in Path("/dev/fd").iterdir()), reverse=True
     ):

@@ -1,7 +1,7 @@
-"""What a process on the bus has of the system that it runs on: clock, threads and sessions.
+"""Clock, threads and sessions of a process on the bus.
 
-Coordinator and members take it as an argument, so that a simulation can give them another one,
-in which time is a number and nothing runs by itself (`minerva_bus.testing.simulation`).
+Coordinator and members take them as an argument. A simulation passes its own, in which time is a
+number and nothing runs by itself (`minerva_bus.testing.simulation`).
 """
 
 # Zenoh's own stubs leave some types open.
@@ -28,42 +28,42 @@ Ended = TypeVar("Ended")
 
 
 class Timer(Protocol):
-    """Something that happens later, unless it is cancelled before."""
+    """A pending call, or a repeated one."""
 
     def cancel(self) -> None:
-        """Let it not happen, or not once more."""
+        """Make no further call."""
         ...
 
     def join(self) -> None:
-        """Wait until it is over."""
+        """Wait until the last call has returned."""
         ...
 
 
 class System(Protocol):
-    """A clock, threads and sessions; times are seconds."""
+    """A clock, threads and sessions; times are in seconds."""
 
     def monotonic(self) -> float:
-        """The time of a clock that never goes back."""
+        """Monotonic time."""
         ...
 
     def time(self) -> float:
-        """The time since 1970."""
+        """Time since 1970."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Block the calling thread."""
         ...
 
     def later(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call once after some time, from a thread of its own."""
+        """Call once after a delay, in a thread."""
         ...
 
     def every(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call again and again, from a thread of its own."""
+        """Call at intervals, in a thread."""
         ...
 
     def aside(self, call: Callable[[], object]) -> None:
-        """Call now, from a thread of its own."""
+        """Call now, in a thread."""
         ...
 
     def open_hub(
@@ -75,17 +75,17 @@ class System(Protocol):
         secured: Secured | None = None,
         routers: Sequence[str] = (),
     ) -> tuple[zenoh.Session, str]:
-        """A coordinator's session and where it listens; see `session.open_hub`."""
+        """A coordinator's session and its endpoint; see `session.open_hub`."""
         ...
 
     def client(
         self, name: str, endpoint: str, *, shared: bool, own: Credentials | None
     ) -> AbstractContextManager[zenoh.Session]:
-        """A member's session, which is closed in the end; see `session.open_client`."""
+        """A member's session, as a context that closes it; see `session.open_client`."""
         ...
 
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """What is in the way to an endpoint; may take its time."""
+        """What prevents a connection to an endpoint; may block."""
         ...
 
 
@@ -93,30 +93,30 @@ class RealSystem:
     """The operating system, and Zenoh."""
 
     def monotonic(self) -> float:
-        """The time of a clock that never goes back."""
+        """Monotonic time."""
         return time.monotonic()
 
     def time(self) -> float:
-        """The time since 1970."""
+        """Time since 1970."""
         return time.time()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Block the calling thread."""
         time.sleep(seconds)
 
     def later(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call once after some time, from a thread of its own."""
+        """Call once after a delay, in a thread."""
         timer = threading.Timer(seconds, call)
         timer.daemon = True
         timer.start()
         return timer
 
     def every(self, seconds: float, call: Callable[[], object]) -> Timer:
-        """Call again and again, from a thread of its own."""
+        """Call at intervals, in a thread."""
         return _Repeated(seconds, call)
 
     def aside(self, call: Callable[[], object]) -> None:
-        """Call now, from a thread of its own."""
+        """Call now, in a thread."""
         threading.Thread(target=call, daemon=True).start()
 
     def open_hub(
@@ -128,25 +128,25 @@ class RealSystem:
         secured: Secured | None = None,
         routers: Sequence[str] = (),
     ) -> tuple[zenoh.Session, str]:
-        """A coordinator's session and where it listens. Raises BusError."""
+        """A coordinator's session and its endpoint. Raises BusError."""
         return open_hub(name, listen, shared=shared, secured=secured, routers=routers)
 
     @contextmanager
     def client(
         self, name: str, endpoint: str, *, shared: bool, own: Credentials | None
     ) -> Generator[zenoh.Session]:
-        """A member's session, which is closed in the end. Raises BusError."""
+        """A member's session, as a context that closes it. Raises BusError."""
         session = open_client(name, endpoint, shared=shared, own=own)
         with closed_in_time(session):
             yield session
 
     def obstacle(self, endpoint: str, own: Credentials | None) -> str:
-        """What is in the way to an endpoint, looked for as long as DIAGNOSIS_SECONDS."""
+        """What prevents a connection to an endpoint; blocks for DIAGNOSIS_SECONDS at most."""
         return obstacle(check_endpoint(endpoint), own, DIAGNOSIS_SECONDS)
 
 
 class _Repeated:
-    """A thread that calls every so many seconds."""
+    """A thread that calls at intervals."""
 
     def __init__(self, seconds: float, call: Callable[[], object]) -> None:
         self._stop = threading.Event()
@@ -168,7 +168,7 @@ REAL: Final = RealSystem()
 
 
 def run_through(life: Generator[None, None, Ended]) -> Ended:
-    """Take one turn after another; what the last one returns."""
+    """Run all turns of a process; returns its result."""
     try:
         while True:
             next(life)

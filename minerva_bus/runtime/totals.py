@@ -1,4 +1,4 @@
-"""What has been counted of a world's frames since somebody began to watch: only ever more."""
+"""Totals of the measured frames of a world; they only increase, as Prometheus requires."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BOUNDS: Final = (
     0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5,
     10.0,
 )  # fmt: skip
-"""Seconds; how often a part of a frame took no longer is counted for each of them."""
+"""Upper bounds of the histogram buckets, in seconds."""
 
 _BYTES: Final = ("bytes in", "bytes out")
 _MICRO: Final = 1e-6
@@ -23,13 +23,13 @@ _MICRO: Final = 1e-6
 
 @dataclass(slots=True)
 class Durations:
-    """How often something took how long: a count for each of BOUNDS and one beyond, in seconds."""
+    """Histogram of durations: a count for each of BOUNDS and one beyond, and their sum in s."""
 
     counts: list[int] = field(default_factory=lambda: [0] * (len(BOUNDS) + 1))
     seconds: float = 0.0
 
     def add(self, seconds: float) -> None:
-        """It took so long."""
+        """Count one duration."""
         self.counts[bisect_left(BOUNDS, seconds)] += 1
         self.seconds += seconds
 
@@ -45,7 +45,10 @@ class Totals:
     bytes_out: int = 0
 
     def add(self, sums: Mapping[str, float]) -> None:
-        """Count one frame's sums: microseconds by part, and bytes; waiting for one is no part."""
+        """Count one frame's sums: microseconds by part, and bytes.
+
+        Waiting times of single members are omitted: a histogram for each member would be too much.
+        """
         self.frames += 1
         self.bytes_in += int(sums.get("bytes in", 0))
         self.bytes_out += int(sums.get("bytes out", 0))
@@ -59,10 +62,10 @@ class Totals:
             self.events[event.type] = self.events.get(event.type, 0) + len(event)
 
     def plain(self) -> dict[str, Any]:
-        """All of it as plain data."""
+        """The totals as plain data."""
         return {
             "frames": self.frames,
-            "phases": {one: [d.counts, d.seconds] for one, d in sorted(self.phases.items())},
+            "phases": {name: [d.counts, d.seconds] for name, d in sorted(self.phases.items())},
             "events": dict(sorted(self.events.items())),
             "bytes": [self.bytes_in, self.bytes_out],
         }
@@ -76,8 +79,8 @@ def read_totals(plain: Any) -> Totals:
     events = as_map(given.get("events"), "events")
     return Totals(
         as_int(given.get("frames"), "frames"),
-        {name: _durations(one) for name, one in phases.items()},
-        {name: as_int(one, name) for name, one in events.items()},
+        {name: _durations(durations) for name, durations in phases.items()},
+        {name: as_int(count, name) for name, count in events.items()},
         as_int(into, "bytes"),
         as_int(out, "bytes"),
     )
@@ -85,14 +88,14 @@ def read_totals(plain: Any) -> Totals:
 
 def _durations(plain: Any) -> Durations:
     counts, seconds = _pair(plain, "durations")
-    found = [as_int(one, "a count") for one in as_list(counts, "counts")]
-    if len(found) != len(BOUNDS) + 1:
-        raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(found)}")
-    return Durations(found, as_number(seconds, "seconds"))
+    numbers = [as_int(count, "a count") for count in as_list(counts, "counts")]
+    if len(numbers) != len(BOUNDS) + 1:
+        raise ProtocolError(f"durations have {len(BOUNDS) + 1} counts, not {len(numbers)}")
+    return Durations(numbers, as_number(seconds, "seconds"))
 
 
 def _pair(plain: Any, what: str) -> tuple[Any, Any]:
-    found = as_list(plain, what)
-    if len(found) != 2:
-        raise ProtocolError(f"{what} are two values, not {len(found)}")
-    return found[0], found[1]
+    values = as_list(plain, what)
+    if len(values) != 2:
+        raise ProtocolError(f"{what} are two values, not {len(values)}")
+    return values[0], values[1]

@@ -1,4 +1,4 @@
-"""For whom a frame waits, since when, and what becomes of it."""
+"""Which members a frame waits for, since when, and what happens after their time-out."""
 
 from __future__ import annotations
 
@@ -9,55 +9,52 @@ from typing import Final
 from minerva_bus.wording import named_some
 
 THEN: Final = {
-    "restart": "it is started anew",
-    "skip": "the frame goes on without it",
+    "restart": "it will be restarted",
+    "skip": "the frame continues without it",
     "wait": "",
     "stop": "the world stops",
 }
-"""What is done with a member that has been waited for too long, and how that is said."""
-
+"""The actions after a time-out, and how a log line announces them."""
 
 FAILED: Final = {
     "restart": THEN["restart"],
-    "stop": "it is killed, and the world stops,",
-    "ignore": "it is killed, and the world goes on without it,",
+    "stop": "it will be killed, and the world stops,",
+    "ignore": "it will be killed, and the world continues without it,",
 }
-"""What becomes of a process that does not answer, by what its `on_failure` is."""
+"""What `restart` means for a process, by its `on_failure`."""
 
 START: Final = 30.0
-"""Seconds that a member has at least from its process's start to its hello."""
+"""Seconds that a member has at least from the start of its process to its hello."""
 
 TIMES_SLOWEST_SAID: Final = 2.0
 TIMES_SLOWEST: Final = 10.0
-"""How many times the slowest start so far one takes until it is said, and until it is restarted,
-where that is more: a machine that is busy with other things is slow for all."""
+"""Multiples of the slowest start so far after which a start is logged, and restarted.
+
+A machine that is busy with other things is slow for all members.
+"""
 
 STARTS_SAID_EVERY: Final = 2.0
-"""Seconds between two lines about members that the world waits for before it begins."""
+"""Interval between log lines about members that have not joined."""
 
 MAX_NAMED: Final = 3
-"""Members that are waited for and named one by one."""
+"""Awaited members that get a log line of their own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long a frame waits for a member: seconds until it is said, and until `then` is done."""
+    """Time-outs of a member in seconds: until a warning (`soft`), and until `then` (`hard`)."""
 
     soft: float = 1.0
     hard: float = 30.0
     then: str = "restart"
 
-    def outlook(self, waited: float, on_failure: str = "restart") -> str:
-        """What happens when, as it is said; nothing where it is waited for without end."""
-        done = FAILED[on_failure] if self.then == "restart" else THEN[self.then]
-        return f"; {done} in {max(0.0, self.hard - waited):.0f} s" if done else ""
-
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """The patience with each member: its own, or that with all.
+    """Time-outs of the members: own ones, or those for all.
 
-    `elsewhere` are those whom nobody here can start anew, `on_failure` what becomes of others.
+    `elsewhere`: members on other machines, which cannot be restarted from here. `on_failure`: what
+    happens to the other members when they fail.
     """
 
     all: Patience = field(default_factory=Patience)
@@ -66,11 +63,11 @@ class Deadlines:
     on_failure: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def of(self, member: str) -> Patience:
-        """The patience with a member that takes part."""
+        """The time-outs of a member that has joined."""
         return self.own.get(member, self.all)
 
     def with_start(self, slowest: float) -> Patience:
-        """The patience with a member that starts, where the slowest start took so many seconds."""
+        """The time-outs of a member that starts; the slowest start so far took `slowest` s."""
         soft = max(self.all.soft, TIMES_SLOWEST_SAID * slowest)
         return Patience(soft, max(self.all.hard, START, TIMES_SLOWEST * slowest, soft), "restart")
 
@@ -78,14 +75,14 @@ class Deadlines:
 @dataclass(slots=True)
 class _Wait:
     since: float
-    told: float = 0.0
+    reported_at: float = 0.0
     done: bool = False
 
 
 class Waits:
     """The members that a step of a frame waits for; times are seconds of one monotonic clock.
 
-    `queued` are those whose processes have yet to be started: nobody waits for them so far.
+    `queued` are members whose processes have yet to be started; they are not awaited until then.
     """
 
     def __init__(self, deadlines: Deadlines, queued: Iterable[str] = ()) -> None:
@@ -96,37 +93,36 @@ class Waits:
         self._queued = set(queued)
         self._starting: dict[str, float] = {}
         self._slowest = 0.0
-        self._said_at = float("-inf")
+        self._last_report = float("-inf")
 
     def started(self, member: str, now: float) -> None:
-        """A member's process starts now: it is waited for from now on."""
+        """A member's process starts: wait for it from now on."""
         self._queued.discard(member)
         self._starting[member] = now
         self._waits.pop(member, None)
 
     def arrived(self, member: str, now: float) -> bool:
-        """A member has said hello; whether its process was known to start."""
+        """A member said hello; returns whether its process was known to start."""
         since = self._starting.pop(member, None)
         if since is None:
             return False
         self._slowest = max(self._slowest, now - since)
-        self._waits.pop(member, None)  # Its start took what it took: a frame waits from now on.
+        self._waits.pop(member, None)  # The time of its start does not count for the frame.
         return True
 
     def update(self, step: object, in_frame: bool, waiting: Iterable[str], now: float) -> float:
-        """Note for whom a step waits now; for how many seconds it has waited for the first."""
+        """Note which members a step waits for; returns the longest waiting time in seconds."""
         self._in_frame = in_frame
         if step != self._step:
             self._step, self._waits = step, {}
         names = sorted(set(waiting) - self._queued)
-        self._waits = {name: self._waits.get(name) or self._begun(name, now) for name in names}
+        self._waits = {
+            name: self._waits.get(name) or _Wait(self._starting.get(name, now)) for name in names
+        }
         return max((now - wait.since for wait in self._waits.values()), default=0.0)
 
-    def _begun(self, member: str, now: float) -> _Wait:
-        return _Wait(self._starting.get(member, now))
-
     def patience(self, member: str) -> Patience:
-        """The patience with a member in this step: whoever has yet to come has time to start."""
+        """The time-outs of a member in this step; a member that starts has time to do so."""
         own = self._deadlines.of(member)
         joined = self._in_frame and member not in self._starting
         if joined or (self._in_frame and own.then != "restart"):
@@ -134,61 +130,63 @@ class Waits:
         return self._deadlines.with_start(self._slowest)
 
     def outlook(self, member: str, waited: float, guest: bool) -> str:
-        """What becomes of a member that has been waited for so long, and when, as it is said."""
-        patience = self.patience(member)
-        if patience.then == "restart" and member in self._deadlines.elsewhere:
-            return "; it runs elsewhere, and may come back from there"
-        if patience.then == "restart" and guest:
-            left = max(0.0, patience.hard - waited)
-            return f"; it is put out of the world in {left:.0f} s: attach it anew where it runs"
-        return patience.outlook(waited, self._deadlines.on_failure.get(member, "restart"))
+        """The end of a log line: what happens to a member, and when; empty if nothing does."""
+        patience, deadlines = self.patience(member), self._deadlines
+        left = f"{max(0.0, patience.hard - waited):.0f} s"
+        action = THEN[patience.then]
+        if patience.then == "restart":
+            if member in deadlines.elsewhere:
+                return "; it runs on another machine, and may return from there"
+            if guest:
+                return f"; it will be removed in {left}; attach it again where it runs"
+            action = FAILED[deadlines.on_failure.get(member, "restart")]
+        return f"; {action} in {left}" if action else ""
 
     def since(self, member: str, now: float) -> float:
-        """For how many seconds this one is waited for."""
+        """For how many seconds a member has been awaited."""
         return now - self._waits[member].since
 
     def reportable(self, now: float) -> list[str]:
-        """Those of whom it is time to say it, which then is: ever more seldom."""
-        if not self._in_frame and now < self._said_at + STARTS_SAID_EVERY:
+        """The members to report now, with exponential back-off; they count as reported."""
+        if not self._in_frame and now < self._last_report + STARTS_SAID_EVERY:
             return []
-        found: list[str] = []
+        names: list[str] = []
         for name, wait in self._waits.items():
             waited = now - wait.since
-            if waited >= self.patience(name).soft and waited >= 2 * wait.told:
-                wait.told = waited
-                found.append(name)
-        self._said_at = now if found else self._said_at
-        return found
+            if waited >= self.patience(name).soft and waited >= 2 * wait.reported_at:
+                wait.reported_at = waited
+                names.append(name)
+        self._last_report = now if names else self._last_report
+        return names
 
     def describe(
-        self, unsaid: Sequence[str], guests: Collection[str], now: float
+        self, names: Sequence[str], guests: Collection[str], now: float
     ) -> Iterator[tuple[str, str]]:
-        """Whom to say it of, and how long they have been waited for; nobody, of them together.
+        """Members with the ends of their log lines; an empty name reports all of them together.
 
-        `guests` are no processes of the world file, so that nobody starts them anew.
+        `guests` are not processes of the world file, so nothing restarts them.
         """
-        waited = {name: self.since(name, now) for name in unsaid}
-        if len(unsaid) <= (MAX_NAMED if self._in_frame else 1):
-            for name in unsaid:
+        waited = {name: self.since(name, now) for name in names}
+        if len(names) <= (MAX_NAMED if self._in_frame else 1):
+            for name in names:
                 outlook = self.outlook(name, waited[name], name in guests)
                 yield name, f"it for {waited[name]:.1f} s{outlook}"
             return
-        names = named_some(unsaid, MAX_NAMED)
-        longest = max(unsaid, key=lambda name: waited[name])
+        longest = max(names, key=lambda name: waited[name])
         outlook = self.outlook(longest, waited[longest], longest in guests)
-        yield "", f"{names} for {waited[longest]:.1f} s{outlook}"
+        yield "", f"{named_some(names, MAX_NAMED)} for {waited[longest]:.1f} s{outlook}"
 
     def overdue(self, now: float) -> list[tuple[str, str]]:
-        """Those who were waited for too long, and what is to be done, each once in a step."""
-        found: list[tuple[str, str]] = []
+        """Members after their time-out with the action to take, each once per step."""
+        overdue: list[tuple[str, str]] = []
         for name, wait in self._waits.items():
             patience = self.patience(name)
             late = now - wait.since >= patience.hard and not wait.done
             if late and patience.then != "wait":
                 wait.done = True
-                found.append((name, patience.then))
-        return found
+                overdue.append((name, patience.then))
+        return overdue
 
-    def again(self, member: str, now: float) -> None:
-        """Begin to wait for a member anew."""
+    def restart(self, member: str, now: float) -> None:
+        """Begin to wait for a member again."""
         self._waits[member] = _Wait(now)

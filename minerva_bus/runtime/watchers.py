@@ -1,4 +1,4 @@
-"""What the coordinator tells others, and what is put to it, beside its messages."""
+"""The interface between a coordinator and the launcher: callbacks, and items of its inbox."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from minerva_bus.runtime.status import Status
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """A line that a member's process has printed, or the launcher has said of it."""
+    """A line that a member's process printed, or that the launcher logged about it."""
 
     member: str
     line: str
@@ -24,7 +24,7 @@ class Printed:
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The launcher starts a member's process now."""
+    """The launcher starts a member's process."""
 
     member: str
 
@@ -39,21 +39,21 @@ class LocalQuestion:
 
 @dataclass(slots=True, kw_only=True)
 class Watchers:
-    """Whom the coordinator tells what happens; each is called in its main thread."""
+    """Callbacks of a coordinator; it calls them in its main thread."""
 
     said: Callable[[str, str, str], None]
-    """About which member, what, and details that are for the log."""
+    """A warning: member, text, and details for the log only."""
     status: Callable[[Status], None]
     listening: Callable[[str], None]
     stalled: Callable[[str, float], None]
     came: Callable[[str], None] = field(default=lambda _: None)
-    """A member whose process the launcher has started has said hello."""
+    """A member whose process the launcher has started said hello."""
     frame_done: Callable[[s.FrameDone], None] = field(default=lambda _: None)
     idle: Callable[[], None] = field(default=lambda: None)
-    """The coordinator goes to wait for others: it has time for what need not be done at once."""
+    """The coordinator is about to wait for members: deferred work may be done."""
     operated: Callable[[], None] = field(default=lambda: None)
     stopping: Callable[[str], None] = field(default=lambda _: None)
-    """No frame follows, and why."""
-    restart: Callable[[str], str] = field(default=lambda _: "its processes are not ours to restart")
+    """No frame follows; the argument is the reason."""
+    restart: Callable[[str], str] = field(default=lambda _: "no launcher restarts its processes")
     opened: Callable[[zenoh.Session], list[Any]] = field(default=lambda _: list[Any]())
-    """What else is declared on the hub's session."""
+    """Returns further declarations on the hub's session."""

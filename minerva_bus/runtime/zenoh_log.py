@@ -1,6 +1,6 @@
-"""Zenoh's log, which goes to standard output and nowhere else: it is read in its place.
+"""Reads Zenoh's log, which Zenoh can write to standard output only.
 
-Python's own output goes past it, so that what is read is the log's alone.
+Python's own output bypasses the pipe, so that everything read from it is Zenoh's.
 """
 
 # Zenoh's own stubs leave some types open.
@@ -19,37 +19,37 @@ from typing import Final
 import zenoh
 
 _ROOM: Final = 1 << 20
-"""Bytes that a pipe may hold, where the system lets it: whoever logs waits where it is full."""
+"""Size of the pipe, where the system allows it: a thread of Zenoh blocks when it is full."""
 
 _CHOSEN, _PLAIN = "RUST_LOG", "NO_COLOR"
 
 
-def begin_logging(levels: str, insisted: str = "") -> None:
-    """Let Zenoh log at these levels, or those that the environment names.
+def begin_logging(levels: str, required: str = "") -> None:
+    """Enable Zenoh's log at `levels`, or at those in the environment.
 
-    Those that are `insisted` on hold beside either; its log has colours then.
+    The `required` levels are added to either. The log is coloured then, which an audit relies on.
     """
-    if insisted:
-        os.environ[_CHOSEN] = f"{os.environ.get(_CHOSEN) or levels},{insisted}"
+    if required:
+        os.environ[_CHOSEN] = f"{os.environ.get(_CHOSEN) or levels},{required}"
         os.environ.pop(_PLAIN, None)
     zenoh.init_log_from_env_or(levels)
 
 
 @contextmanager
-def log_read(hear: Callable[[bytes], bytes], nap: float = 0.0) -> Generator[None]:
-    """Give whole lines of the log to `hear`, in a thread of its own; what it returns is passed on.
+def log_read(read_lines: Callable[[bytes], bytes], delay: float = 0.0) -> Generator[None]:
+    """Pass whole lines of the log to `read_lines` in a thread; print what it returns.
 
-    To be begun before a session. `nap`: seconds in which lines gather; each wakes the thread
-    otherwise, which costs a turn of the interpreter's lock.
+    Must begin before the session. Lines gather for `delay` seconds: otherwise each line wakes the
+    thread, which then takes the interpreter's lock from the frame.
     """
     read, write = os.pipe()
-    if nap:
+    if delay:
         _widen(write)
     sys.stdout.flush()
     output = os.dup(1)
     os.dup2(write, 1)
     os.close(write)
-    reader = threading.Thread(target=_listen, args=(read, output, hear, nap), daemon=True)
+    reader = threading.Thread(target=_listen, args=(read, output, read_lines, delay), daemon=True)
     reader.start()
     try:
         with (
@@ -59,22 +59,22 @@ def log_read(hear: Callable[[bytes], bytes], nap: float = 0.0) -> Generator[None
         ):  # fmt: skip
             yield
     finally:
-        os.dup2(output, 1)  # The last that could write into the pipe: the reader comes to its end.
+        os.dup2(output, 1)  # Closes the last writing end of the pipe, so that the reader ends.
         reader.join(1.0)
 
 
-def _listen(read: int, output: int, hear: Callable[[bytes], bytes], nap: float) -> None:
+def _listen(read: int, output: int, read_lines: Callable[[bytes], bytes], delay: float) -> None:
     rest = b""
     while data := os.read(read, _ROOM):
         lines, end, rest = (rest + data).rpartition(b"\n")
-        if end and (passed_on := hear(lines + end)):
+        if end and (passed_on := read_lines(lines + end)):
             os.write(output, passed_on)
-        if nap and len(data) < _ROOM // 2:
-            time.sleep(nap)
+        if delay and len(data) < _ROOM // 2:
+            time.sleep(delay)
     os.close(read)
 
 
 def _widen(pipe: int) -> None:
-    """Make room for what comes in a nap; systems that cannot keep their 64 KiB."""
+    """Enlarge a pipe for the lines of one delay; systems without this call keep 64 KiB."""
     with suppress(AttributeError, OSError):
         fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _ROOM)

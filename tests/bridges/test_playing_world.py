@@ -139,7 +139,7 @@ def test_a_recording_is_attached_to_a_running_world_and_ends(tmp_path):
         with worlds.Run(tmp_path, *words) as bag:
             assert bag.ends() == 0
         assert "has ended" in "\n".join(bag.output)
-        assert "no more comes of it; it leaves the world" in bag.text
+        assert "no more events; leaving the world" in bag.text
         worlds.eventually(lambda: state_of(asked, "bag") == "left", "it has left")
         assert figures_of(asked, "bag") == {"readings": 40, "source": "ended"}
         torn = write(tmp_path / "torn.mcap", "no bag")

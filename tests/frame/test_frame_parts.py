@@ -144,11 +144,16 @@ def test_an_objection_names_the_type_and_the_difference():
 @pytest.mark.parametrize(
     ("guest", "then", "on_failure", "said"),
     [
-        (False, "restart", "restart", "it is started anew in 29 s"),
-        (False, "restart", "stop", "it is killed, and the world stops, in 29 s"),
-        (False, "restart", "ignore", "it is killed, and the world goes on without it, in 29 s"),
-        (True, "restart", "", "it is put out of the world in 29 s: attach it anew where it runs"),
-        (True, "skip", "", "the frame goes on without it in 29 s"),
+        (False, "restart", "restart", "it will be restarted in 29 s"),
+        (False, "restart", "stop", "it will be killed, and the world stops, in 29 s"),
+        (
+            False,
+            "restart",
+            "ignore",
+            "it will be killed, and the world continues without it, in 29 s",
+        ),
+        (True, "restart", "", "it will be removed in 29 s; attach it again where it runs"),
+        (True, "skip", "", "the frame continues without it in 29 s"),
         (True, "stop", "", "the world stops in 29 s"),
     ],
 )

@@ -17,7 +17,7 @@ from hosts import Line, Network, eventually, ip, needs_hosts, needs_lines
 from spread import THERE, Spread
 
 pytestmark = needs_hosts
-AWAY = "cannot be seen since"
+AWAY = "has been unreachable since"
 SOON = ("--keep-trying", "4")
 
 
@@ -41,7 +41,7 @@ def pulled_for(host, seconds):
 
 def test_a_cable_that_is_out_for_three_seconds(spread):
     pulled_for(spread.hosts["east"], 3.0)
-    spread.world.says("east │", "has been waiting for it for", "it runs elsewhere")
+    spread.world.says("east │", "has been waiting for it for", "it runs on another machine")
     spread.goes_on()
 
 
@@ -49,20 +49,20 @@ def test_a_cable_that_is_out_for_longer(spread):
     with spread.missing("east", "other hosts take its agents over"):
         spread.hosts["east"].link("down")
     east = spread.runs["east"]
-    east.says(AWAY, "it may come back within 10 min")
-    east.says("has been out of sight for", "tls/hub:7447: Network is unreachable")
+    east.says(AWAY, "reconnecting for another 10 min")
+    east.says("has been unreachable for", "tls/hub:7447: Network is unreachable")
     spread.hosts["east"].link("up")
     spread.goes_on()
-    east.says("is back after")
+    east.says("is reachable again after")
 
 
 def test_a_cable_that_is_out_until_its_member_gives_up(spread):
     with spread.missing("west", "other hosts take its agents over"):
         spread.hosts["west"].link("down")
     west = spread.runs["west"]
-    west.says(AWAY, "it may come back within 3 s")
+    west.says(AWAY, "reconnecting for another 3 s")
     assert west.ends() == 0
-    west.says("west: the world 'spread' is gone: it was out of sight for 4 s")
+    west.says("west: the world 'spread' has been unreachable for 4 s; giving up")
     spread.hosts["west"].link("up")
     spread.restarts("west")
     spread.goes_on()

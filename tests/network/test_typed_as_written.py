@@ -46,10 +46,10 @@ def test_a_new_user_s_path_on_two_machines(tmp_path):
         robot = typist.hosts["robot"]
         robot.link("down")
         typist.logs_say("robots-2 │ is gone; other hosts take its agents over")
-        typist.logs_say("cannot be seen since")
+        typist.logs_say("has been unreachable since")
         robot.link("up")
         typist.until("server", "minerva list", "robots-2")
-        typist.logs_say("is back after")
+        typist.logs_say("is reachable again after")
         assert typist.ends() == [0, 130], typist.logs()
     assert "Traceback" not in typist.logs()
     assert oct((tmp_path / "server" / "keys").stat().st_mode & 0o777) == "0o700"

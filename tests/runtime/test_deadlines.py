@@ -45,7 +45,7 @@ def test_a_frame_goes_on_without_a_host_whose_agents_stand_still(tmp_path):
         world.kill(signal.SIGINT)
         world.ends()
     assert re.search(r"walkers │ frame \d+ \(evolution\) has been waiting for it for 0\.\d s; the frame"
-                     r" goes on without it in 0 s", world.text)  # fmt: skip
+                     r" continues without it in 0 s", world.text)  # fmt: skip
 
 
 def test_a_frame_goes_on_without_a_generator(tmp_path):

@@ -124,7 +124,7 @@ def test_one_that_hangs_is_named_killed_and_started_again(tmp_path, deed):
         text = world.text
     assert re.search(
         r"rascal │ frame 5 \(events\) has been waiting for it for 0\.\d s;"
-        r" it is started anew in [01] s", text
+        r" it will be restarted in [01] s", text
     )  # fmt: skip
     assert "rascal │ no answer for 1 s: killing it" in text
     assert "rascal │ was killed by SIGKILL; restart 1 of 5" in text

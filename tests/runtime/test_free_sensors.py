@@ -12,8 +12,8 @@ from running import World, eventually, write_world
 from minerva_bus.errors import MisuseError
 from minerva_bus.frame.messages import Readings
 from minerva_bus.frame.readings import MAX_READINGS, ReadingBuffer
-from minerva_bus.runtime.notices import MAX_WAITING as NOTICES
-from minerva_bus.runtime.notices import Outlet
+from minerva_bus.runtime.own_threads import MAX_WAITING as NOTICES
+from minerva_bus.runtime.own_threads import Outlet
 from minerva_bus.wire.readings import plain_reading, read_reading
 from minerva_bus.world.readings import Battery, Image, Mount, Odometry, Position, Scan
 

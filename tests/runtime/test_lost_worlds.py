@@ -23,7 +23,7 @@ def test_a_short_interruption_is_not_reported():
     one, told, _ = lookout(100.0)
     one.lost()
     assert one.away
-    one.found()
+    one.restored()
     assert not one.away
     assert one.check()
     assert told == []
@@ -33,16 +33,16 @@ def test_it_reports_since_when_why_and_for_how_long_it_tries():
     one, told, put = lookout(600.0)
     one.lost()
     assert one.check()
-    assert told[0].startswith("a: the world 'w' cannot be seen since ")
-    assert told[0].endswith("; it may come back within 10 min")
+    assert told[0].startswith("a: the world 'w' has been unreachable since ")
+    assert told[0].endswith("; reconnecting for another 10 min")
     assert one.check()
     seen = eventually(
         lambda: [item for item in put if isinstance(item, Diagnosed)], "it has looked"
     )
     one.diagnosed(seen[0])
-    assert "has been out of sight for 0 s: the cable is out; it may come back" in told[1]
-    one.found()
-    assert told[2] == "a: the world 'w' is back after 0 s"
+    assert "has been unreachable for 0 s: the cable is out; reconnecting" in told[1]
+    one.restored()
+    assert told[2] == "a: the world 'w' is reachable again after 0 s"
     one.diagnosed(seen[0])
     assert len(told) == 3
 
@@ -52,7 +52,7 @@ def test_it_gives_up_in_time():
     one.lost()
     eventually(lambda: any(isinstance(item, CheckConnection) for item in put), "it is time to look")
     assert not one.check()
-    assert told == ["a: the world 'w' is gone: it was out of sight for 0 s"]
+    assert told == ["a: the world 'w' has been unreachable for 0 s; giving up"]
 
 
 def test_a_link_that_dies_is_let_go():
@@ -93,7 +93,7 @@ def test_a_member_whose_name_was_taken_meanwhile_ends(tmp_path):
         with attached(tmp_path, path, proxy.port, "--keep-trying", "60") as first:
             world.runs("steps")
             proxy.close()
-            first.says("cannot be seen since")
+            first.says("has been unreachable since")
             with attached(tmp_path, path, port) as second:
                 second.says("joining")
                 pid = second.process.pid
@@ -116,7 +116,7 @@ def test_a_restarted_world_gets_a_restarted_member(tmp_path):
             world.runs("steps")
             eventually(lambda: world.members() and world.frame > 5, "frames go by")
             world.kill()
-            steps.says("cannot be seen since")
+            steps.says("has been unreachable since")
             with World(path, "--json", "--listen", f"tcp/127.0.0.1:{port}") as again:
                 steps.says("has restarted, at frame 0; joining again")
                 found = again.summary()

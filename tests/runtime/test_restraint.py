@@ -20,7 +20,7 @@ def lines(restraint, times, subject="m"):
 
 def test_ten_thousand_lines_in_a_second_are_a_few_and_their_number():
     said = lines(Restraint(), [n / 10_000 for n in range(10_000)])
-    assert said == ["line"] * AT_ONCE + [f"{10_000 - AT_ONCE:,} more lines about it left out"]
+    assert said == ["line"] * AT_ONCE + [f"{10_000 - AT_ONCE:,} more lines about it omitted"]
 
 
 def test_remote_members_share_an_allowance():

@@ -14,7 +14,7 @@ from minerva_bus.launch.summary import RunSummary
 from minerva_bus.log.journal import read_journal, resume_from
 from minerva_bus.runtime.coordinator import Coordinator
 from minerva_bus.runtime.member import MemberProcess
-from minerva_bus.runtime.notices import Leave
+from minerva_bus.runtime.own_threads import Leave
 from minerva_bus.testing.simulation.faults import Faults
 from minerva_bus.testing.simulation.history import History
 from minerva_bus.testing.simulation.launcher import Launcher
