@@ -25,7 +25,7 @@ def test_ten_thousand_lines_in_a_second_are_a_few_and_their_number():
 
 def test_remote_members_share_an_allowance():
     assert lines(Restraint(), [0.0] * (AT_ONCE + 2), GUESTS)[-1] == (
-        f"2 more lines about {GUESTS} left out"
+        f"2 more lines about {GUESTS} omitted"
     )
 
 
