@@ -100,7 +100,7 @@ def test_a_member_whose_name_was_taken_meanwhile_ends(tmp_path):
                 eventually(lambda: world.members()["steps"]["pid"] == pid, "another one is there")
                 with Proxy(port, lambda: 0.0, at=proxy.port):
                     assert first.ends() == 2
-                assert "is back, but there is another 'steps' in it by now" in first.text
+                assert "another member has the name 'steps'" in first.text
                 assert world.members()["steps"]["pid"] == pid
 
 
