@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from typing import Any
 
     from minerva_bus.api.live import Live, connect
+    from minerva_bus.api.records import check, diff, record, replay, resume
     from minerva_bus.api.running import Run, run
+    from minerva_bus.api.studies import sweep
     from minerva_bus.api.world import World, each, service
     from minerva_bus.errors import MinervaError
     from minerva_bus.grammar.batch import Events
@@ -46,7 +48,9 @@ __version__ = "0.5.0"
 
 _HOMES = {
     "api.live": "Live connect",
+    "api.records": "check diff record replay resume",
     "api.running": "Run run",
+    "api.studies": "sweep",
     "api.world": "World each service",
     "errors": "MinervaError",
     "grammar.batch": "Events",
@@ -135,16 +139,22 @@ __all__ = [
     "Vocabulary",
     "World",
     "WorldInfo",
+    "check",
     "connect",
     "count",
     "data",
+    "diff",
     "each",
     "evolve",
     "interpret",
     "on",
     "parse",
+    "record",
+    "replay",
+    "resume",
     "run",
     "service",
+    "sweep",
     "view",
     "visualize",
 ]

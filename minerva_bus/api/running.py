@@ -161,7 +161,7 @@ def run(
     console = Console(quiet=quiet, world=request.file.world.name)
     if bus or processes is not None:
         return _run_on_bus(request, console)
-    return _run_here(request, console)
+    return run_file(request.file, time.monotonic(), console)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,9 +225,13 @@ class EventCounts:
         return dict(sorted(self.counts.items()))
 
 
-def _run_here(request: Request, console: Console) -> Run:
-    file, counts = request.file, EventCounts()
-    here = InProcessRun(file, console, time.monotonic(), counts)
+def run_file(file: WorldFile, began: float, console: Console | None = None) -> Run:
+    """Run a world in this process. Raises WorldStopped and KeyboardInterrupt.
+
+    `began` is when the program started to, on the monotonic clock, seconds.
+    """
+    counts = EventCounts()
+    here = InProcessRun(file, console or Console(quiet=True), began, counts)
     summary = here.run()
     if summary.ended == "interrupted":
         raise KeyboardInterrupt

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from minerva_bus.api.records import diff
 from minerva_bus.cli.output import print_message, print_result
-from minerva_bus.log.comparison import compare
 from minerva_bus.log.info import info_of
 from minerva_bus.log.looking import frames_after, moment_of, written
 from minerva_bus.log.reader import Record
@@ -36,8 +36,7 @@ def show_moment(file: Path, frame: int | None, string: bool, as_json: bool) -> N
 
 def show_difference(a: Path, b: Path, as_json: bool) -> int:
     """Print the first difference of two records; returns the exit code. Raises RecordError."""
-    with Record(a) as one, Record(b) as other:
-        found = compare(one, other)
+    found = diff(a, b)
     print_result(json.dumps(found.plain()) if as_json else "\n".join(found.lines()))
     return 0 if found.same else 1
 

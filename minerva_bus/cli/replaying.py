@@ -10,10 +10,11 @@ from pathlib import Path
 
 import typer
 
+from minerva_bus.api.records import replay
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_message, print_result
 from minerva_bus.errors import WorldStopped
 from minerva_bus.launch.console import Console
-from minerva_bus.launch.replaying import read_replay, recomputed
+from minerva_bus.launch.replaying import read_replay
 from minerva_bus.launch.supervisor import Supervisor
 from minerva_bus.launch.swapping import Swap, replay_swapped
 from minerva_bus.settings.overrides import Overrides
@@ -31,12 +32,12 @@ def replay_record(
     quiet: bool,
 ) -> int:
     """Replay a record to its end; returns the exit code. Raises RecordError and WorldFileError."""
-    replay = read_replay(path, world, overrides, begin=begin, speed=speed)
+    played = read_replay(path, world, overrides, begin=begin, speed=speed)
     console = Console(quiet=quiet or (as_json and not sys.stderr.isatty()))
-    supervisor = Supervisor(replay.file, console, began, coordinator=replay.coordinator)
+    supervisor = Supervisor(played.file, console, began, coordinator=played.coordinator)
     summary = supervisor.run()
     if not summary.digest:
-        print_message(f"minerva: {replay.file.world.name}: {summary.ended}")
+        print_message(f"minerva: {played.file.world.name}: {summary.ended}")
     print_result(json.dumps(summary.plain()) if as_json else "\n".join(summary.lines()))
     if summary.ended in ("interrupted", "terminated"):
         return INTERRUPTED
@@ -49,7 +50,7 @@ def recompute_record(path: Path, world: str, as_json: bool) -> int:
     Raises RecordError and WorldFileError, and ActivityError if user code raises.
     """
     with _progress() as told:
-        found = recomputed(path, world, told)
+        found = replay(path, world, told)
     if as_json:
         print_result(json.dumps(found.plain()))
     elif found.same:

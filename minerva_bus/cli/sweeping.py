@@ -6,15 +6,14 @@ import json as json_
 from pathlib import Path
 from typing import Final
 
+from minerva_bus.api.studies import run_sweep
 from minerva_bus.cli.output import FAILED, INTERRUPTED, print_result
 from minerva_bus.errors import MisuseError
 from minerva_bus.launch.console import Console
 from minerva_bus.study.comparison import draw_comparison, shown
-from minerva_bus.study.journal import StudyJournal
 from minerva_bus.study.results import Row, check_table, write
 from minerva_bus.study.style import check_picture
 from minerva_bus.study.sweep import Sweep
-from minerva_bus.study.worker_pool import WorkerPool
 
 MAX_FAILURES: Final = 10
 
@@ -54,37 +53,9 @@ def _sweep(sweep: Sweep, table: Path, workers: int, limit: float, console: Conso
             f"{table} exists without its journal {beside.name}; remove it, or name another file"
             " with -o"
         )
-    interrupted = False
-    with StudyJournal(beside, sweep.description) as journal, WorkerPool(workers, limit) as pool:
-        sweep.recall(journal)
-        done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
-        if done:
-            console.note(f"{sweep.path.stem}: {done} of {total} runs are in {beside.name} already")
-        progress = _Progress(console, sweep.path.stem, done, total)
-        try:
-            sweep.run(pool, journal, progress)
-        except KeyboardInterrupt:
-            interrupted = True
-        console.end()
-        write(sweep.table, table)
+    interrupted = run_sweep(sweep, beside, workers, limit, console)
+    write(sweep.table, table)
     return INTERRUPTED if interrupted else FAILED if sweep.failures else 0
-
-
-class _Progress:
-    """The status line: the number of finished runs; failures are reported at once."""
-
-    def __init__(self, console: Console, name: str, done: int, total: int) -> None:
-        self._console = console
-        self._name = name
-        self._done = done
-        self._total = total
-
-    def __call__(self, row: Row) -> None:
-        self._done += 1
-        if row.error:
-            self._console.log(self._name, f"{' '.join(row.combination)}: {row.error}")
-        rest = "runs  Ctrl-C stops; the same command continues"
-        self._console.progress(self._name, self._done, self._total, rest)
 
 
 def _draw(sweep: Sweep, plot: Path, console: Console) -> None:

@@ -19,13 +19,13 @@ from minerva_bus.frame.checkpoint import Checkpoint
 from minerva_bus.frame.description import World
 from minerva_bus.frame.phases import Phase
 from minerva_bus.frame.replaying import RecordedSource
-from minerva_bus.launch.reading import read_world_file
 from minerva_bus.launch.resuming import (
+    WorldSource,
     completed,
     damage_of,
     differing_vocabulary,
-    find_file,
     kinds_in,
+    read_source,
 )
 from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.runtime.control import COMMANDS, Operated
@@ -127,7 +127,7 @@ def _name(overrides: Overrides, description: Description) -> str:
     )
 
 
-def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> Difference:
+def recomputed(path: Path, world: WorldSource, progress: Callable[[int, int], None]) -> Difference:
     """Run λ again on a record; `progress` receives the frames done and their total.
 
     Raises RecordError and WorldFileError, and ActivityError if user code fails.
@@ -141,10 +141,12 @@ def recomputed(path: Path, world: str, progress: Callable[[int, int], None]) -> 
         return recompute(record, kinds_in(file), lambda done: progress(done, last))
 
 
-def world_file_of(path: Path, world: str, description: Description, given: Overrides) -> WorldFile:
+def world_file_of(
+    path: Path, world: WorldSource, description: Description, given: Overrides
+) -> WorldFile:
     """The world file with the code of a record's agents."""
-    world_file = find_file(world, description, f"minerva replay {path} WORLD")
-    file = read_world_file(world_file, completed(given, description))
+    wanted = f"minerva replay {path} WORLD"
+    file = read_source(world, description, wanted, completed(given, description))
     what = differing_vocabulary(file.world, description.world)
     if what:
         raise MinervaError(f"{path}: it is the record of another world: {what}")

@@ -8,10 +8,10 @@ them in the next frame; views depend only on the string and the events (equation
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from minerva_bus.errors import MinervaError, WorldFileError
 from minerva_bus.frame.algorithm import FrameAlgorithm
@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from minerva_bus.log.reader import Record
 
 
+WorldSource: TypeAlias = str | Callable[[Overrides], WorldFile]
+"""A world with the code of a record: its file or installed name ("": as recorded), or a reader."""
+
+
 @dataclass(frozen=True, slots=True)
 class Resumed(WorldFile):
     """A world file whose world continues where the record `origin` ends."""
@@ -43,7 +47,7 @@ class Resumed(WorldFile):
     origin: Path = field(default_factory=Path)
 
 
-def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
+def read_resumed(path: Path, world: WorldSource, overrides: Overrides) -> Resumed:
     """The world of a record in its last known state; `world` names its file if it has moved.
 
     Raises RecordError, WorldFileError and SceneError, and MinervaError if the file is of another
@@ -55,7 +59,7 @@ def read_resumed(path: Path, world: str, overrides: Overrides) -> Resumed:
         description = record.description
         given = completed(overrides, description)
         wanted = f"minerva run WORLD --resume {path}"
-        file = read_world_file(find_file(world, description, wanted), given)
+        file = read_source(world, description, wanted, given)
         check_same(file.world, description.world, path)
         damage = tuple(damage_of(record))
         checkpoint, scene = record.end()
@@ -104,6 +108,15 @@ def find_file(world: str, description: Description, wanted: str) -> Path:
         return path
     where = f" {description.path}" if description.path else ""
     raise WorldFileError(f"the record's world file{where} is not here: name it, {wanted}")
+
+
+def read_source(
+    world: WorldSource, description: Description, wanted: str, given: Overrides
+) -> WorldFile:
+    """The world that has the code of a record; see `find_file`. Raises WorldFileError."""
+    if not isinstance(world, str):
+        return world(given)
+    return read_world_file(find_file(world, description, wanted), given)
 
 
 def completed(overrides: Overrides, description: Description) -> Overrides:

@@ -7,12 +7,15 @@ stopped. Runs that failed are repeated.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+from minerva_bus.launch.collecting import Collecting
 from minerva_bus.launch.reading import read_world_file
+from minerva_bus.launch.worldfile import WorldFile
 from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.grid import Combination, Grid
 from minerva_bus.study.journal import StudyJournal, invalid_line
@@ -23,26 +26,50 @@ from minerva_bus.study.worker_pool import Result, Task, WorkerPool
 
 @dataclass(slots=True)
 class Sweep:
-    """Runs of a world; `rows` are the finished ones."""
+    """Runs of the world in a file, or of one that `read` makes under the name of `path`.
+
+    `rows` are those that are done. `collect` is collected of each run, into a file `part` in the
+    folder `collect.into`.
+    """
 
     path: Path
     grid: Grid
     given: Overrides
     in_process: bool = False
+    read: Callable[[Overrides], WorldFile] | None = None
+    collect: Collecting = field(default_factory=Collecting)
     rows: dict[Combination, Row] = field(default_factory=dict[Combination, Row])
 
     @property
     def description(self) -> Mapping[str, Any]:
-        """What two sweeps of one study have in common: world, options and end."""
+        """What makes two sweeps one study: the same world, options and end."""
+        collected = {name: str(entry) for name, entry in self.collect.entries.items()}
         return {
             "world": str(self.path),
-            "digest of the world file": blake2b(self.path.read_bytes(), digest_size=8).hexdigest(),
+            "digest of the world file": blake2b(self._content(), digest_size=8).hexdigest(),
             "keys": list(self.grid.keys),
             "options": dict(self.given.options),
             "settings": list(self.given.settings),
             "seed": self.given.values.get("seed"),
             "frames": self.given.values.get("frames"),
+            **({"collect": collected} if collected else {}),
         }
+
+    def _content(self) -> bytes:
+        """What the world is, as far as it can be told: its file, or its initial string."""
+        if self.read is None:
+            return self.path.read_bytes()
+        return self.read(self.given).world.scene.digest
+
+    def world(self, overrides: Overrides) -> WorldFile:
+        """The world of one run. Raises MinervaError."""
+        read = self.read or partial(read_world_file, self.path)
+        return prepared(read(overrides))
+
+    def part(self, combination: Combination) -> Path:
+        """The file of what was collected of one run."""
+        name = blake2b("\0".join(combination).encode(), digest_size=12).hexdigest()
+        return Path(self.collect.into) / f"{name}.columns"
 
     @property
     def left(self) -> list[Combination]:
@@ -61,7 +88,7 @@ class Sweep:
     def check(self) -> None:
         """Read the world with the first combination. Raises MinervaError."""
         for combination in list(self.grid)[:1]:
-            prepared(read_world_file(self.path, self.grid.overrides(combination, self.given)))
+            self.world(self.grid.overrides(combination, self.given))
 
     def run(self, pool: WorkerPool, journal: StudyJournal, on_row: Callable[[Row], None]) -> None:
         """Run the combinations that are left; `on_row` receives each result."""
@@ -79,7 +106,13 @@ class Sweep:
 
     def _task(self, combination: Combination) -> Task:
         overrides = self.grid.overrides(combination, self.given)
-        return lambda: _run(self.path, overrides, self.in_process)
+        into = str(self.part(combination)) if self.collect.entries else ""
+
+        def run() -> Mapping[str, Any]:
+            file = replace(self.world(overrides), collect=replace(self.collect, into=into))
+            return _run(file, self.in_process)
+
+        return run
 
     @property
     def table(self) -> ResultTable:
@@ -96,9 +129,9 @@ class Sweep:
         return [self.rows[combination] for combination in self.grid if combination in self.rows]
 
 
-def _run(path: Path, overrides: Overrides, in_process: bool) -> Mapping[str, Any]:
-    """Run a world; returns plain data. Raises MinervaError."""
-    outcome = run_trial(prepared(read_world_file(path, overrides)), in_process)
+def _run(file: WorldFile, in_process: bool) -> Mapping[str, Any]:
+    """One run, as plain data. Raises MinervaError."""
+    outcome = run_trial(file, in_process)
     own = {name: getattr(outcome, name) for name in OWN}
     return {"outcome": own, "figures": dict(outcome.figures)}
 

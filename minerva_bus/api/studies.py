@@ -1,0 +1,217 @@
+"""Studies of many runs: `sweep` as a function, which `minerva sweep` calls."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from minerva_bus.api.running import pick_table, request_of
+from minerva_bus.api.world import World, world_of
+from minerva_bus.collect.collector import plans_of, read_entries
+from minerva_bus.collect.table import ARRAY_TYPES, DataTable, Gathered
+from minerva_bus.collect.writers import path_of, read_columns
+from minerva_bus.errors import MisuseError
+from minerva_bus.launch.collecting import Collecting
+from minerva_bus.launch.console import Console
+from minerva_bus.launch.resuming import option_text
+from minerva_bus.settings.overrides import Overrides
+from minerva_bus.study.grid import SEED, Combination, Grid
+from minerva_bus.study.journal import StudyJournal
+from minerva_bus.study.results import Row
+from minerva_bus.study.sweep import Sweep
+from minerva_bus.study.worker_pool import WorkerPool
+
+
+class SweepProgress:
+    """The status line of a sweep: the number of finished runs; failures are reported at once."""
+
+    def __init__(self, console: Console, name: str, done: int, total: int) -> None:
+        self._console = console
+        self._name = name
+        self._done = done
+        self._total = total
+
+    def __call__(self, row: Row) -> None:
+        self._done += 1
+        if row.error:
+            self._console.log(self._name, f"{' '.join(row.combination)}: {row.error}")
+        rest = "runs  Ctrl-C stops; the same command continues"
+        self._console.progress(self._name, self._done, self._total, rest)
+
+
+def run_sweep(sweep: Sweep, journal: Path, workers: int, limit: float, console: Console) -> bool:
+    """Run what is left of a sweep, which its journal knows; returns whether it was interrupted.
+
+    Args:
+        sweep: the runs.
+        journal: the file that has the finished runs, and gets each that ends.
+        workers: the number of parallel runs.
+        limit: seconds that a run may take; 0: no limit.
+        console: shows the progress.
+
+    Raises MisuseError where the journal is of another sweep.
+
+    """
+    interrupted = False
+    with StudyJournal(journal, sweep.description) as lines, WorkerPool(workers, limit) as pool:
+        sweep.recall(lines)
+        done, total = len(sweep.grid) - len(sweep.left), len(sweep.grid)
+        if done:
+            console.note(f"{sweep.path.stem}: {done} of {total} runs are in {journal.name} already")
+        try:
+            sweep.run(pool, lines, SweepProgress(console, sweep.path.stem, done, total))
+        except KeyboardInterrupt:
+            interrupted = True
+        console.end()
+    return interrupted
+
+
+def sweep(
+    world: World | str | Path,
+    grid: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    seeds: int | Iterable[int] = (),
+    frames: int | None = None,
+    collect: Any = None,
+    table: str = "",
+    folder: str | Path = "",
+    workers: int = 0,
+    limit: float = 0.0,
+    quiet: bool = False,
+) -> DataTable:
+    """Run a world with all combinations of options, in parallel, and return one table.
+
+    Args:
+        world: a `World`, a world file, or the name of an installed world.
+        grid: values by option of the world, or by PROCESS.KEY: `{"birds": [100, 1000]}`.
+        seeds: how many seeds, from 0, or which.
+        frames: per run; default: the world's own.
+        collect: as for `run`; without it, the table has the outcome of each run.
+        table: which table of collected data; "": that of frames, or the only one.
+        folder: keeps what is finished: the same call goes on after a kill. "": nothing is kept.
+        workers: parallel runs; 0: one per core.
+        limit: seconds that a run may take; 0: no limit. A run that takes longer fails.
+        quiet: show no progress, only failures.
+
+    Returns:
+        A table with a column for each option and for the seed, and then those collected, or
+        `frames`, `digest`, `ended`, the figures, `error` and `seconds`. Runs that failed have no
+        rows of collected data.
+
+    Raises:
+        MisuseError: an argument is wrong, or all runs failed.
+        KeyboardInterrupt: after Ctrl-C; what is finished is in the folder.
+
+    Each run is in a process forked from this one, so nothing of the world needs to be in a module.
+
+    Example:
+        >>> curves = sweep(world, {"people": [100, 200]}, seeds=20, frames=300,
+        ...                collect={"sick": count(Person, "days > 0")})
+        >>> curves.to_pandas().groupby(["people", "frame"])["sick"].mean()
+
+    """
+    own = world_of(world, {})
+    combinations = _grid(grid or {}, seeds)
+    request_of(own, {}, frames=frames)
+    entries = read_entries(collect) if collect is not None else own.read().collect.entries
+    plans = plans_of(entries, own.vocabulary)
+    with ExitStack() as stack:
+        if folder:
+            kept = Path(folder)
+            kept.mkdir(parents=True, exist_ok=True)
+        else:
+            kept = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="minerva-sweep-")))
+        path = own.path or Path(f"{own.name}.toml")
+        given = Overrides(frames=frames, rate=0.0)
+        runs = Sweep(path, combinations, given, in_process=True, read=own.read)
+        runs.collect = Collecting(entries, str(kept))
+        runs.check()
+        console = Console(quiet=quiet)
+        if run_sweep(runs, kept / "runs.journal", workers, limit, console):
+            raise KeyboardInterrupt
+        if runs.failures and len(runs.failures) == len(runs.rows):
+            raise MisuseError(f"all runs failed; the first: {runs.failures[0].error}")
+        if not entries:
+            return _outcomes(runs)
+        tables = {plan.name: Gathered(plan.name, plan.columns) for plan in plans}
+        keys: dict[str, list[Combination]] = {plan.name: [] for plan in plans}
+        several = len(plans) > 1
+        for combination, row in [(each, runs.rows[each]) for each in combinations]:
+            for plan in plans if not row.error else ():
+                part = path_of(runs.part(combination), plan.name, several)
+                rows = read_columns(part, plan.name, plan.columns)
+                tables[plan.name].rows(rows.to_dict())
+                keys[plan.name] += [combination] * len(rows)
+    wanted = pick_table({name: gathered.table for name, gathered in tables.items()}, table)
+    return _with_keys(combinations.keys, keys[wanted.name], wanted)
+
+
+def _grid(grid: Mapping[str, Iterable[Any]], seeds: int | Iterable[int]) -> Grid:
+    values: dict[str, tuple[str, ...]] = {}
+    for key, given in grid.items():
+        if isinstance(given, str) or not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MisuseError(f"{key}: expected a list of values, not {given!r:.60}")
+        texts = tuple(option_text(_python(value)) for value in given)
+        if len(set(texts)) < len(texts):
+            raise MisuseError(f"{key}: a value stands there twice: {', '.join(texts)}")
+        values[key] = texts
+    numbers = range(seeds) if isinstance(seeds, int) else seeds
+    listed = tuple(str(int(seed)) for seed in numbers)
+    if listed:
+        values[SEED] = listed
+    if not values or not all(values.values()):
+        raise MisuseError("nothing to sweep: give values of an option, or seeds=20")
+    return Grid(values)
+
+
+def _python(value: Any) -> Any:
+    """A number of numpy as Python has it."""
+    return cast("Any", value).item() if isinstance(value, np.generic) else value
+
+
+def _outcomes(runs: Sweep) -> DataTable:
+    """The outcome of each run, as the table of `minerva sweep`."""
+    table = runs.table
+    types: dict[str, str] = {}
+    columns: dict[str, NDArray[Any]] = {}
+    for name in table.columns:
+        types[name], columns[name] = _typed(table.column(name))
+    return DataTable("runs", types, columns)
+
+
+def _with_keys(names: Sequence[str], keys: Sequence[Combination], table: DataTable) -> DataTable:
+    types: dict[str, str] = {}
+    columns: dict[str, NDArray[Any]] = {}
+    for at, name in enumerate(names):
+        own = f"{name}_" if name in table.columns else name
+        types[own], columns[own] = _typed([_value(combination[at]) for combination in keys])
+    return DataTable(table.name, types | table.types, columns | table.to_dict())
+
+
+def _value(text: str) -> Any:
+    for read in (int, float):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    return {"true": True, "false": False}.get(text, text)
+
+
+def _typed(values: Sequence[Any]) -> tuple[str, NDArray[Any]]:
+    """Values of one column with its type: whole numbers, numbers, truths, or else texts."""
+    kinds: set[type[Any]] = {type(value) for value in values}
+    known: Mapping[type[Any], str] = {int: "int64", float: "float64", bool: "bool", str: "text"}
+    kind = known.get(kinds.pop(), "text") if len(kinds) == 1 else "text"
+    if kinds <= {int, float, type(None)} and len(kinds) > 1:
+        values = [np.nan if value is None else float(value) for value in values]
+        kind = "float64"
+    texts: Callable[[Any], Any] = lambda value: "" if value is None else option_text(value)  # noqa: E731
+    made = np.empty(len(values), ARRAY_TYPES[kind])
+    made[:] = [texts(value) for value in values] if kind == "text" else list(values)
+    return kind, made

@@ -1,0 +1,181 @@
+"""Checks, records, replays and sweeps as functions."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+
+import os
+import signal
+
+import numpy as np
+import pytest
+from pond import Frog, eTick, pond
+
+from minerva_bus import (
+    Agent,
+    MinervaError,
+    World,
+    check,
+    count,
+    diff,
+    each,
+    on,
+    record,
+    replay,
+    resume,
+    run,
+    sweep,
+)
+from minerva_bus.errors import MisuseError, WorldFileError
+
+
+def frogs(options):
+    return Frog.many("f", options["n"])
+
+
+def many(**settings):
+    return World(
+        frogs, agents=[Frog], services=[each(eTick)], options={"n": 2}, name="many", **settings
+    )
+
+
+def test_a_record_of_a_world_is_replayed_compared_and_resumed(tmp_path):
+    a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    whole = run(pond(), frames=20, seed=5)
+    done = record(pond(), a, frames=10, seed=5)
+    assert done.frames == 10
+    assert replay(a, pond()).same
+    with pytest.raises(WorldFileError, match="name it"):
+        replay(a)
+    record(pond(), b, frames=10, seed=6)
+    found = diff(a, b)
+    assert not found.same
+    assert found.frame == 0
+    assert diff(a, a).same
+    resumed = resume(a, pond(), frames=20)
+    assert (resumed.frames, resumed.digest) == (20, whole.digest)
+    with pytest.raises(MinervaError, match="over after 20 frames"):
+        resume(a, pond())
+
+
+def test_a_changed_agent_is_found_by_a_replay(tmp_path):
+    path = tmp_path / "a.mcap"
+
+    class Frog(Agent, symbol="AHopper"):
+        x: int = 0
+        step = 1
+
+        @on("eTick")
+        def live(self, tick, moment):
+            self.x += Frog.step
+
+    world = World("AHopper#a", agents=[Frog], services=[each(eTick)])
+    record(world, path, frames=5)
+    assert replay(path, world).same
+    Frog.step = 2
+    found = replay(path, world)
+    assert (found.same, found.frame) == (False, 0)
+
+
+def test_check_describes_worlds_and_files(tmp_path):
+    assert check(pond()).what == "a world of 2 processes, 4 symbols"
+    path = tmp_path / "pond.toml"
+    pond().save(path)
+    assert check(path).what == check(pond()).what
+    assert "pond:Frog" in check(path, code=False).code
+    (tmp_path / "w.mnv").write_text("PWall · AFrog#a")
+    assert check(tmp_path / "w.mnv").what == "a string of L(M), 2 symbols"
+    assert check("robot").what.startswith("a world of ")
+    with pytest.raises(MinervaError, match="no world"):
+        check("rbot")
+    with pytest.raises(MinervaError, match="No such file"):
+        check(tmp_path / "none.mnv")
+
+
+def test_a_sweep_returns_one_table():
+    curves = sweep(
+        many(), {"n": [2, 5]}, seeds=3, frames=4, collect={"frogs": count(Frog), "x": Frog.x.mean()},
+        quiet=True,
+    )  # fmt: skip
+    assert curves.columns == ("n", "seed", "frame", "time", "frogs", "x")
+    assert len(curves) == 2 * 3 * 5
+    assert curves["n"].tolist() == [2] * 15 + [5] * 15
+    assert curves["frogs"].tolist() == curves["n"].tolist()
+    one = run(many(), frames=4, seed=2, n=5, collect={"x": Frog.x.mean()}).table()
+    rows = (curves["n"] == 5) & (curves["seed"] == 2)
+    assert np.array_equal(curves["x"][rows], one["x"])
+
+
+def test_a_sweep_without_collected_data_returns_outcomes():
+    table = sweep(many(), {"n": [2, 5]}, seeds=[7], frames=4, quiet=True)
+    assert table["frames"].tolist() == [4, 4]
+    assert table["digest"][1] == run(many(), frames=4, seed=7, n=5).digest
+    assert set(table["error"]) == {""}
+
+
+def test_agents_of_a_sweep_are_a_table_too():
+    table = sweep(many(), seeds=2, frames=1, collect={"n": count(Frog), "age": Frog.age},
+                  table="AFrog", quiet=True)  # fmt: skip
+    assert table.columns == ("seed", "frame", "id", "age")
+    assert len(table) == 2 * 2 * 2
+
+
+def test_a_sweep_goes_on_where_it_was(tmp_path):
+    marks = tmp_path / "marks"
+    marks.mkdir()
+
+    class Killer(Agent, symbol="AKiller"):
+        x: int = 0
+
+        @on("eTick")
+        def live(self, tick, moment):
+            self.x += 1
+            if self.x == 3:
+                (marks / f"{moment.frame.seed}-{os.getpid()}").touch()
+                if moment.frame.seed == 3 and not (tmp_path / "go").exists():
+                    os.kill(os.getppid(), signal.SIGINT)
+                    signal.pause()
+
+    world = World("AKiller#k", agents=[Killer], services=[each(eTick)])
+
+    def go():
+        return sweep(world, seeds=5, frames=4, collect=[Killer.x], folder=tmp_path / "kept",
+                     workers=1, quiet=True)  # fmt: skip
+
+    with pytest.raises(KeyboardInterrupt):
+        go()
+    (tmp_path / "go").touch()
+    table = go()
+    assert table["x"].tolist() == [0, 1, 2, 3, 4] * 5
+    runs = [path.name.partition("-")[0] for path in marks.iterdir()]
+    assert sorted(runs) == ["0", "1", "2", "3", "3", "4"]  # The finished ones ran once.
+
+
+@pytest.mark.parametrize(("make", "problem"), [
+    (lambda: sweep(many(), {"m": [1]}, frames=2, quiet=True), "no option"),
+    (lambda: sweep(many(), {"n": 3}, frames=2), "expected a list of values"),
+    (lambda: sweep(many(), {"n": [3, 3]}, frames=2), "stands there twice"),
+    (lambda: sweep(many(), frames=2), "nothing to sweep"),
+    (lambda: sweep(many(), {"n": []}, frames=2), "nothing to sweep"),
+    (lambda: sweep(many(), seeds=2), "has no end"),
+    (lambda: sweep(many(), seeds=2, frames=2, collect={"y": "AFrog.y"}), "no y"),
+])  # fmt: skip
+def test_mistakes_in_sweeps_are_explained(make, problem):
+    with pytest.raises(MinervaError, match=problem):
+        make()
+
+
+def test_runs_that_fail_are_shown_and_the_others_count(capsys):
+    class Picky(Agent, symbol="APicky"):
+        x: int = 0
+
+        @on("eTick")
+        def live(self, tick, moment):
+            if moment.frame.seed == 1:
+                raise ValueError("not this one")
+            self.x += 1
+
+    world = World("APicky#p", agents=[Picky], services=[each(eTick)])
+    table = sweep(world, seeds=3, frames=2, collect=[Picky.x], quiet=True)
+    assert sorted(set(table["seed"].tolist())) == [0, 2]
+    assert "not this one" in capsys.readouterr().err
+    with pytest.raises(MisuseError, match=r"all runs failed.*not this one"):
+        sweep(world, seeds=[1], frames=2, quiet=True)
