@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 
 ROOT = Path(__file__).parents[2]
 
@@ -15,7 +15,7 @@ def test_the_bridge_in_the_document_works(tmp_path):
     exec(blocks[1], world)
     world["test_a_battery_is_read"](tmp_path)
     (tmp_path / "capacity").write_text("much")
-    with Running(world["Laptop"](str(tmp_path))) as running:
+    with RunningBridge(world["Laptop"](str(tmp_path))) as running:
         running.wait_for(lambda: running.counted("garbage"), "garbage is counted")
         (tmp_path / "capacity").unlink()
         running.wait_for(lambda: "is gone" in running.state, "the file is missed")

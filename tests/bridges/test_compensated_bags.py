@@ -24,7 +24,7 @@ from minerva_services.bridges.ros2 import messages as types
 from minerva_services.bridges.ros2.sensors import _Listening
 from minerva_services.bridges.ros2.track import OdometryTrack
 from minerva_services.bridges.rosbag import Rosbag
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 
 PLACE = partial(place_at, speed=0.3, turn=80.0)
 
@@ -67,7 +67,7 @@ def worst(scans):
 
 
 def played(path, **options):
-    with Running(Rosbag(str(path), speed=0.0, **options)) as running:
+    with RunningBridge(Rosbag(str(path), speed=0.0, **options)) as running:
         running.wait_for(running.ended, "the end of the bag")
     return [one for _, one in running.published if isinstance(one, Scan)], running
 

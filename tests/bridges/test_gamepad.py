@@ -8,7 +8,7 @@ import pytest
 
 from minerva_bus import EventType, MetresPerSecond, MinervaError, Vocabulary, WorldInfo
 from minerva_services.bridging import SourceError
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 from minerva_services.input.gamepad import Gamepad
 from minerva_services.input.gamepad.pad import PadState
 
@@ -78,7 +78,7 @@ def gamepad(**options):
 def test_a_stick_gives_speeds_and_rest_when_it_is_let_go(slot):
     pad = OwnPad()
     slot.append(pad)
-    with Running(gamepad(high=0.8)) as runs:
+    with RunningBridge(gamepad(high=0.8)) as runs:
         pad.wait_for_looks(1)
         for push in (0.1, 0.575, 1.0, 1.0, -1.0, 0.0):
             pad.hold(push)
@@ -89,7 +89,7 @@ def test_a_stick_gives_speeds_and_rest_when_it_is_let_go(slot):
 def test_pulled_it_goes_back_where_that_is_wanted(slot):
     pad = OwnPad()
     slot.append(pad)
-    with Running(gamepad(low=-0.5, to="r2, r1")) as runs:
+    with RunningBridge(gamepad(low=-0.5, to="r2, r1")) as runs:
         pad.wait_for_looks(1)
         pad.hold(-1.0)
     assert runs.emitted == [eSpeed(-0.5, receivers=["r1", "r2"])]
@@ -101,7 +101,7 @@ def test_buttons_give_markers_and_whatever_is_wanted_when_they_go_down(slot):
     buttons = {"7": "eErrand source=office target='the lab'", "1": "eSpeed 0.5m/s"}
     made = gamepad(markers=["kitchen", "bath"], buttons=buttons)
     assert made.generates() == ("eErrand", "eObjective", "eSpeed")
-    with Running(made) as runs:
+    with RunningBridge(made) as runs:
         pad.wait_for_looks(1)
         for held in ((0,), (0, 1), (), (0, 7), (9,)):
             pad.hold(0.0, *held)
@@ -111,7 +111,7 @@ def test_buttons_give_markers_and_whatever_is_wanted_when_they_go_down(slot):
 
 
 def test_a_missing_gamepad_is_reported_and_awaited(slot, capsys):
-    with Running(gamepad()) as runs:
+    with RunningBridge(gamepad()) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
         assert runs.state == "there is no gamepad 0: none is plugged in"
         pad = OwnPad()
@@ -126,7 +126,7 @@ def test_a_missing_gamepad_is_reported_and_awaited(slot, capsys):
 def test_a_gamepad_that_is_lost_while_it_is_pushed_lets_go(slot):
     pad = OwnPad()
     slot.append(pad)
-    with Running(gamepad()) as runs:
+    with RunningBridge(gamepad()) as runs:
         pad.wait_for_looks(1)
         pad.hold(1.0)
         slot.clear()
@@ -138,7 +138,7 @@ def test_a_gamepad_that_is_lost_while_it_is_pushed_lets_go(slot):
 def test_without_the_axis_there_are_only_buttons(slot):
     pad = OwnPad()
     slot.append(pad)
-    with Running(gamepad(axis=5, markers="kitchen")) as runs:
+    with RunningBridge(gamepad(axis=5, markers="kitchen")) as runs:
         pad.wait_for_looks(1)
         pad.hold(1.0, 0)
     assert runs.emitted == [eObjective("kitchen")]
@@ -210,7 +210,7 @@ def virtual(sdl):
 
 
 def test_a_joystick_of_sdl(virtual):
-    with Running(gamepad(markers=["kitchen", "bath"])) as runs:
+    with RunningBridge(gamepad(markers=["kitchen", "bath"])) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
         virtual.plug()
         runs.wait_for(lambda: runs.state == "open", "it is there")

@@ -19,7 +19,7 @@ sys.path.append(str(Path(__file__).parents[1] / "runtime"))
 from running import MINERVA, World, environment
 from running import eventually as patiently
 
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 
 eSpeed = EventType("eSpeed", speed=MetresPerSecond)
 eObjective = EventType("eObjective", marker=str)
@@ -68,7 +68,7 @@ def keyboard(desk, **options):
 def typed(desk, text, **options):
     """What comes of some keys."""
     made = keyboard(desk, **options)
-    with Running(made) as runs:
+    with RunningBridge(made) as runs:
         desk.type(text)
         count = len(list(KeyDecoder().named(text.encode())))
         runs.wait_for(
@@ -104,7 +104,7 @@ def test_keys_of_ones_own_go_first(desk):
 
 def test_other_keys_are_counted(desk):
     made = keyboard(desk)
-    with Running(made) as runs:
+    with RunningBridge(made) as runs:
         desk.type("x\x1b[5~\x1b")
         runs.wait_for(lambda: runs.counted("other keys") == 3, "keys arrive")
     assert runs.emitted == []
@@ -120,7 +120,7 @@ def test_the_terminal_is_left_as_it_was(desk):
     before = desk.mode
     made = keyboard(desk)
     assert not desk.echoes
-    with Running(made) as runs:
+    with RunningBridge(made) as runs:
         desk.type("\x1b[A")
         runs.wait_for(lambda: runs.emitted, "it arrives")
     assert desk.mode == before
@@ -129,7 +129,7 @@ def test_the_terminal_is_left_as_it_was(desk):
 
 
 def test_a_terminal_that_goes_away_is_the_end(desk, capsys):
-    with Running(keyboard(desk)) as runs:
+    with RunningBridge(keyboard(desk)) as runs:
         desk.leave()
         runs.wait_for(runs.ended, "it has ended")
     assert runs.error is None

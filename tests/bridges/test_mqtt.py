@@ -128,7 +128,7 @@ def test_a_flood_is_received_completely(broker):
 
 
 def test_a_flood_above_what_is_allowed_waits_and_drops(broker, monkeypatch):
-    monkeypatch.setattr("minerva_services.bridges.mqtt.traffic.WAITING", 100)
+    monkeypatch.setattr("minerva_services.bridges.mqtt.traffic.MAX_QUEUED", 100)
     service = bridge(broker, most=1)
     with running(service) as heard, broker.client() as client:
         eventually(is_open(service), "open")
@@ -353,7 +353,7 @@ def test_a_server_that_is_not_a_broker():
 
 
 def test_a_server_that_never_answers(monkeypatch):
-    monkeypatch.setattr("minerva_services.bridges.mqtt.connection.GREETED_WITHIN", 0.3)
+    monkeypatch.setattr("minerva_services.bridges.mqtt.connection.CONNECT_SECONDS", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with pytest.raises(SourceError, match="no MQTT handshake"):

@@ -14,7 +14,7 @@ pytest.importorskip("pynmea2", reason="the extra `serial` is not installed")
 
 from minerva_bus import MinervaError
 from minerva_bus.world.readings import Position
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 from minerva_services.sensors.nmea import Nmea
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
 from minerva_services.sensors.serial_line import LineSplitter
@@ -45,7 +45,7 @@ def tell(cable, *lines):
 
 def positions(cable, *lines, **options):
     """What becomes of these lines and of a last GGA behind them, which is left out."""
-    with Running(Nmea(port=str(cable.path), **options)) as runs:
+    with RunningBridge(Nmea(port=str(cable.path), **options)) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         tell(cable, *lines, gga(time="235959.00", up="8848.0"))
         runs.wait_for(lambda: runs.published and runs.published[-1][1].altitude == 8893.0, "heard")
@@ -113,7 +113,7 @@ def test_midnight_does_not_turn_time_back_and_a_clock_that_jumps_is_followed(cab
 
 
 def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
-    with Running(Nmea(port=str(cable.path))) as runs:
+    with RunningBridge(Nmea(port=str(cable.path))) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         for byte in (gga()[20:] + "\r\n" + gga()[:30] + gga() + "\r\n").encode():
             cable.write(bytes((byte,)))
@@ -122,7 +122,7 @@ def test_a_sentence_may_arrive_in_parts_and_inside_another(cable):
 
 
 def test_pulled_out_and_plugged_in_again(cable, capsys):
-    with Running(Nmea(port=str(cable.path))) as runs:
+    with RunningBridge(Nmea(port=str(cable.path))) as runs:
         runs.wait_for(lambda: runs.state == "open", "it is open")
         tell(cable, gga())
         runs.readings(1)

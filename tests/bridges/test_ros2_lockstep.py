@@ -17,7 +17,7 @@ from minerva_bus.log.reader import Record
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting, Sightings
 from minerva_services.bridges.ros2.steering import MotorLimits
-from minerva_services.bridges.ros2.stepping import NANO, is_rounding, phases
+from minerva_services.bridges.ros2.stepping import NANOSECONDS, is_rounding, phases
 from minerva_services.physics.body import DriveCommand
 from minerva_services.sensors.camera import Camera
 from tests.bridges.ros2_rig import RosRobot, free_endpoint, hall, house
@@ -85,9 +85,9 @@ def test_it_decides_as_the_simulated_robot_frame_by_frame(tmp_path, build, objec
 def test_a_command_in_phases_is_whole_and_as_fast_as_allowed(command, lasts):
     turned = driven = seconds = 0.0
     for velocity, nanoseconds in phases(DriveCommand(*command), 0.1, LIMITS):
-        turned += velocity.turn * nanoseconds / NANO
-        driven += velocity.speed * nanoseconds / NANO
-        seconds += nanoseconds / NANO
+        turned += velocity.turn * nanoseconds / NANOSECONDS
+        driven += velocity.speed * nanoseconds / NANOSECONDS
+        seconds += nanoseconds / NANOSECONDS
         assert abs(velocity.turn) <= LIMITS.turn
         assert abs(velocity.speed) <= LIMITS.speed
     assert (turned, driven) == pytest.approx(command, abs=1e-12)

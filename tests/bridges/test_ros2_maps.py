@@ -19,7 +19,7 @@ from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridges.ros2.view import occupancy
 from minerva_services.bridges.ros_messages import GarbageError
 from minerva_services.bridges.ros_messages.readings import grid_of
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 from tests.bridges.ros2_rig import network
 
 eMap = EventType("eMap", cells=Cells, cell=Metres, x=Metres, y=Metres, angle=Degrees)
@@ -46,7 +46,7 @@ def test_a_late_subscriber_receives_the_map():
         bridge = Ros2(endpoint, map="map", robot="r7")
         assert bridge.generates() == ("eMap",)
         bridge.joined(INFO)
-        with Running(bridge) as running:
+        with RunningBridge(bridge) as running:
             running.wait_for(lambda: running.emitted, "the map")
             event = running.emitted[0]
         session.close()

@@ -16,11 +16,11 @@ from serial_rig import Cable
 pytest.importorskip("serial", reason="the extra `serial` is not installed")
 
 from minerva_bus import Degrees, EventType, Frame, Metres, MinervaError, Tick, Vocabulary, WorldInfo
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 from minerva_services.sensors.laser import Laser
 from minerva_services.sensors.rplidar import Rplidar, protocol
 from minerva_services.sensors.rplidar.packets import (
-    LONGEST,
+    MAX_SAMPLES,
     ExpressPackets,
     RevolutionBuffer,
     Samples,
@@ -58,7 +58,7 @@ def off(scan):
 @pytest.mark.parametrize("mode", ["express", "standard"])
 def test_turns_become_scans(cable, mode, capsys):
     with Emulator(cable) as lidar:
-        with Running(bridge(cable, mode=mode, topic="front")) as runs:
+        with RunningBridge(bridge(cable, mode=mode, topic="front")) as runs:
             for scan in runs.readings(3):
                 assert (scan.robot, scan.first, scan.step, scan.range_max) == ("r1", 0, 3.0, 12.0)
                 assert (scan.ranges > 0).all()
@@ -73,7 +73,7 @@ def test_turns_become_scans(cable, mode, capsys):
 
 @pytest.mark.parametrize(("firmware", "command"), [((1, 16), 0x20), ((1, 17), 0x82)])
 def test_by_itself_it_does_what_the_firmware_can(cable, firmware, command):
-    with Emulator(cable, firmware=firmware) as lidar, Running(bridge(cable)) as runs:
+    with Emulator(cable, firmware=firmware) as lidar, RunningBridge(bridge(cable)) as runs:
         runs.readings(1)
         scans = [said[1] for said in lidar.heard if said[1] in (0x20, 0x82)]
         assert scans == [command]
@@ -81,7 +81,7 @@ def test_by_itself_it_does_what_the_firmware_can(cable, firmware, command):
 
 def test_where_it_is_mounted_goes_with_the_scans(cable):
     at = bridge(cable, mount_x=0.1, mount_y=-0.2, mount_angle=90.0, robot="r7", range_max=6.0)
-    with Emulator(cable), Running(at) as runs:
+    with Emulator(cable), RunningBridge(at) as runs:
         (scan,) = runs.readings(1)
     assert (scan.mount_x, scan.mount_y, scan.mount_angle) == (0.1, -0.2, 90.0)
     assert (scan.robot, scan.range_max) == ("r7", 6.0)
@@ -90,7 +90,7 @@ def test_where_it_is_mounted_goes_with_the_scans(cable):
 @pytest.mark.parametrize("mode", ["express", "standard"])
 @pytest.mark.parametrize("part", [1, 7])
 def test_bytes_may_arrive_in_any_parts(cable, mode, part):
-    with Emulator(cable, part=part), Running(bridge(cable, mode=mode)) as runs:
+    with Emulator(cable, part=part), RunningBridge(bridge(cable, mode=mode)) as runs:
         assert off(runs.readings(1)[0]) < 0.06
         assert runs.counted("damaged packets") == 0
 
@@ -102,14 +102,14 @@ def test_damage_is_counted_and_the_rest_goes_on(cable, mode):
             return packet
         return b"\xff\x00\xa5" + packet if mode == "standard" else packet[:40] + packet[41:]
 
-    with Emulator(cable, breaks=breaks), Running(bridge(cable, mode=mode)) as runs:
+    with Emulator(cable, breaks=breaks), RunningBridge(bridge(cable, mode=mode)) as runs:
         for scan in runs.readings(4):
             assert off(scan) < 0.06
         assert runs.counted("damaged packets") > 0
 
 
 def test_a_cable_pulled_in_mid_scan_and_plugged_in_again(cable, capsys):
-    with Emulator(cable) as lidar, Running(bridge(cable)) as runs:
+    with Emulator(cable) as lidar, RunningBridge(bridge(cable)) as runs:
         runs.readings(1)
         cable.pull()
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
@@ -126,8 +126,8 @@ def test_a_cable_pulled_in_mid_scan_and_plugged_in_again(cable, capsys):
 
 
 def test_a_lidar_that_falls_silent_is_started_again(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.SPEAKS_WITHIN", 0.2)
-    with Emulator(cable) as lidar, Running(bridge(cable)) as runs:
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.FIRST_PACKET_SECONDS", 0.2)
+    with Emulator(cable) as lidar, RunningBridge(bridge(cable)) as runs:
         runs.readings(1)
         lidar.mute = True
         runs.wait_for(lambda: "silent" in runs.state, "its silence is said")
@@ -138,23 +138,23 @@ def test_a_lidar_that_falls_silent_is_started_again(cable, monkeypatch):
 
 def test_a_lidar_in_error_is_reset_once_and_goes_on(cable):
     boot = b"RP LIDAR System.\r\nFirmware Ver 1.29\r\n"
-    with Emulator(cable, healths=(2, 1), boot=boot) as lidar, Running(bridge(cable)) as runs:
+    with Emulator(cable, healths=(2, 1), boot=boot) as lidar, RunningBridge(bridge(cable)) as runs:
         runs.readings(1)
         assert lidar.heard.count(b"\xa5\x40") == 1
         assert runs.bridge.report()["health"] == "warning 0x8001"
 
 
 def test_a_persistent_lidar_error_is_reported(cable, capsys):
-    with Emulator(cable, healths=(2,)), Running(bridge(cable)) as runs:
+    with Emulator(cable, healths=(2,)), RunningBridge(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "its error is told")
         assert "is in protection mode (error 0x8001)" in runs.state
     assert "is in protection mode (error 0x8001); disconnect its power" in capsys.readouterr().out
 
 
 def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWERS_WITHIN", 0.1)
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWER_SECONDS", 0.1)
     cable = Cable(tmp_path / "lidar")
-    with Running(bridge(cable)) as runs:
+    with RunningBridge(bridge(cable)) as runs:
         runs.wait_for(lambda: runs.counted("failures"), "it is missed")
         assert "no such device (is it plugged in?)" in runs.state
         cable.plug()
@@ -168,8 +168,8 @@ def test_nothing_there_and_nothing_that_answers(tmp_path, capsys, monkeypatch):
 
 
 def test_a_device_that_is_no_lidar_is_reported(cable, monkeypatch):
-    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWERS_WITHIN", 0.2)
-    with Running(bridge(cable)) as runs:
+    monkeypatch.setattr("minerva_services.sensors.rplidar.lidar.ANSWER_SECONDS", 0.2)
+    with RunningBridge(bridge(cable)) as runs:
 
         def chatters():
             cable.write(b"$GPGGA,no lidar at all\r\n")
@@ -179,9 +179,9 @@ def test_a_device_that_is_no_lidar_is_reported(cable, monkeypatch):
 
 
 def test_a_line_that_another_process_uses(cable):
-    with Emulator(cable), Running(bridge(cable)) as first:
+    with Emulator(cable), RunningBridge(bridge(cable)) as first:
         first.readings(1)
-        with Running(bridge(cable)) as second:
+        with RunningBridge(bridge(cable)) as second:
             second.wait_for(lambda: second.counted("failures"), "it is told")
             assert "another process uses it" in second.state
 
@@ -218,7 +218,7 @@ def test_the_laser_does_not_know_that_the_lidar_is_real(cable):
     eLaser = EventType("eLaser", dist=Metres, angle=Degrees)
     laser = Laser(every=BEAMS // 4)
     laser.joined(WorldInfo("yard", Vocabulary.of(eLaser), 0, 0.1))
-    with Emulator(cable), Running(bridge(cable)) as runs:
+    with Emulator(cable), RunningBridge(bridge(cable)) as runs:
         (scan,) = runs.readings(1)
     hits = list(laser.generate(Tick(Frame(1, 0.1, 0), "laser", readings=(scan,))))
     assert [(one.angle, one.receivers) for one in hits] == [(a, ("r1",)) for a in (0, 90, 180, 270)]
@@ -285,7 +285,7 @@ def test_a_partial_first_turn_is_dropped_and_endless_turns_are_aborted():
     turns = RevolutionBuffer(counts)
     one = Samples(np.zeros(1000), np.ones(1000), np.zeros(1000, bool))
     list(turns.add(stream))
-    for _ in range(LONGEST // 1000 + 1):
+    for _ in range(MAX_SAMPLES // 1000 + 1):
         assert not list(turns.add(one))
     assert counts == {"endless turns": 1}
 

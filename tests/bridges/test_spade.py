@@ -33,7 +33,7 @@ from minerva_services.bridges.spade.acl_messages import (
     metadata_of,
 )
 from minerva_services.bridges.spade.addresses import Addresses
-from minerva_services.bridging.testing import Running
+from minerva_services.bridging.testing import RunningBridge
 
 ROOT = Path(__file__).resolve().parents[2]
 RIG = Path(__file__).with_name("spade_rig.py")
@@ -289,7 +289,7 @@ def test_a_missing_server_is_reported_and_tried_again(monkeypatch):
         port = taken.getsockname()[1]
     bridge = joined(monkeypatch, server=f"localhost:{port}")
     bridge.show(View(1, "eMail", told(0)))
-    with Running(bridge) as running:
+    with RunningBridge(bridge) as running:
         running.wait_for(lambda: running.counted("failures") >= 2, "it tries again")
         assert "the XMPP server" in running.state
         assert running.counted("sent") == 1

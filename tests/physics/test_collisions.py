@@ -34,7 +34,7 @@ from minerva_bus.semantics.volumes import Volumes, volumes
 from minerva_services.physics.collisions import Collisions
 from minerva_services.physics.collisions.contacts import Owners, contacts
 from minerva_services.physics.collisions.grid import Boxes, pairs_among, pairs_between
-from minerva_services.physics.collisions.touching import SLACK, touches
+from minerva_services.physics.collisions.touching import TOLERANCE, touches
 
 BOX = np.ones((1, 1), np.int16)
 
@@ -363,7 +363,7 @@ def test_along_the_normal_by_the_depth_and_they_just_touch(one: Shape, other: Sh
     out = Volumes(moved, found.first, found.radius, found.owners, found.kinds, found.symbols)
     left = touches(out, *pair)
     assert not len(left.first) or left.depth[0] <= 1e-9
-    moved[found.first[0] : found.first[1]] += 2 * SLACK * touch.normal[0]
+    moved[found.first[0] : found.first[1]] += 2 * TOLERANCE * touch.normal[0]
     assert not len(touches(out, *pair).first)
     if depth > 1e-6:
         moved[found.first[0] : found.first[1]] -= depth / 10 * touch.normal[0]

@@ -5,7 +5,7 @@ import pytest
 from floor_simulator import Simulator
 from robot_steps import after, robot
 
-from minerva_agents.robot.deciding import FAILURES, SEARCHES
+from minerva_agents.robot.deciding import MAX_FAILURES, MAX_SEARCHES
 from minerva_agents.robot.knowledge import FREE, SEEN
 from minerva_agents.robot.motion import STAY, action_of, move_of
 from minerva_agents.robot.occupancy import OccupancyMap
@@ -24,7 +24,7 @@ def decision(string, frame=1, dt=0.1):
 
 
 def test_it_gives_up_after_some_searches():
-    state = {**STANDING, "searches": SEARCHES + 1}
+    state = {**STANDING, "searches": MAX_SEARCHES + 1}
     (said,) = decision(robot(**state))
     assert 'eUnreachable<marker="kitchen", why="not found, though the robot has looked' in said
     now = after(robot(**state), eDecide())
@@ -37,12 +37,12 @@ def test_it_gives_up_a_marker_that_it_sees_and_cannot_get_to():
     grid = np.full((40, 40), FREE, np.int16)
     grid[:, 30] = 9
     grid[20, 35] = 16
-    (said,) = decision(robot(grid, **STANDING, failures=FAILURES))
+    (said,) = decision(robot(grid, **STANDING, failures=MAX_FAILURES))
     assert 'why="no way to it after 12 attempts"' in said
 
 
 def test_it_gives_up_an_errand_and_goes_on_with_what_it_did_before():
-    state = {**STANDING, "target": "store", "later": "lab", "searches": SEARCHES + 1}
+    state = {**STANDING, "target": "store", "later": "lab", "searches": MAX_SEARCHES + 1}
     (said,) = decision(robot(**state))
     assert 'eGivenUp<source="kitchen", target="store"' in said
     assert after(robot(**state), eDecide()).objective == "lab"

@@ -319,7 +319,7 @@ except MinervaError as error:
 def test_a_file_of_four_gigabytes_gets_no_longer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr("minerva_services.views.sound.wavfile._FULL", 4 * 2205 * 3)
+    monkeypatch.setattr("minerva_services.views.sound.wavfile._MAX_BYTES", 4 * 2205 * 3)
     assert len(heard(tmp_path / "w.wav", held(car(0.0)))) == 3 * 2205
     said = capsys.readouterr().err
     assert said.count("\n") == 1

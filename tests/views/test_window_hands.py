@@ -129,7 +129,7 @@ def test_following():
 
 def test_the_help_lists_the_options_of_this_world():
     lines = dict(hands().help)
-    assert lines["space"] == "pause, go on"
+    assert lines["space"] == "pause or resume"
     assert lines["click a label"] == "eGo"
     assert lines["right-click two labels"] == "eBring"
     assert lines["up +"] == "eHaste: more speed"

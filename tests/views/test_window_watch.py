@@ -103,7 +103,7 @@ def test_the_caption():
     assert caption(30, 0.1, None) == "frame 30  ·  3.0 s"
     assert caption(30, 0.1, status(paused=True), "b1") == "frame 30  ·  3.0 s  ·  paused  ·  b1"
     slow = status(rate=30.0, hz=12.2)
-    assert caption(30, 0.1, slow).endswith("12 of 30 frames a second")
-    assert caption(30, 0.1, status(hz=30.0, rate=30.0)).endswith("·  30 frames a second")
+    assert caption(30, 0.1, slow).endswith("12 of 30 frames per second")
+    assert caption(30, 0.1, status(hz=30.0, rate=30.0)).endswith("·  30 frames per second")
     waiting = status(waiting=("foxes",), waited=2.0)
     assert caption(0, 0.1, waiting).endswith("waiting for foxes")

@@ -35,11 +35,11 @@ Leaves a margin for errors of a few centimetres.
 """
 
 _DISTANCES: Final = (STOP, 0.6, 0.8, 1.0, NEAR)
-_TRIES: Final = 5
-_FARTHEST: Final = 3.0
+_MAX_TRIES: Final = 5
+_MAX_DISTANCE: Final = 3.0
 """Maximum path length for clearing the way, in metres."""
 
-PATIENCE: Final = 3
+RELAX_FAILURES: Final = 3
 """Consecutive failures after which a robot accepts a worse approach."""
 
 
@@ -54,19 +54,19 @@ def has_arrived(robot: ARobot, place: Cell) -> bool:
 def is_near(robot: ARobot, place: Cell) -> bool:
     """True if the robot is close enough given that it can come no closer."""
     dist = portable.dist(robot.position, centre_of(place)) * robot.cell
-    return dist <= NEAR and (_sees(robot, place) or robot.failures >= PATIENCE)
+    return dist <= NEAR and (_sees(robot, place) or robot.failures >= RELAX_FAILURES)
 
 
 def good_places(robot: ARobot, place: Cell) -> Iterator[Mask]:
     """Masks of cells from which the marker counts as reached, best first.
 
-    Cells without line of sight come last and only after `PATIENCE` failures, because they may lie
-    in the next room.
+    Cells without line of sight come last and only after `RELAX_FAILURES` failures, because they
+    may lie in the next room.
     """
     walls = obstacles(robot.grid)
     for dist in _DISTANCES:
         yield _with_view(walls, _around(walls, place, dist / robot.cell), place)
-    if robot.failures >= PATIENCE:
+    if robot.failures >= RELAX_FAILURES:
         for dist in _DISTANCES:
             yield _around(walls, place, dist / robot.cell)
 
@@ -82,10 +82,10 @@ def make_way(robot: ARobot, place: Cell) -> None:
     down, across = place[0] + 0.5 - robot.row, place[1] + 0.5 - robot.column
     rows, columns = (cells - place).T
     behind = rows * down + columns * across
-    for index in np.argsort(-behind, kind="stable")[:_TRIES].tolist():
+    for index in np.argsort(-behind, kind="stable")[:_MAX_TRIES].tolist():
         row, column = cells[index].tolist()
         path = shortest_path(closed, cell_of(robot.position), (row, column))
-        if behind[index] > 0 and path is not None and path.length * robot.cell <= _FARTHEST:
+        if behind[index] > 0 and path is not None and path.length * robot.cell <= _MAX_DISTANCE:
             way = straightened(grid, robot.position, path.cells, room)
             return robot.set_way(way, MAKE_WAY)
     return None

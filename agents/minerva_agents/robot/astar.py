@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from minerva_agents.robot.arriving import APPROACH, NEAR, PATIENCE, good_places, is_near
+from minerva_agents.robot.arriving import APPROACH, NEAR, RELAX_FAILURES, good_places, is_near
 from minerva_agents.robot.following import is_open, pass_corners, step
 from minerva_agents.robot.ground import (
     Position,
@@ -194,7 +194,7 @@ def _recover(robot: ARobot, closed: Mask, here: Cell, moment: Context) -> None:
     robot.failures += 1
     doubt(robot.writable("grid"))
     robot.pause = int(moment.random.integers(3, 12)) * min(robot.failures, 10)
-    if robot.failures % PATIENCE:
+    if robot.failures % RELAX_FAILURES:
         return
     reopen(robot.writable("grid"))
     if robot.objective_cell() is None:

@@ -22,7 +22,7 @@ from minerva_bus.world import beams
 from minerva_bus.world.readings import Scan
 from minerva_bus.world.recordings import RecordingError
 
-_MOST_CELLS: Final = 100_000_000
+_MAX_CELLS: Final = 100_000_000
 _MARGIN: Final = 2
 
 
@@ -72,9 +72,9 @@ def canvas_of(extent: MapExtent, cell: float) -> Canvas:
     first = [math.floor(low / cell) - _MARGIN for low in (extent.low_x, extent.low_y)]
     last = [math.floor(high / cell) + _MARGIN for high in (extent.high_x, extent.high_y)]
     rows, columns = (end - begin + 1 for begin, end in zip(first, last, strict=True))
-    if rows * columns > _MOST_CELLS:
+    if rows * columns > _MAX_CELLS:
         raise MisuseError(
-            f"the map would have {rows} x {columns} cells; the limit is {_MOST_CELLS}. Use larger"
+            f"the map would have {rows} x {columns} cells; the limit is {_MAX_CELLS}. Use larger"
             " cells (--cell) or a shorter range (--range)"
         )
     return Canvas(np.zeros((rows, columns), np.int16), cell, first[0] * cell, first[1] * cell)

@@ -31,7 +31,7 @@ _fft: Any = scipy.fft
 _spatial: Any = scipy.spatial
 
 _CELL: Final = 0.2
-_POINTS: Final = 400
+_MAX_POINTS: Final = 400
 _AROUND: Final = 4
 """Neighbouring keyframes on each side that belong to a keyframe's local map."""
 
@@ -41,7 +41,7 @@ _STEP_DEGREES: Final = 3.0
 _NEAR: Final = 0.15
 _MIN_FIT: Final = 0.6
 _MAX_SEEN_THROUGH: Final = 0.15
-_EVERY: Final = 2.0
+_SEARCH_METRES: Final = 2.0
 """Metres travelled between two searches."""
 
 _TEMPERATURE: Final = 0.02
@@ -159,7 +159,7 @@ def candidates(keys: Sequence[ScanKeyframe], poses: Reals) -> list[tuple[int, in
         nearest = int(part.argmin())
         if part[nearest] < 1.0:
             pairs.append((int(before[nearest]), later, float(window[nearest])))
-            next_way = way[later] + _EVERY
+            next_way = way[later] + _SEARCH_METRES
     return pairs
 
 
@@ -169,7 +169,7 @@ def closure(
     """The graph edge between two keyframes, or None if they observe different places."""
     walls = LocalMap(keys, poses, first)
     others = LocalMap(keys, poses, second)
-    points = others.points[:: max(1, len(others.points) // _POINTS)]
+    points = others.points[:: max(1, len(others.points) // _MAX_POINTS)]
     pose, _, covariance = correlated(walls, points, between(poses[first], poses[second]), window)
     pose = polished(walls, points, pose)
     if not _fits(keys[first], keys[second], walls, others, points, pose):

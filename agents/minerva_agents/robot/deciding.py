@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
 
-SEARCHES: Final = 2
+MAX_SEARCHES: Final = 2
 """Number of restarts of an exhausted search."""
 
-FAILURES: Final = 12
+MAX_FAILURES: Final = 12
 """Consecutive failed attempts to plan a path to a known marker."""
 
-_COUNTED_EVERY: Final = 20
+_COUNT_FRAMES: Final = 20
 """Frames between two counts of known cells."""
 
-_LEAST_SECONDS: Final = 300.0
+_MIN_SECONDS: Final = 300.0
 _CROSSINGS: Final = 10.0
 """Time without news before giving up: five minutes, plus ten crossings of the grid."""
 
@@ -71,8 +71,12 @@ def gives_up(robot: ARobot, moment: Context) -> bool:
 def _why(robot: ARobot, moment: Context) -> str:
     if robot.objective_cell() is not None:
         robot.stale = 0.0
-        return f"no way to it after {robot.failures} attempts" if robot.failures >= FAILURES else ""
-    if robot.searches > SEARCHES:
+        return (
+            f"no way to it after {robot.failures} attempts"
+            if robot.failures >= MAX_FAILURES
+            else ""
+        )
+    if robot.searches > MAX_SEARCHES:
         return f"not found, though the robot has looked everywhere {robot.searches} times"
     _count_news(robot, moment)
     if robot.stale > _patience(robot):
@@ -83,7 +87,7 @@ def _why(robot: ARobot, moment: Context) -> str:
 def _count_news(robot: ARobot, moment: Context) -> None:
     """Update the time since the number of known or inspected cells last grew."""
     robot.stale += moment.dt
-    if moment.number % _COUNTED_EVERY:
+    if moment.number % _COUNT_FRAMES:
         return
     known = np.count_nonzero(robot.grid != UNKNOWN) + np.count_nonzero(robot.grid >= SEEN)
     if known > robot.most_known:
@@ -92,7 +96,7 @@ def _count_news(robot: ARobot, moment: Context) -> None:
 
 def _patience(robot: ARobot) -> float:
     across = portable.hypot(*robot.grid.shape) * robot.cell
-    return _LEAST_SECONDS + _CROSSINGS * across / max(robot.speed, 0.01)
+    return _MIN_SECONDS + _CROSSINGS * across / max(robot.speed, 0.01)
 
 
 PLANNERS: Final[Mapping[str, Callable[[ARobot, Context], Move]]] = {

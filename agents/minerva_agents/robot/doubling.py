@@ -23,10 +23,10 @@ from minerva_agents.robot.keyframes import (
 from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Scan
 
-_AGAIN: Final = 1.5
+_SAME_PLACE_METRES: Final = 1.5
 """Maximum distance between two keyframes of one place, in metres."""
 
-_THROUGH: Final = 0.3
+_MAX_SEEN_THROUGH: Final = 0.3
 """Tolerated fraction of a scan's hits in space that the other scan saw as free."""
 
 _TOLERATED: Final = 0.02
@@ -55,7 +55,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
             continue
         apart = np.hypot(*(poses[before, :2] - poses[later, :2]).T)
         first = int(before[apart.argmin()])
-        if apart.min() > _AGAIN:
+        if apart.min() > _SAME_PLACE_METRES:
             continue
         visits += 1
         step = between(poses[first], poses[later])
@@ -63,7 +63,7 @@ def doubled_walls(scans: Sequence[Scan], places: Sequence[Pose]) -> tuple[list[D
             seen_through(moved(keys[later].points, step), keys[first].reach),
             seen_through(moved(keys[first].points, between(step, np.zeros(3))), keys[later].reach),
         )
-        if through > _THROUGH:
+        if through > _MAX_SEEN_THROUGH:
             x, y, _ = poses[later].tolist()
             times = [scans[keys[k].number].time - scans[0].time for k in (first, later)]
             doubled.append(Doubled(x, y, *times))

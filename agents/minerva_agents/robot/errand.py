@@ -30,7 +30,7 @@ from minerva_bus import Context
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
-_ANSWERED: Final = 2
+_REPLY_FRAMES: Final = 2
 """Frames from a request to its answers: events emitted by agents belong to the next frame."""
 
 
@@ -91,7 +91,7 @@ def _fetch(robot: ARobot, moment: Context) -> None:
     """Ask the parcels at this marker to come along; continue once all have answered."""
     if not robot.waits:
         moment.emit(eTake(robot.objective))
-        robot.waits = _ANSWERED
+        robot.waits = _REPLY_FRAMES
         return
     robot.waits -= 1
     if not robot.waits:

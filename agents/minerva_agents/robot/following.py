@@ -12,13 +12,13 @@ from minerva_bus import portable
 if TYPE_CHECKING:
     from minerva_agents.robot.robot import ARobot
 
-_THERE: Final = 1e-4
+_TOLERANCE: Final = 1e-4
 
 
 def pass_corners(robot: ARobot) -> None:
     """Drop the corners that the robot has reached."""
     way = robot.way
-    while way and portable.dist(way[0], robot.position) < _THERE:
+    while way and portable.dist(way[0], robot.position) < _TOLERANCE:
         way.pop(0)
     if len(way) != len(robot.plan_rows):
         robot.set_way(way, robot.purpose, robot.is_narrow)

@@ -26,7 +26,7 @@ Position: TypeAlias = tuple[float, float]
 Way: TypeAlias = Sequence[Position]
 
 _HALF_DIAGONAL: Final = 0.7072
-_SLACK: Final = 1e-6
+_TOLERANCE: Final = 1e-6
 
 
 def room_of(radius: float, cell: float) -> float:
@@ -69,7 +69,7 @@ def _open(closed: Mask, walls: Mask, at: Position, room: float) -> None:
     rows, columns = np.ogrid[: far.shape[0], : far.shape[1]]
     for centre in near.tolist():
         down, across = rows + (corner[0] + 0.5 - centre[0]), columns + (corner[1] + 0.5 - centre[1])
-        opened |= portable.hypot(down, across) < portable.dist(centre, at) - _SLACK
+        opened |= portable.hypot(down, across) < portable.dist(centre, at) - _TOLERANCE
     inner = np.s_[
         max(0, row - corner[0] - reach) : row - corner[0] + reach + 1,
         max(0, column - corner[1] - reach) : column - corner[1] + reach + 1,
@@ -96,13 +96,13 @@ def _is_clear(grid: Cells, begin: Position, end: Position, first: Position, room
         return True
     down, across = to_row - row, to_column - column
     rows, columns = rows + (top + 0.5 - row), columns + (left + 0.5 - column)
-    along = (rows * down + columns * across) / max(down * down + across * across, _SLACK)
+    along = (rows * down + columns * across) / max(down * down + across * across, _TOLERANCE)
     along.clip(0.0, 1.0, out=along)
     nearest = portable.hypot(rows - along * down, columns - along * across)
     if nearest.min() > room:
         return True
     at_first = portable.hypot(rows + (row - first[0]), columns + (column - first[1]))
-    return bool((nearest > np.minimum(at_first, room) - _SLACK).all())
+    return bool((nearest > np.minimum(at_first, room) - _TOLERANCE).all())
 
 
 def corners(cells: Sequence[Cell]) -> list[Cell]:

@@ -52,11 +52,11 @@ def filled(dist: Reals, angle: Reals, max_gap: float) -> tuple[Reals, Reals]:
     return portable.hypot(down, right), np.degrees(portable.atan2(right, down))
 
 
-_GAP: Final = 0.6
+_MAX_GAP: Final = 0.6
 """Maximum gap in metres between neighbouring hits on one wall."""
 
-_TURN: Final = 30.0
-_WAY: Final = 0.25
+_KEY_DEGREES: Final = 30.0
+_KEY_METRES: Final = 0.25
 """Degrees and metres after which a scan is drawn. Drawing every matched scan would make the map
 follow the robot's errors instead of correcting them."""
 
@@ -107,7 +107,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
             return
         if self.turned or self.driven:
             self._correct(hits)
-            if self.turned < _TURN and self.driven < _WAY:
+            if self.turned < _KEY_DEGREES and self.driven < _KEY_METRES:
                 return
             self.turned = self.driven = 0.0
         self._draw(hits, misses, clearing_part(moment.number))
@@ -124,7 +124,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         if not len(hits):
             return
         uncertainty = Uncertainty.after(self.turned, self.driven)
-        walls = filled(hits[:, 0], hits[:, 1], _GAP / self.cell)
+        walls = filled(hits[:, 0], hits[:, 1], _MAX_GAP / self.cell)
         best = match(self.grid, self.pose, walls, self.cell, uncertainty)
         self.row, self.column, self.angle = best.row, best.column, wrapped(best.angle)
 

@@ -24,10 +24,10 @@ from minerva_bus.world.recordings import Progress
 
 Reals: TypeAlias = NDArray[np.float64]
 
-_HOLDS: Final = 0.25
+_MIN_WEIGHT: Final = 0.25
 """Minimum weight for a closure to be kept."""
 
-_NARROW: Final = 2.0
+_MAX_WIDTH: Final = 2.0
 """Search window of the second round, in metres to each side."""
 
 
@@ -59,7 +59,7 @@ def closed_loops(scans: Sequence[Scan], places: Sequence[Pose], progress: Progre
         if not edges:
             break
         _, counts = optimised(poses, [*steps, *edges])
-        held = (counts[len(steps) :] > _HOLDS).tolist()
+        held = (counts[len(steps) :] > _MIN_WEIGHT).tolist()
         closures = [edge for edge, holds in zip(edges, held, strict=True) if holds]
         rejected = len(edges) - len(closures)
         poses, _ = optimised(poses, [*steps, *closures])
@@ -76,7 +76,7 @@ def _searched(
     pairs = candidates(keys, poses)
     edges: list[Edge] = []
     for done, (first, second, window) in enumerate(pairs):
-        edge = closure(keys, poses, first, second, window if number == 0 else _NARROW)
+        edge = closure(keys, poses, first, second, window if number == 0 else _MAX_WIDTH)
         if edge is not None:
             edges.append(edge)
         progress(done / len(pairs))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _BLACK, _GREY, _WHITE = 0, 205, 254
 _WIDTH: Final = 1400
-_BIGGEST: Final = 6000
+_MAX_PIXELS: Final = 6000
 _SHADES: Final = {"free": (252, 252, 250), "unknown": (222, 224, 227), "wall": (28, 32, 38)}
 _WAY: Final = (226, 111, 32)
 _START: Final = (32, 140, 90)
@@ -52,7 +52,7 @@ def save_picture(drawn: Drawn, path: Path) -> None:
             f"{path}: pictures need Pillow; install it with: pip install 'minerva-bus[maps]'"
         ) from None
     image = Image.fromarray(_colours(drawn.map.cells))
-    zoom = min(max(1, round(_WIDTH / max(image.size))), max(1, _BIGGEST // max(image.size)))
+    zoom = min(max(1, round(_WIDTH / max(image.size))), max(1, _MAX_PIXELS // max(image.size)))
     image = image.resize((image.width * zoom, image.height * zoom), Image.Resampling.NEAREST)
     pen, scale = ImageDraw.Draw(image), zoom / drawn.cell
     way = (drawn.way - (drawn.x, drawn.y)) * scale

@@ -24,9 +24,9 @@ from minerva_agents.robot.grids import MapError
 from minerva_agents.robot.occupancy import FREE, OCCUPIED, UNKNOWN, MapPose, Marker, OccupancyMap
 from minerva_bus.outputs import note_read
 
-_MOST_CELLS = 100_000_000
-_MOST_IMAGE_BYTES = 800_000_000
-_MOST_YAML_BYTES = 1_000_000
+_MAX_CELLS = 100_000_000
+_MAX_IMAGE_BYTES = 800_000_000
+_MAX_YAML_BYTES = 1_000_000
 _YAML_SUFFIXES = (".yaml", ".yml", ".json")
 _INSTALL = "install it with: pip install 'minerva-bus[maps]'"
 
@@ -115,7 +115,7 @@ def _number(value: object) -> float | None:
 
 def _read_yaml(path: Path) -> Mapping[object, object]:
     try:
-        text = _read(path, _MOST_YAML_BYTES).decode("utf-8-sig")
+        text = _read(path, _MAX_YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MapError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8") from None
     try:
@@ -239,7 +239,7 @@ def _read_cells(path: Path, reading: _Reading) -> NDArray[np.int16]:
 
 
 def _read_image(path: Path) -> _Image:
-    data = _read(path, _MOST_IMAGE_BYTES)
+    data = _read(path, _MAX_IMAGE_BYTES)
     is_pgm = path.suffix.lower() == ".pgm" or data[:2] in (b"P2", b"P5")
     return _read_pgm(path, data) if is_pgm else _read_with_pillow(path)
 
@@ -258,9 +258,9 @@ def _read(path: Path, most: int) -> bytes:
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
-    if not 0 < width * height <= _MOST_CELLS:
+    if not 0 < width * height <= _MAX_CELLS:
         raise MapError(
-            f"{path}: the image is {width} x {height}; expected 1 to {_MOST_CELLS} pixels. "
+            f"{path}: the image is {width} x {height}; expected 1 to {_MAX_CELLS} pixels. "
             "Scale it down or use a coarser resolution"
         )
 

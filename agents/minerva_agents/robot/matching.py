@@ -31,16 +31,16 @@ Worths: TypeAlias = NDArray[np.int16]
 _SPREAD: Final = 0.1
 """Standard deviation in metres of a hit around its obstacle; hits beyond two of them score 0."""
 
-_BEST: Final = 1000
+_HIT_SCORE: Final = 1000
 """Score of a hit in an obstacle's own cell."""
 
-_LEAST: Final = 0.15
+_MIN_SHARE: Final = 0.15
 """Minimum fraction of the maximum score for a pose to be accepted."""
 
-_FEWEST: Final = 8
+_MIN_HITS: Final = 8
 """Minimum number of hits for a match."""
 
-_FARTHEST: Final = 500.0
+_MAX_RANGE: Final = 500.0
 """Cells; hits farther away are used for the map only."""
 
 _DEGREES: Final = 0.5
@@ -68,16 +68,16 @@ class Uncertainty:
         turned = math.radians(turn)
         rotation = portable.hypot(_TURN_BY_TURN * turned, _TURN_BY_DIST * dist)
         driven = portable.hypot(_DIST_BY_DIST * dist, _DIST_BY_TURN * turned)
-        moved = portable.hypot(driven, _LEAST_METRES)
-        return Uncertainty(moved, portable.hypot(math.degrees(rotation), _LEAST_DEGREES))
+        moved = portable.hypot(driven, _MIN_METRES)
+        return Uncertainty(moved, portable.hypot(math.degrees(rotation), _MIN_DEGREES))
 
 
 _TURN_BY_TURN: Final = 0.15
 _TURN_BY_DIST: Final = 0.1
 _DIST_BY_DIST: Final = 0.15
 _DIST_BY_TURN: Final = 0.1
-_LEAST_METRES: Final = 0.02
-_LEAST_DEGREES: Final = 0.5
+_MIN_METRES: Final = 0.02
+_MIN_DEGREES: Final = 0.5
 
 
 def match(
@@ -89,13 +89,13 @@ def match(
     cell side in metres.
     """
     dist, angle = hits
-    near = dist < _FARTHEST
-    if np.count_nonzero(near) < _FEWEST:
+    near = dist < _MAX_RANGE
+    if np.count_nonzero(near) < _MIN_HITS:
         return guess
     search = _Search(grid, guess, (dist[near], angle[near]), cell, uncertainty)
     first = search.over(guess, search.steps, 1.0, _halves(_WIDTH * uncertainty.degrees))
     second = search.over(first.pose, 3, 0.25, _EIGHTHS)
-    return second.pose if second.part >= _LEAST else guess
+    return second.pose if second.part >= _MIN_SHARE else guess
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class _Search:
         rows = (down + across[:, None]).astype(np.intp) * self._worths.shape[1]
         columns = (right + across[:, None]).astype(np.intp)
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
-        return worths.sum(axis=2, dtype=np.int32) / (_BEST * len(self._dist))
+        return worths.sum(axis=2, dtype=np.int32) / (_HIT_SCORE * len(self._dist))
 
 
 def _halves(swing: float) -> Reals:
@@ -181,7 +181,7 @@ def _bell(cell: float) -> tuple[int, list[tuple[int, int, int]]]:
     near = math.ceil(2 * spread)
     offsets = range(-near, near + 1)
     kernel = [
-        (round(_BEST * portable.exp(-(i * i + j * j) / (2 * spread * spread))), i, j)
+        (round(_HIT_SCORE * portable.exp(-(i * i + j * j) / (2 * spread * spread))), i, j)
         for i in offsets
         for j in offsets
         if portable.hypot(i, j) <= near

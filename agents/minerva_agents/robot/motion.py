@@ -18,7 +18,7 @@ from minerva_bus.grammar.scene import TransformationNode, walk
 TURNING: Final = 180.0
 """Maximum turn rate in degrees per second."""
 
-_NEAR: Final = 1e-6
+_TOLERANCE: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def towards(
     """
     down, across = row - pose.row, column - pose.column
     dist = portable.hypot(down, across) * cell
-    if dist < _NEAR:
+    if dist < _TOLERANCE:
         return STAY
     turn = wrapped(math.degrees(portable.atan2(across, down)) - pose.angle)
     most = TURNING * dt

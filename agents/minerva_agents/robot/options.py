@@ -20,7 +20,7 @@ from minerva_bus.errors import WorldFileError, nearest
 _OFFICE: Final = Path(__file__).parent / "plan" / "office.yaml"
 _FAVOURITE: Final = "kitchen"
 _MARKERS: Final = 6
-_APART: Final = 3.0
+_SPACING: Final = 3.0
 """Minimum distance between the centres of adjacent robots at the start, in radii."""
 _LAST_FLOOR: Final[list[OccupancyMap]] = []
 
@@ -88,7 +88,7 @@ class RobotOptions:
         x, y, angle = self.start_pose
         component = free_component(self.floor, self.radius, (x, y))
         chosen = [(x, y)]
-        least = _APART * self.radius
+        least = _SPACING * self.radius
         others = component.nonzero() if self.robots > 1 else ()
         cells = [(int(row), int(column)) for row, column in zip(*others, strict=True)]
         free = [self.floor.centre_of(cell) for cell in cells]

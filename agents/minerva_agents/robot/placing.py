@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from minerva_agents.robot.grids import Cell, MapError
 from minerva_agents.robot.occupancy import MapPose, Marker, OccupancyMap, Point
 
-_FINEST_BLOCK_M = 0.1
-_MOST_BLOCKS = 20_000
+_MIN_BLOCK_M = 0.1
+_MAX_BLOCKS = 20_000
 _DIAGONAL = math.sqrt(2.0)
 
 
@@ -161,8 +161,8 @@ def _root(roots: list[int], run: int) -> int:
 
 def _block_side(floor: OccupancyMap, room: NDArray[np.float64]) -> int:
     """Side of a block in cells."""
-    side = max(1, round(_FINEST_BLOCK_M / floor.resolution))
-    return max(side, math.ceil(math.sqrt(np.count_nonzero(room) / _MOST_BLOCKS)))
+    side = max(1, round(_MIN_BLOCK_M / floor.resolution))
+    return max(side, math.ceil(math.sqrt(np.count_nonzero(room) / _MAX_BLOCKS)))
 
 
 def _blocks(room: NDArray[np.float64], side: int) -> NDArray[np.float64]:

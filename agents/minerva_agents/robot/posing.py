@@ -14,7 +14,7 @@ from minerva_bus.world.recordings import CORRECTION, POSE, Recorded
 NEAR: Final = 1.0
 """Maximum time in seconds between a scan and the nearest odometry."""
 
-_WAITING: Final = 10_000
+_MAX_QUEUED: Final = 10_000
 """Maximum number of scans that wait for odometry; the oldest is dropped."""
 
 
@@ -82,7 +82,7 @@ class _PoseAssigner:
             yield _between(scan, self._before, None)
             return
         self._waiting.append(scan)
-        if len(self._waiting) > _WAITING:
+        if len(self._waiting) > _MAX_QUEUED:
             yield Unposed(self._waiting.popleft())
 
     def moved(self, after: Odometry) -> Iterator[Posed | Unposed]:

@@ -56,7 +56,7 @@ BLOCK: Final = 0.5
 _RING: Final = 8.0
 """Initial search radius along paths in metres; doubled as needed."""
 
-_BATCH: Final = 32
+_BATCH_SIZE: Final = 32
 _ARCS: Final = (0.0, 60.0, 120.0, 300.0)
 """Angles in degrees that the robot sweeps at a viewpoint."""
 
@@ -221,8 +221,8 @@ class _Choice:
         bounds = value(news_bounds) / (metres + AHEAD)
         order = np.argsort(-bounds, kind="stable")
         chosen = None
-        for begin in range(0, len(order), _BATCH):
-            batch = order[begin : begin + _BATCH]
+        for begin in range(0, len(order), _BATCH_SIZE):
+            batch = order[begin : begin + _BATCH_SIZE]
             if bounds[batch[0]] <= best:
                 break
             views = self._prospects.views(rows[batch], columns[batch])

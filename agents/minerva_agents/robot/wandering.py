@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 WANDER: Final = "wander"
 
-_SHORTEST: Final = 0.3
-_LONGEST: Final = 6.0
-_TRIES: Final = 12
+_MIN_LEG: Final = 0.3
+_MAX_LEG: Final = 6.0
+_MAX_TRIES: Final = 12
 
 
 def decide(robot: ARobot, moment: Context) -> Move:
@@ -62,12 +62,12 @@ def _go_straight_there(robot: ARobot) -> bool:
 def _random_way(robot: ARobot, moment: Context) -> Position | None:
     """The end of a random straight path, or None if no free one was drawn.
 
-    Draws a length, then headings until that length is free; halves the length after `_TRIES`
+    Draws a length, then headings until that length is free; halves the length after `_MAX_TRIES`
     failures.
     """
-    length = float(moment.random.uniform(_SHORTEST, _LONGEST))
-    while length >= _SHORTEST:
-        for heading in moment.random.uniform(-180.0, 180.0, _TRIES).tolist():
+    length = float(moment.random.uniform(_MIN_LEG, _MAX_LEG))
+    while length >= _MIN_LEG:
+        for heading in moment.random.uniform(-180.0, 180.0, _MAX_TRIES).tolist():
             end = at_distance(robot.row, robot.column, heading, length / robot.cell)
             if holds(robot.grid, cell_of(end)) and is_clear(
                 robot.grid, (robot.position, end), robot.room

@@ -91,14 +91,14 @@ _NAMES: Final = (
     "localise",
 )
 
-_BELOW: Final = -90.0
+_PARCEL_DIRECTION: Final = -90.0
 """Direction of the parcels at a marker in degrees; the world's y is up."""
-_BREADTH: Final = 140.0
+_PARCEL_FAN: Final = 140.0
 """Angle between the outermost parcels in degrees."""
-_DOOR: Final = 0.7
+_DOOR_WIDTH: Final = 0.7
 """Width in metres of a narrow but common door."""
 _CELL_DIVISORS: Final = (2, 4, 8)
-_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
+_GOLDEN_RATIO: Final = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def scene(options: Mapping[str, Any]) -> Scene:
@@ -135,8 +135,8 @@ def notes(options: Mapping[str, Any]) -> Sequence[str]:
     chosen = RobotOptions.read(options)
     limit = passable_width(chosen.radius, chosen.cell)
     sizes = [round(chosen.cell / part, 9) for part in _CELL_DIVISORS]
-    better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR]
-    if limit <= _DOOR or not better:
+    better = [size for size in sizes if passable_width(chosen.radius, size) <= _DOOR_WIDTH]
+    if limit <= _DOOR_WIDTH or not better:
         return ()
     return (
         f"the robots pass doors of at least {limit:.2f} m, because their cells are"
@@ -171,8 +171,8 @@ def _parcel(number: int, marker: Marker) -> AParcel:
 
     All directions point below the marker, because pictures show its pin and name above.
     """
-    part = (0.5 + _GOLDEN * (number - 1)) % 1.0
-    side = round(_BELOW + _BREADTH * (part - 0.5), 3)
+    part = (0.5 + _GOLDEN_RATIO * (number - 1)) % 1.0
+    side = round(_PARCEL_DIRECTION + _PARCEL_FAN * (part - 0.5), 3)
     parcel = AParcel(f"p{number}", x=marker.x, y=marker.y, side=side)
     parcel.stand(marker.name, marker.x, marker.y)
     return parcel

@@ -20,8 +20,8 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_bus.world.services import Emit, Generator
 
-FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0
-SILENT_AFTER = 3.0
+MIN_WAIT_SECONDS, MAX_WAIT_SECONDS = 0.25, 5.0
+SILENT_SECONDS = 3.0
 
 SourceItem: TypeAlias = "tuple[str, Reading] | AnyEvent"
 """An item of a source: a reading with its topic, or an event."""
@@ -93,7 +93,7 @@ class Bridge(Generator, lockstep=False):
 
     def _source_state(self) -> str:
         silent = time.monotonic() - self._received_at
-        if self._state == "open" and silent > SILENT_AFTER:
+        if self._state == "open" and silent > SILENT_SECONDS:
             return f"silent for {silent:.0f} s"
         return self._state
 
@@ -101,7 +101,7 @@ class Bridge(Generator, lockstep=False):
 
     def run(self, emit: Emit, stop: threading.Event) -> None:
         """Forward items until the source or the world ends."""
-        wait = FIRST_WAIT
+        wait = MIN_WAIT_SECONDS
         logged = set[str]()  # failures since the source was last open
         while not stop.is_set():
             try:
@@ -109,7 +109,7 @@ class Bridge(Generator, lockstep=False):
                     if logged:
                         self._log(f"{self.source} is back")
                     self._state, self._received_at = "open", time.monotonic()
-                    wait = FIRST_WAIT
+                    wait = MIN_WAIT_SECONDS
                     logged.clear()
                     self._pass_on(source, emit, stop)
                 self._state = "ended"
@@ -125,7 +125,7 @@ class Bridge(Generator, lockstep=False):
                 logged.add(self._state)
                 self.count("failures")
             stop.wait(wait)
-            wait = min(2 * wait, LONGEST_WAIT)
+            wait = min(2 * wait, MAX_WAIT_SECONDS)
 
     def _pass_on(self, source: Source, emit: Emit, stop: threading.Event) -> None:
         for item in source.read(stop):

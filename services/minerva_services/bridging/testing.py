@@ -11,15 +11,15 @@ from minerva_bus.grammar.batch import AnyEvent
 from minerva_bus.world.readings import Reading
 from minerva_services.bridging.bridge import Bridge
 
-PATIENCE = 20.0
-LOOKED_EVERY = 0.005
-STOPS_WITHIN = 10.0
+TIMEOUT_SECONDS = 20.0
+POLL_SECONDS = 0.005
+STOP_TIMEOUT_SECONDS = 10.0
 
 
-class Running:
+class RunningBridge:
     """A bridge in its own thread, until the end of a `with` block.
 
-        with Running(Anemometer("localhost:4001")) as running:
+        with RunningBridge(Anemometer("localhost:4001")) as running:
             (first,) = running.readings(1)
 
     `published` has its readings with topics, `emitted` its events, `error` the exception it raised.
@@ -33,7 +33,7 @@ class Running:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> Running:
+    def __enter__(self) -> RunningBridge:
         self._thread.start()
         return self
 
@@ -44,9 +44,9 @@ class Running:
         trace: TracebackType | None,
     ) -> None:
         self._stop.set()
-        self._thread.join(STOPS_WITHIN)
+        self._thread.join(STOP_TIMEOUT_SECONDS)
         if error is None and not self.ended():
-            raise AssertionError(f"the bridge has not stopped within {STOPS_WITHIN:.0f} s")
+            raise AssertionError(f"the bridge has not stopped within {STOP_TIMEOUT_SECONDS:.0f} s")
 
     def __call__(self, event: AnyEvent) -> None:
         """Collect an emitted event."""
@@ -72,15 +72,15 @@ class Running:
 
     def wait_for(self, holds: Callable[[], object], what: str) -> None:
         """Wait for a condition. Raises AssertionError on time-out or if the bridge failed."""
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + TIMEOUT_SECONDS
         while not holds():
             if self.error is not None:
                 raise AssertionError(f"{what}: {self.error}") from self.error
             if time.monotonic() > until:
                 raise AssertionError(
-                    f"{what}: not within {PATIENCE:.0f} s ({dict(self.bridge.report())})"
+                    f"{what}: not within {TIMEOUT_SECONDS:.0f} s ({dict(self.bridge.report())})"
                 )
-            time.sleep(LOOKED_EVERY)
+            time.sleep(POLL_SECONDS)
 
     def readings(self, count: int, after: int = 0) -> list[Reading]:
         """`count` readings after the first `after`, as soon as they have arrived."""

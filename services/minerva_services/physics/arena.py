@@ -25,7 +25,7 @@ from minerva_services.physics.encounters import Contact, MovingDisc, contacts, s
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.obstacles import Obstacles
 from minerva_services.physics.sensors import Distances, camera, laser
-from minerva_services.physics.sweep import SLACK, Point, contact, offset
+from minerva_services.physics.sweep import TOLERANCE, Point, contact, offset
 from minerva_services.physics.walls import Segments
 
 
@@ -258,7 +258,7 @@ class Arena:
     def _refuse_solid(self, name: str, body: Body) -> None:
         depth = self._obstacles.depth_in_solid(body.centre)
         overlap = depth + body.radius if depth else self._overlap_with_walls(body)
-        if overlap > SLACK:
+        if overlap > TOLERANCE:
             raise PhysicsError(
                 f"body {name!r} of radius {body.radius:g} m at ({body.pose.x:g}, {body.pose.y:g}) "
                 f"is inside a wall; the nearest free position is at least {overlap:.3f} m away"
@@ -272,7 +272,7 @@ class Arena:
     def _refuse_touching(self, name: str, body: Body) -> None:
         for other, there in sorted(self._bodies.items()):
             overlap = body.radius + there.radius - portable.dist(body.centre, there.centre)
-            if overlap > SLACK:
+            if overlap > TOLERANCE:
                 raise PhysicsError(
                     f"body {name!r} at ({body.pose.x:g}, {body.pose.y:g}) overlaps body {other!r} "
                     f"by {overlap:.3f} m"

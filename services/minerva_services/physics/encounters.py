@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from minerva_bus import portable
-from minerva_services.physics.sweep import NEVER, SLACK, Point, Segment, contact, offset
+from minerva_services.physics.sweep import NEVER, TOLERANCE, Point, Segment, contact, offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def _stopped(
     return [
         name
         for name, push in pushes.items()
-        if time < ends[name] and (push > SLACK or push == strongest)
+        if time < ends[name] and (push > TOLERANCE or push == strongest)
     ]
 
 
@@ -137,7 +137,7 @@ def _dot(first: Point, second: Point) -> float:
 
 WallsNear: TypeAlias = Callable[[Point, Point, float], Iterable[Segment]]
 
-_REACH: Final = 1e-6
+_MAX_GAP: Final = 1e-6
 """Maximum gap in metres between a body and the wall that stopped it, due to rounding."""
 
 
@@ -201,7 +201,7 @@ def _with_wall(here: MovingDisc, end: float, near: Iterable[Segment]) -> Contact
     """The contact of a body with the wall in reach that lies most directly ahead."""
     at, (dx, dy) = here.at(end), here.move
     ways = [offset(at, wall) for wall in sorted(near)]
-    touched = [way for way in ways if 0 < portable.hypot(*way) <= here.radius + _REACH]
+    touched = [way for way in ways if 0 < portable.hypot(*way) <= here.radius + _MAX_GAP]
     ahead = min(
         touched,
         key=lambda way: (way[0] * dx + way[1] * dy) / portable.hypot(*way),

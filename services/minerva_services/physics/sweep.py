@@ -17,7 +17,7 @@ Segment: TypeAlias = tuple[float, float, float, float]
 
 NEVER: Final = math.inf
 
-SLACK: Final = 1e-9
+TOLERANCE: Final = 1e-9
 """Overlap in metres that counts as touching: far above rounding, far below anything visible."""
 
 
@@ -31,11 +31,11 @@ def contact(start: Point, move: Point, wall: Segment, reach: float) -> float:
         reach: distance at which the two touch, in metres.
 
     Returns:
-        0 to 1, or `NEVER` if the move never penetrates deeper than `SLACK`. Without that tolerance,
+        0 to 1, or `NEVER` if the move never penetrates deeper than `TOLERANCE`. Without it,
           rounding would make a disc that slides along a wall stick at the joint of two segments.
 
     """
-    deep = _entry(start, move, wall, reach - SLACK)
+    deep = _entry(start, move, wall, reach - TOLERANCE)
     return deep if deep == NEVER else min(deep, _entry(start, move, wall, reach))
 
 

@@ -20,10 +20,10 @@ from minerva_bus.world.services import Emit
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.bridging.bridge import SourceItem
 
-LONGEST_GAP: Final = 5.0
+MAX_GAP_SECONDS: Final = 5.0
 """Maximum gap in recorded seconds that playback waits between readings."""
 
-ALONE: Final = 0.1
+LAST_SECONDS: Final = 0.1
 """Duration of a loop in recorded seconds if all readings have the same time."""
 
 
@@ -37,15 +37,15 @@ def due_times(stamps: Iterable[float], speed: float) -> Iterator[float]:
     """When each reading is due, in seconds after the first, given all stamps in order.
 
     Never decreasing: a reading with an older stamp is due together with its predecessor. A jump of
-    the clock by more than LONGEST_GAP, forwards or backwards, takes that long or no time, and
+    the clock by more than MAX_GAP_SECONDS, forwards or backwards, takes that long or no time, and
     playback continues from there. With speed 0 everything is due immediately.
     """
     due, latest = 0.0, math.nan
     for stamp in stamps:
         passed = stamp - latest
         if passed > 0 and speed:
-            due += min(passed, LONGEST_GAP) / speed
-        if not -LONGEST_GAP <= passed <= 0 and math.isfinite(stamp):
+            due += min(passed, MAX_GAP_SECONDS) / speed
+        if not -MAX_GAP_SECONDS <= passed <= 0 and math.isfinite(stamp):
             latest = stamp
         yield due
 
@@ -109,7 +109,7 @@ class Player:
         pace: PlaybackPace,
         time_offset: float = 0.0,
         uncorrected: Callable[[], None] = lambda: None,
-        alone: float = ALONE,
+        alone: float = LAST_SECONDS,
     ) -> None:
         """`time_offset` and `uncorrected` are those of a Compensator.
 

@@ -9,11 +9,11 @@ from typing import Any, Final
 
 from minerva_services.bridging import SourceError
 
-NAP: Final = 0.1
+POLL_SECONDS: Final = 0.1
 """Time-out in seconds of a read for its first byte."""
 
-WRITE_WITHIN: Final = 2.0
-MOST: Final = 4096
+WRITE_SECONDS: Final = 2.0
+MAX_BYTES: Final = 4096
 
 
 class SerialLine:
@@ -27,7 +27,7 @@ class SerialLine:
         """Available bytes; empty if none arrive within a tenth of a second."""
         try:
             first = self._device.read(1)
-            waiting = min(self._device.in_waiting, MOST) if first else 0
+            waiting = min(self._device.in_waiting, MAX_BYTES) if first else 0
             return bytes(first + self._device.read(waiting)) if waiting else bytes(first)
         except OSError as error:
             raise self._lost(error) from None
@@ -80,7 +80,7 @@ def open_line(port: str, baud: int) -> SerialLine:
 
     try:
         device = serial.serial_for_url(
-            port, baudrate=baud, timeout=NAP, write_timeout=WRITE_WITHIN, exclusive=True
+            port, baudrate=baud, timeout=POLL_SECONDS, write_timeout=WRITE_SECONDS, exclusive=True
         )
     except (OSError, ValueError) as error:
         raise SourceError(f"cannot open {port}: {_reason(error)}") from None
@@ -112,7 +112,7 @@ class LineSplitter:
     A line longer than `longest` bytes is dropped and counted as garbage.
     """
 
-    def __init__(self, count: Callable[[str], None], longest: int = MOST) -> None:
+    def __init__(self, count: Callable[[str], None], longest: int = MAX_BYTES) -> None:
         self._count = count
         self._longest = longest
         self._rest = b""

@@ -1,6 +1,6 @@
 """A connection to a broker, from the handshake to its loss; used by one thread."""
 
-# paho's own types leave some open.
+# paho's type hints are incomplete.
 # pyright: reportUnknownMemberType=false
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from minerva_services.bridging import SourceError
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
 
-GREETED_WITHIN: Final = 5.0
+CONNECT_SECONDS: Final = 5.0
 KEEPALIVE: Final = 15
-WAITING: Final = 1000
+MAX_QUEUED: Final = 1000
 ONLINE, OFFLINE = b"online", b"offline"
 
 
@@ -115,7 +115,7 @@ class Connection:
             raise self._unreachable(f"its certificate: {error.verify_message}") from None
         except (OSError, ValueError) as error:
             raise self._unreachable(getattr(error, "strerror", None) or str(error)) from None
-        until = time.monotonic() + GREETED_WITHIN
+        until = time.monotonic() + CONNECT_SECONDS
         while not self._greeted:
             self.turn(0.1)
             if time.monotonic() > until:
@@ -153,8 +153,8 @@ def _client(broker: Broker, login: Login, keeps: bool) -> Client:
         protocol=MQTTv311,
         reconnect_on_failure=False,
     )
-    client.connect_timeout = GREETED_WITHIN
-    client.max_queued_messages_set(WAITING)
+    client.connect_timeout = CONNECT_SECONDS
+    client.max_queued_messages_set(MAX_QUEUED)
     if login.user:
         client.username_pw_set(login.user, login.password())
     if broker.tls:

@@ -16,8 +16,8 @@ from minerva_bus.grammar.units import Quantity
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_services.bridges.mqtt.rule import Datum, TopicRule, filled
 
-LONGEST: Final = 64 * 1024
-VALUE: Final = "value"
+MAX_BYTES: Final = 64 * 1024
+WHOLE_PAYLOAD: Final = "value"
 """Name of a payload that is not a JSON object."""
 
 
@@ -35,8 +35,8 @@ class Payload:
     @staticmethod
     def of(data: bytes) -> Payload:
         """Decode a payload. Raises InvalidPayload."""
-        if len(data) > LONGEST:
-            raise InvalidPayload(f"{len(data)} bytes, the limit is {LONGEST}")
+        if len(data) > MAX_BYTES:
+            raise InvalidPayload(f"{len(data)} bytes, the limit is {MAX_BYTES}")
         try:
             text = data.decode()
         except UnicodeDecodeError:
@@ -51,7 +51,7 @@ class Payload:
         """The fields of a JSON object; otherwise the payload itself as `value`."""
         if isinstance(self.content, dict):
             return cast("dict[str, Any]", self.content)
-        return {VALUE: self.content}
+        return {WHOLE_PAYLOAD: self.content}
 
     def at(self, path: str) -> Any:
         """The value at a path such as `sensors.0.celsius`; None if absent."""
@@ -148,7 +148,7 @@ class EventRule:
         source = self._sources[field.name]
         if source[1:-1] in levels and source.startswith("{"):
             return levels[source[1:-1]]
-        plain = source == VALUE or field.name == self._plain
+        plain = source == WHOLE_PAYLOAD or field.name == self._plain
         if not plain or isinstance(payload.content, dict):
             return payload.at(source)
         return payload.text if field.type.kind == "text" else payload.content

@@ -20,7 +20,7 @@ from minerva_services.bridges.mqtt.rule import checked_qos
 
 _KEYS: Final = ("topic", "payload", "retain", "qos", "gone")
 _NAME = re.compile(r"\{(\w+)\}")
-_LONGEST = 65535
+_MAX_BYTES = 65535
 
 
 class NoTopic(Exception):
@@ -44,7 +44,7 @@ class Publication:
     def message(self, names: Mapping[str, Any], own: Mapping[str, Any]) -> tuple[str, MqttMessage]:
         """Topic and message of a figure, from names in scope and its own. Raises NoTopic."""
         topic = _NAME.sub(lambda match: _level(match[1], names), self.topic)
-        if not topic or len(topic.encode()) > _LONGEST:
+        if not topic or len(topic.encode()) > _MAX_BYTES:
             raise NoTopic(f"{topic[:40]!r} is not a topic")
         if self.payload:
             text = _NAME.sub(lambda match: _word(names.get(match[1], "")), self.payload)

@@ -69,7 +69,7 @@ class Mqtt(Bridge, Device, lockstep=False):
         self._login = Login(**login)
         _check(keeps and not self._login.client, "keeps requires the option client")
         _check(every < 0, f"every is {every}; expected a number of frames from 0")
-        _check(most < 0, f"most is {most}; expected a number of events a second from 0")
+        _check(most < 0, f"most is {most}; expected a number of events per second from 0")
         _check(bool(set(status) & set("+#\0")), f"status is {status!r}; expected a topic")
         _check(not topics and not publish, "nothing to do; give topics (in), publish (out) or both")
         self._keeps, self._status, self._most = keeps, status, most

@@ -16,10 +16,10 @@ from minerva_services.bridges.mqtt.outbox import MqttOutbox
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage
 
-WAITING: Final = 10_000
+MAX_QUEUED: Final = 10_000
 """Maximum number of queued messages; the oldest are dropped."""
 
-TURN, SHORT_TURN = 0.2, 0.02
+POLL_SECONDS, FLUSH_SECONDS = 0.2, 0.02
 
 
 class RateLimiter:
@@ -75,7 +75,7 @@ class Traffic:
         """The events of incoming messages, in order. Raises SourceError."""
         while not stop.is_set():
             busy = bool(self._waiting) or self._outbox.used
-            self._connection.turn(SHORT_TURN if busy else TURN)
+            self._connection.turn(FLUSH_SECONDS if busy else POLL_SECONDS)
             self._outbox.send(self._connection)
             while self._waiting and self._allowed.take():
                 yield from self._events(self._waiting.popleft())
@@ -89,7 +89,7 @@ class Traffic:
     def _receive(self, message: MQTTMessage) -> None:
         self._count("messages")
         self._waiting.append(message)
-        if len(self._waiting) > WAITING:
+        if len(self._waiting) > MAX_QUEUED:
             self._waiting.popleft()
             self._count("dropped")
 

@@ -28,7 +28,7 @@ from minerva_services.bridges.ros2.stepping import is_rounding
 from minerva_services.bridges.ros_messages import Frames, GarbageError, readings
 from minerva_services.bridges.ros_messages.frames import UnplacedError, mounting_of
 
-_KEPT: Final = 8
+_MAX_READINGS: Final = 8
 """Number of buffered scans and sightings; the newest counts."""
 
 _Timed = TypeVar("_Timed", Scan, Sightings)
@@ -56,8 +56,8 @@ class SensorBuffers:
         self._base, self._mount, self._moved = base, mount, moved
         self._frames = Frames()
         self._by_arrival = True
-        self._scans = deque[Scan](maxlen=_KEPT)
-        self._sightings = deque[Sightings](maxlen=_KEPT)
+        self._scans = deque[Scan](maxlen=_MAX_READINGS)
+        self._sightings = deque[Sightings](maxlen=_MAX_READINGS)
         self._counts: dict[str, int] = {}
         self._lock = threading.Lock()
 

@@ -21,23 +21,23 @@ from minerva_services.bridges.ros2.steering import (
     driven,
     steer,
 )
-from minerva_services.bridges.ros2.track import SUDDEN, OdometryTrack
+from minerva_services.bridges.ros2.track import MAX_CORRECTION, OdometryTrack
 from minerva_services.physics.body import DriveCommand
 
-_STOPPING: Final = 0.5
+_STOP_SECONDS: Final = 0.5
 """Seconds for which a stop is repeated before other nodes may drive the robot."""
 
-_PROGRESS: Final = 0.005
+_MIN_PROGRESS: Final = 0.005
 """Minimum approach in metres that counts as progress."""
 
-_RIM: Final = 0.2
+_TURN_RADIUS: Final = 0.2
 """Distance in metres from the centre at which turning counts as much as driving."""
 
-_REST: Final = (0.01, 1.0)
+_STILL_TOLERANCE: Final = (0.01, 1.0)
 """Tolerance in metres and degrees for standing still."""
 
-_DELAY: Final = 0.02
-_LATEST: Final = 0.15
+_MIN_LATENCY: Final = 0.02
+_MAX_LATENCY: Final = 0.15
 """Latency bounds of odometry in seconds."""
 
 STILL: Final = Velocity()
@@ -85,7 +85,7 @@ class _Progress:
 
     def stalled_for(self, missing: float, now: float) -> float:
         """Seconds without progress, given the metres that are missing now."""
-        if missing < self.best - _PROGRESS:
+        if missing < self.best - _MIN_PROGRESS:
             self.best, self.at = missing, now
         return now - self.at
 
@@ -195,7 +195,7 @@ class Driver:
         with self._lock:
             if self._stopped:
                 return STILL
-            if now > self._wanted_until + _STOPPING:
+            if now > self._wanted_until + _STOP_SECONDS:
                 self._sent = STILL
                 return None
             self._sent = self._chosen(now)
@@ -205,7 +205,7 @@ class Driver:
     def _chosen(self, now: float) -> Velocity:
         if now > self._wanted_until or not self.has_odometry(now) or self._path is None:
             return STILL
-        if self._path.command == DriveCommand() and self._is_there(now, *_REST):
+        if self._path.command == DriveCommand() and self._is_there(now, *_STILL_TOLERANCE):
             return STILL
         pose = self._pose(now)
         self._turns = self._turns or self._path.reached(pose)
@@ -218,7 +218,7 @@ class Driver:
         if self._is_there(now, self.tolerances.near, self.tolerances.aligned):
             return State.DONE
         missing = self._missing(now)
-        far = abs(missing.x) + _RIM * math.radians(abs(missing.angle))
+        far = abs(missing.x) + _TURN_RADIUS * math.radians(abs(missing.angle))
         stalled = self._progress.stalled_for(far, now)
         return State.BLOCKED if stalled > self.tolerances.patience else State.DRIVING
 
@@ -228,7 +228,7 @@ class Driver:
 
     def _pose(self, now: float) -> Pose:
         """Estimated pose: the last odometry, extrapolated by the velocity sent since."""
-        late = min(max(0.0, now - self._updated) + _DELAY, _LATEST)
+        late = min(max(0.0, now - self._updated) + _MIN_LATENCY, _MAX_LATENCY)
         return driven(self.track.newest or Pose(), self._sent, late)
 
     def _missing(self, now: float) -> Pose:
@@ -239,7 +239,7 @@ class Driver:
     def _start(self, pose: Pose) -> None:
         """First odometry: a restored goal that is far away belongs to another odometry frame."""
         missing = pose.seen(self._goal or pose)
-        far = portable.hypot(missing.x, missing.y) > SUDDEN.x + self.tolerances.near
+        far = portable.hypot(missing.x, missing.y) > MAX_CORRECTION.x + self.tolerances.near
         if self._goal is None or far:
             self.jumps += far
             self._goal = pose

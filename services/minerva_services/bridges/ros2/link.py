@@ -12,8 +12,8 @@ from minerva_services.bridges.ros2.network import Ros2Network
 from minerva_services.bridges.ros2.session import Ros2Session
 from minerva_services.bridging.bridge import SourceError, log
 
-_AGAIN: Final = 0.5
-_GLANCE: Final = 0.25
+_RETRY_SECONDS: Final = 0.5
+_CHECK_SECONDS: Final = 0.25
 
 
 class NetworkLink:
@@ -65,7 +65,7 @@ class NetworkLink:
             except SourceError as error:
                 if self.state != "lost":
                     self._set_state(str(error), f"{error}; retrying")
-                self._stop.wait(_AGAIN)
+                self._stop.wait(_RETRY_SECONDS)
 
     def _watch(self, session: Ros2Session) -> None:
         """Beat until closed or disconnected."""
@@ -74,7 +74,7 @@ class NetworkLink:
             self._wake.wait(self._seconds)
             self._wake.clear()
             self._beat()
-            if time.monotonic() - looked < _GLANCE:
+            if time.monotonic() - looked < _CHECK_SECONDS:
                 continue
             looked = time.monotonic()
             if not session.connected:

@@ -22,7 +22,7 @@ from minerva_services.bridging.bridge import log
 from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.geometry import Robot
 
-_FORGIVEN: Final = 5.0
+_MAX_DELAY_FRAMES: Final = 5.0
 """Delay in frames up to which the schedule is kept; beyond it, it restarts."""
 
 
@@ -39,7 +39,9 @@ class FramePacer:
     def begin(self, seconds: float, now: float) -> float:
         """The time left for a command that begins now, of its nominal duration."""
         late = now - self.due
-        self.due = max(self.due + seconds, now) if late < _FORGIVEN * seconds else now + seconds
+        self.due = (
+            max(self.due + seconds, now) if late < _MAX_DELAY_FRAMES * seconds else now + seconds
+        )
         return self.due - now
 
 

@@ -42,10 +42,10 @@ from minerva_services.event_factory import EventFactory
 from minerva_services.options import takes_options
 from minerva_services.sensors.playback import NOT_CORRECTED, checked_offset
 
-_WAITING: Final = 100
+_MAX_QUEUED: Final = 100
 """Maximum number of queued messages; the oldest are dropped."""
 
-_GLANCE: Final = 0.25
+_CHECK_SECONDS: Final = 0.25
 Make: TypeAlias = Callable[[Any], Reading]
 
 
@@ -209,7 +209,7 @@ class _Listening:
 
         def hear(data: bytes) -> None:
             with self._news:
-                if len(self._waiting) == _WAITING:
+                if len(self._waiting) == _MAX_QUEUED:
                     self._waiting.popleft()
                     self._bridge.count("dropped here")
                 self._waiting.append((message, data))
@@ -223,7 +223,7 @@ class _Listening:
         while not stop.is_set():
             with self._news:
                 if not self._waiting:
-                    self._news.wait(_GLANCE)
+                    self._news.wait(_CHECK_SECONDS)
                 waiting = list(self._waiting)
                 self._waiting.clear()
             if not waiting and not self._session.connected:

@@ -3,7 +3,7 @@
 This network is separate from the world's own.
 """
 
-# Zenoh's stubs leave some types open.
+# Zenoh's type stubs are incomplete.
 # pyright: reportUnknownMemberType=false, reportUnknownLambdaType=false
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from minerva_services.bridges.ros2.messages import messages
 from minerva_services.bridges.ros2.network import GID_BYTES, Attachment, Ros2Network
 from minerva_services.bridging import SourceError
 
-_PATIENCE_MS: Final = 2000
+_OPEN_TIMEOUT_MS: Final = 2000
 _CONFIG: Final[dict[str, Any]] = {
     "mode": "client",
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,
-    "connect/timeout_ms": _PATIENCE_MS,
+    "connect/timeout_ms": _OPEN_TIMEOUT_MS,
     "connect/exit_on_failure": True,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
     "timestamping/enabled": True,  # late subscribers query the newest sample

@@ -16,19 +16,19 @@ from minerva_bus.errors import MisuseError
 from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.body import DriveCommand
 
-_AHEAD: Final = 8.0
+_SPEED_GAIN: Final = 8.0
 """Speed per metre of remaining distance, 1/s, where braking allows more."""
 
-_TURNED: Final = 9.0
+_TURN_GAIN: Final = 9.0
 """The same for turns."""
 
-_ASIDE: Final = 12.0
+_LATERAL_GAIN: Final = 12.0
 """Turn per metre of lateral error, 1/m²."""
 
-_FACING: Final = 12.0
+_MAX_HEADING_ERROR: Final = 12.0
 """Heading error in degrees above which the robot turns before driving."""
 
-_REACHED: Final = 0.015
+_CORNER_RADIUS: Final = 0.015
 """Distance in metres from a corner at which the robot may turn."""
 
 
@@ -99,7 +99,7 @@ class CommandPath:
         if not self.command.turn_deg:
             return True
         missing = pose.seen(self.start)
-        return abs(missing.x) <= _REACHED
+        return abs(missing.x) <= _CORNER_RADIUS
 
 
 def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
@@ -107,10 +107,10 @@ def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
     missing = pose.seen(wanted)
     off = missing.angle
     straight = wanted.seen(pose)
-    speed = _braking(-straight.x, _AHEAD, limits.speed, limits.acceleration)
-    speed *= max(0.0, 1.0 - abs(off) / _FACING)
-    aside = math.degrees(speed * _ASIDE * -straight.y)
-    turn = _braking(off, _TURNED, limits.turn, limits.turn_acceleration)
+    speed = _braking(-straight.x, _SPEED_GAIN, limits.speed, limits.acceleration)
+    speed *= max(0.0, 1.0 - abs(off) / _MAX_HEADING_ERROR)
+    aside = math.degrees(speed * _LATERAL_GAIN * -straight.y)
+    turn = _braking(off, _TURN_GAIN, limits.turn, limits.turn_acceleration)
     return limits.clipped(Velocity(speed, turn + aside))
 
 

@@ -20,15 +20,15 @@ from minerva_services.bridges.ros2.steering import MotorLimits, Velocity
 from minerva_services.bridging.bridge import log
 from minerva_services.physics.body import DriveCommand
 
-NANO: Final = 1_000_000_000
-BEGIN: Final = NANO
+NANOSECONDS: Final = 1_000_000_000
+BEGIN: Final = NANOSECONDS
 """Start of the clock; ROS interprets 0 as a missing clock."""
 
 ROUNDING: Final = 1e-6
 """Metres and degrees below which a deviation counts as rounding."""
 
-_STEP: Final = NANO // 50
-_SILENT: Final = 3.0
+_STEP_NANOSECONDS: Final = NANOSECONDS // 50
+_SILENT_AFTER: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Stepper:
     @property
     def now(self) -> float:
         """Seconds of the clock, bit-identical to those of a message's stamp."""
-        whole, rest = divmod(self.step.end, NANO)
+        whole, rest = divmod(self.step.end, NANOSECONDS)
         return whole + rest * 1e-9
 
     def notify(self) -> None:
@@ -77,12 +77,12 @@ class Stepper:
         while (state := driver.state(self.now)) is not State.DONE:
             if state is State.BLOCKED:
                 return driver.give_up()
-            self._advance(driver.velocity(self.now) or STILL, _STEP)
+            self._advance(driver.velocity(self.now) or STILL, _STEP_NANOSECONDS)
         return 0.0
 
     def _catch_up(self) -> None:
         """The robot's time may be ahead because of a predecessor's clock."""
-        ahead = round(self._driver.track.latest * NANO)
+        ahead = round(self._driver.track.latest * NANOSECONDS)
         if ahead > self.step.end:
             self.step = ClockStep(STILL, ahead, ahead)
 
@@ -92,8 +92,8 @@ class Stepper:
         self._wake()
         logged, since = False, time.monotonic()
         with self._answered:
-            while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT):
-                if not logged and time.monotonic() - since >= _SILENT:
+            while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT_AFTER):
+                if not logged and time.monotonic() - since >= _SILENT_AFTER:
                     logged = True
                     log(f"no response from {self._where} to clock time {self.now:.3f} s; waiting")
         if logged:
@@ -113,10 +113,10 @@ def phases(
     busy = bool(command.turn_deg) + bool(command.forward_m)
     if command.turn_deg:
         lasts = _nanoseconds(turn + spare / busy)
-        yield Velocity(turn=command.turn_deg / (lasts / NANO)), lasts
+        yield Velocity(turn=command.turn_deg / (lasts / NANOSECONDS)), lasts
     if command.forward_m:
         lasts = _nanoseconds(drive + spare / busy)
-        yield Velocity(speed=command.forward_m / (lasts / NANO)), lasts
+        yield Velocity(speed=command.forward_m / (lasts / NANOSECONDS)), lasts
     if not busy:
         yield STILL, _nanoseconds(seconds)
 
@@ -127,4 +127,4 @@ def is_rounding(pose: Pose) -> bool:
 
 
 def _nanoseconds(seconds: float) -> int:
-    return max(1, math.ceil(seconds * NANO))
+    return max(1, math.ceil(seconds * NANOSECONDS))

@@ -13,11 +13,11 @@ from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.compensation import needs_path, path_of
 from minerva_bus.world.readings import Scan
 
-_KEPT: Final = 500
-SUDDEN: Final = Pose(0.5, 0.0, 45.0)
+_MAX_POSES: Final = 500
+MAX_CORRECTION: Final = Pose(0.5, 0.0, 45.0)
 """Jump in metres and degrees, beyond what can be driven, that still counts as a correction."""
 
-_LONGEST: Final = 2.0
+_MAX_GAP_SECONDS: Final = 2.0
 """Maximum time in seconds for which a robot may have driven on unobserved."""
 
 
@@ -29,8 +29,8 @@ class OdometryTrack:
 
     def __init__(self, fastest: float, turning: float) -> None:
         self._fastest, self._turning = fastest, turning
-        self._times = deque[float](maxlen=_KEPT)
-        self._poses = deque[Pose](maxlen=_KEPT)
+        self._times = deque[float](maxlen=_MAX_POSES)
+        self._poses = deque[Pose](maxlen=_MAX_POSES)
         self.restarts = 0
 
     @property
@@ -52,7 +52,7 @@ class OdometryTrack:
                 self._times.clear()
                 self._poses.clear()
                 self.restarts += 1
-            jumped = self._jumps(before.seen(pose), min(max(0.0, elapsed), _LONGEST))
+            jumped = self._jumps(before.seen(pose), min(max(0.0, elapsed), _MAX_GAP_SECONDS))
         if jumped:
             self._times.clear()
             self._poses.clear()
@@ -61,8 +61,8 @@ class OdometryTrack:
         return jumped
 
     def _jumps(self, moved: Pose, seconds: float) -> bool:
-        most = SUDDEN.x + 2 * self._fastest * seconds
-        turned = SUDDEN.angle + 2 * self._turning * seconds
+        most = MAX_CORRECTION.x + 2 * self._fastest * seconds
+        turned = MAX_CORRECTION.angle + 2 * self._turning * seconds
         return portable.hypot(moved.x, moved.y) > most or abs(moved.angle) > turned
 
     def covers(self, time: float) -> bool:

@@ -29,7 +29,7 @@ from minerva_services.bridging.bridge import log
 from minerva_services.options import takes_options
 
 Cells = NDArray[np.int16]
-_BEAT: Final = 0.25
+_BEAT_SECONDS: Final = 0.25
 
 
 class MapPicture(PlaneGeometry):
@@ -147,7 +147,9 @@ class Ros2View(Device, draws=("ePicture",)):
         """Raises MisuseError if rosbags is missing."""
         messages()
         self._world = world
-        self._link = NetworkLink(self._network, "minerva_view", self._declare, lambda: None, _BEAT)
+        self._link = NetworkLink(
+            self._network, "minerva_view", self._declare, lambda: None, _BEAT_SECONDS
+        )
         self._link.start()
 
     def show(self, view: View) -> None:

@@ -26,8 +26,8 @@ _CHANNELS: Final[Mapping[str, tuple[int, ...]]] = {
 """Channels of a pixel that are red, green and blue, or grey, by encoding."""
 
 _CENTRE: Final = SensorMount()
-_FOUR: Final = ("rgba8", "bgra8")
-_MOST_PIXELS: Final = 100_000_000
+_WITH_ALPHA: Final = ("rgba8", "bgra8")
+_MAX_PIXELS: Final = 100_000_000
 
 
 def image_of(
@@ -38,7 +38,7 @@ def image_of(
     channels = _CHANNELS.get(name)
     if channels is None:
         raise GarbageError(f"the encoding {name[:20]!r} is not one of {', '.join(_CHANNELS)}")
-    pixels = _pixels(message, width, height, 4 if name in _FOUR else len(channels))
+    pixels = _pixels(message, width, height, 4 if name in _WITH_ALPHA else len(channels))
     data = np.ascontiguousarray(pixels[:, :, channels]).tobytes()
     kind = "rgb8" if len(channels) == 3 else "mono8"
     time = stamp_of(message) if time is None else time
@@ -48,7 +48,7 @@ def image_of(
 def _pixels(message: Any, width: int, height: int, depth: int) -> NDArray[np.uint8]:
     """The pixels without row padding, (height, width, depth)."""
     data, step = np.asarray(message.data, np.uint8), int(message.step)
-    if not (0 < width * height <= _MOST_PIXELS and step >= width * depth):
+    if not (0 < width * height <= _MAX_PIXELS and step >= width * depth):
         raise GarbageError(f"{width}×{height} pixels in rows of {step} bytes are not an image")
     if data.size < step * height:
         raise GarbageError(f"{data.size} bytes are too few for {height} rows of {step}")

@@ -18,7 +18,7 @@ from minerva_bus.world.readings import Battery, Odometry, Position, Scan, Sighti
 from minerva_services.bridges.ros_messages.frames import GarbageError, Matrix, SensorMount
 from minerva_services.bridging.transforms import moved
 
-_FARTHEST: Final = float(np.finfo(np.float32).max)
+_MAX_FLOAT: Final = float(np.finfo(np.float32).max)
 _FREE_BELOW: Final = 25
 _OCCUPIED_FROM: Final = 65
 """Percentages, as in nav2 and the map_server."""
@@ -42,7 +42,7 @@ def scan_of(
     _finite("angles", first, step)
     if math.isnan(most):
         raise GarbageError("range_max is not a number")
-    most = min(most, _FARTHEST)
+    most = min(most, _MAX_FLOAT)
     valid = np.isfinite(ranges) & (ranges >= message.range_min)
     # +inf means beyond range [REP 117]; NaN and ranges below the minimum are errors.
     ranges = np.where(valid, ranges, np.where(np.isposinf(ranges), np.float32(most), 0))

@@ -41,10 +41,10 @@ CONVERSIONS: Final[Mapping[str, Conversion]] = {
 """Keyed by type name; rosbags uses the same names for ROS 1."""
 
 
-_STATIC: Final = "tf_static"
-_NANO: Final = 1e-9
+_TF_STATIC: Final = "tf_static"
+_NANOSECOND: Final = 1e-9
 _UNUSABLE, _GARBAGE, _BROKEN = "messages passed over", "messages not readable", "broken off"
-_OTHERS: Final = "topics passed over"
+_SKIPPED_TOPICS: Final = "topics passed over"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Bag:
             if message is None:
                 continue
             try:
-                yield self._recorded(message, self._played[connection.id], stamp * _NANO)
+                yield self._recorded(message, self._played[connection.id], stamp * _NANOSECOND)
                 is_empty = False
             except (
                 GarbageError,
@@ -132,7 +132,7 @@ class Bag:
 
     def _recorded(self, message: Any, played: PlayedTopic, stamp: float) -> Recorded:
         header = message.header
-        time = header.stamp.sec + header.stamp.nanosec * _NANO or stamp
+        time = header.stamp.sec + header.stamp.nanosec * _NANOSECOND or stamp
         sensor = self._frames.on_its_robot(header.frame_id)
         mounting = replace(sensor, mount=self.mounting.over(sensor.mount))
         read = CONVERSIONS[played.connection.msgtype].read
@@ -166,7 +166,7 @@ class Bag:
             here = CONVERSIONS[kind].topic
             if here in chosen.values():
                 line = f"{self.path}: {topic} skipped; add it to the option topics to play it"
-                self.pass_over(_OTHERS, line)
+                self.pass_over(_SKIPPED_TOPICS, line)
             else:
                 chosen[topic] = here
         if not chosen:
@@ -178,7 +178,7 @@ class Bag:
         return chosen
 
     def _learn_mounts(self) -> None:
-        static = [item for item in self._reader.connections if item.topic.lstrip("/") == _STATIC]
+        static = [item for item in self._reader.connections if item.topic.lstrip("/") == _TF_STATIC]
         if not static:
             return
         try:
@@ -187,7 +187,7 @@ class Bag:
                 if message is not None:
                     self._frames.update(message)
         except Exception as error:  # as above
-            self.pass_over(_BROKEN, f"{self.path}: /{_STATIC} breaks off: {_line(error)}")
+            self.pass_over(_BROKEN, f"{self.path}: /{_TF_STATIC} breaks off: {_line(error)}")
 
 
 def open_bag(path: Path, pass_over: PassOver) -> Bag:

@@ -24,7 +24,7 @@ from minerva_services.bridging import Bridge
 from minerva_services.event_factory import event_type
 from minerva_services.options import read_password, require
 
-WAITING: Final = 10_000
+MAX_QUEUED: Final = 10_000
 """Maximum number of messages that wait for the server; more are dropped."""
 
 
@@ -110,8 +110,8 @@ class Spade(Bridge, Device, events=("eMessage",), draws=("eMail",), lockstep=Fal
         if not sender or not to:
             lacks = f"#{mail.to} has no address" if sender else f"#{mail.sender} has no account"
             self._report("unsent", f"{lacks}, so a message to #{mail.to} is not sent")
-        elif len(self._outbox) >= WAITING:
-            self._report("dropped", f"{WAITING} messages wait for the server; more are dropped")
+        elif len(self._outbox) >= MAX_QUEUED:
+            self._report("dropped", f"{MAX_QUEUED} messages wait for the server; more are dropped")
         else:
             given = mail.parameters
             metadata = metadata_of(given, (self._inside, self._outside), self._clock)

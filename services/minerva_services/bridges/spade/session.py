@@ -19,10 +19,10 @@ from minerva_services.bridging import SourceError
 if TYPE_CHECKING:
     from spade.message import Message
 
-CONNECTED_WITHIN: Final = 15.0
-TURN: Final = 0.05
-GOODBYE: Final = 1.0
-NOTHING: Final = " "
+CONNECT_SECONDS: Final = 15.0
+POLL_SECONDS: Final = 0.05
+CLOSE_SECONDS: Final = 1.0
+EMPTY_BODY: Final = " "
 """Body of a message without content: SPADE does not deliver messages without a body."""
 
 
@@ -81,7 +81,7 @@ class XmppSession:
         while not stop.is_set():
             while self._outbox:
                 self._send(self._outbox.popleft())
-            self._turn(TURN)
+            self._turn(POLL_SECONDS)
             while self._inbox:
                 yield self._receive(self._inbox.popleft())
             yield None
@@ -94,7 +94,7 @@ class XmppSession:
                 self._send(self._outbox.popleft())
         gone = [client.disconnect(wait=0.2) for client in self._clients.values()]
         if gone:
-            self._loop.run_until_complete(asyncio.wait(gone, timeout=GOODBYE))
+            self._loop.run_until_complete(asyncio.wait(gone, timeout=CLOSE_SECONDS))
         left = asyncio.all_tasks(self._loop)
         for task in left:
             task.cancel()
@@ -118,9 +118,9 @@ class XmppSession:
     def _connect(self, server: XmppServer) -> None:
         for client in self._clients.values():
             client.connect(server.host or None, server.port or None)
-        until = time.monotonic() + CONNECTED_WITHIN
+        until = time.monotonic() + CONNECT_SECONDS
         while len(self._ready) < len(self._clients):
-            self._turn(TURN)
+            self._turn(POLL_SECONDS)
             if time.monotonic() > until:
                 missing = sorted(self._clients.keys() - self._ready)
                 raise SourceError(f"spade: no session for {missing[0]} within the time limit")
@@ -138,7 +138,7 @@ class XmppSession:
         from spade.message import Message
 
         client = self._clients[letter.sender]
-        body = letter.body or NOTHING
+        body = letter.body or EMPTY_BODY
         message = Message(
             letter.to, letter.sender, body, letter.thread or None, dict(letter.metadata)
         )
@@ -154,7 +154,7 @@ class XmppSession:
             XmppMessage(
                 str(message.sender),
                 str(message.to),
-                "" if message.body in (None, NOTHING) else message.body,
+                "" if message.body in (None, EMPTY_BODY) else message.body,
                 message.thread or "",
                 dict(message._metadata),
             )

@@ -15,7 +15,7 @@ from minerva_services.input.controls import ControlMap, InputRange, bindings, ch
 from minerva_services.input.gamepad.pad import Pad, PadState, open_pad
 from minerva_services.options import require
 
-POLLED_EVERY: Final = 0.02
+POLL_SECONDS: Final = 0.02
 """Polling interval in seconds: shorter than any button press."""
 
 
@@ -93,7 +93,7 @@ class Gamepad(Bridge):
     def _events(self, pad: Pad, stop: threading.Event) -> Iterator[Event | None]:
         """Poll the gamepad: events as buttons are pressed and the stick moves."""
         before, sent = pad.state(), 0.0
-        while not stop.wait(POLLED_EVERY):
+        while not stop.wait(POLL_SECONDS):
             state = pad.state()
             if state is None or before is None:
                 if sent:

@@ -16,8 +16,8 @@ from typing import Final
 
 from minerva_services.bridging import SourceError
 
-NAP: Final = 0.1
-MOST: Final = 1024
+POLL_SECONDS: Final = 0.1
+MAX_BYTES: Final = 1024
 
 
 class Terminal:
@@ -48,9 +48,9 @@ class Terminal:
         None if the terminal is gone.
         """
         try:
-            if not select.select([self._file], [], [], NAP)[0]:
+            if not select.select([self._file], [], [], POLL_SECONDS)[0]:
                 return b""
-            return os.read(self._file, MOST) or None
+            return os.read(self._file, MAX_BYTES) or None
         except (OSError, ValueError):
             return None
 

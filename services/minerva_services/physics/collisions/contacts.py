@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from minerva_bus.semantics.volumes import Volumes
 from minerva_services.physics.collisions.grid import Boxes, pairs_among, pairs_between
-from minerva_services.physics.collisions.touching import SLACK, Touches, touches
+from minerva_services.physics.collisions.touching import TOLERANCE, Touches, touches
 
 Rows = NDArray[np.intp]
 Pair = tuple[str, str]
@@ -66,7 +66,7 @@ def contacts(volumes: Volumes, owners: Owners, ignored: Iterable[Pair] = ()) -> 
 def _near(volumes: Volumes, owner: Rows) -> tuple[Rows, Rows]:
     """Candidate pairs: an agent's volume, and that of a later agent or of scenery."""
     lower, upper = volumes.boxes()
-    boxes = Boxes(lower - SLACK, upper + SLACK)
+    boxes = Boxes(lower - TOLERANCE, upper + TOLERANCE)
     moving, still = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
     first, other = pairs_among(boxes.take(moving))
     agent, thing = pairs_between(boxes.take(moving), boxes.take(still))
@@ -128,7 +128,7 @@ def _behind(hits: Touches, row: int, deeper: int) -> bool:
     here = hits.point[row] + hits.normal[row] * (hits.depth[row] / 2)
     there = hits.point[deeper] + way * (hits.depth[deeper] / 2)
     step = here - there
-    return bool(step[0] * way[0] + step[1] * way[1] <= SLACK)
+    return bool(step[0] * way[0] + step[1] * way[1] <= TOLERANCE)
 
 
 def _joined(*parts: Touches) -> Touches:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_ENTRIES: Final = 16
+_MAX_CELLS_PER_BOX: Final = 16
 """Maximum mean number of cells per box; above it, cells are enlarged."""
-_FAR: Final = 2.0**30
+_MAX_CELL: Final = 2.0**30
 """Boxes beyond this many cells from the origin are put into the outermost cells."""
 
 
@@ -89,7 +89,7 @@ class _Entries:
 
 def _cells(boxes: Boxes, cell: float) -> tuple[Rows, Rows]:
     low, high = (
-        np.floor(np.clip(corner / cell, -_FAR, _FAR)).astype(np.intp)
+        np.floor(np.clip(corner / cell, -_MAX_CELL, _MAX_CELL)).astype(np.intp)
         for corner in (boxes.lower, boxes.upper)
     )
     return low, high
@@ -99,7 +99,7 @@ def _cell(boxes: Boxes, others: Boxes) -> float:
     """Side of a cell: at least twice the median size of the first set."""
     sizes = (boxes.upper - boxes.lower).max(axis=1)
     cell = 2.0 * float(np.median(sizes)) or 1.0
-    enough = _ENTRIES * (len(boxes) + len(others))
+    enough = _MAX_CELLS_PER_BOX * (len(boxes) + len(others))
     while _entries(boxes, cell) + _entries(others, cell) > enough:
         cell *= 2.0
     return cell

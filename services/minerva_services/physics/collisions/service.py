@@ -22,7 +22,7 @@ from minerva_services.physics.collision_events import CollisionEvents
 from minerva_services.physics.collisions.contacts import ANYTHING, Owners, Pair, contacts
 from minerva_services.physics.collisions.touching import Touches
 
-_SAME: Final = 0.7
+_SAME_COSINE: Final = 0.7
 """Cosine of the angle (about 45 degrees) within which two touches of scenery count as the same."""
 
 
@@ -49,7 +49,7 @@ class ContactMemory:
         known = self._known.get((contact.agent, contact.other), [])
         if contact.other:
             return bool(known)
-        return any(contact.nx * other.nx + contact.ny * other.ny >= _SAME for other in known)
+        return any(contact.nx * other.nx + contact.ny * other.ny >= _SAME_COSINE for other in known)
 
     def save(self) -> list[list[Any]]:
         """All contacts as plain values."""

@@ -20,7 +20,7 @@ from minerva_bus.semantics.volumes import Volumes
 Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-SLACK: Final = 1e-9
+TOLERANCE: Final = 1e-9
 """Gap in metres that still counts as touching: far above rounding, far below anything visible."""
 
 
@@ -74,7 +74,7 @@ def touches(volumes: Volumes, first: Rows, second: Rows) -> Touches:
                 volumes.radius[right],
             )
             point[rows], normal[rows], depth[rows] = contact
-    kept = np.flatnonzero(depth >= -SLACK)
+    kept = np.flatnonzero(depth >= -TOLERANCE)
     # Adding 0.0 turns -0.0 into 0.0, so that both print the same.
     deep = np.maximum(depth[kept], 0.0) + 0.0
     return Touches(first[kept], second[kept], point[kept] + 0.0, normal[kept] + 0.0, deep)
@@ -166,7 +166,7 @@ def _separation(core: Floats, other: Floats) -> tuple[Floats, Floats, Floats]:
     axis = least.argmax(axis=1)
     away, way, first = least[rows, axis], outward[rows, axis], other[rows, corner[rows, axis]]
     face = np.stack((core[rows, axis], np.roll(core, -1, axis=1)[rows, axis]), axis=1)
-    level = beyond[rows, axis] <= (away + SLACK)[:, None]
+    level = beyond[rows, axis] <= (away + TOLERANCE)[:, None]
     return away, way, first + _to_middle(first, way, face, other, level)
 
 

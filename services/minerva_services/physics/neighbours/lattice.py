@@ -13,7 +13,7 @@ from minerva_bus.errors import MisuseError
 from minerva_services.physics.neighbours.spots import Spots
 
 Array = NDArray[Any]
-HOODS = ("moore", "von neumann")
+NEIGHBOURHOODS = ("moore", "von neumann")
 
 
 class Lattice:

@@ -61,8 +61,8 @@ def near(x: Numbers, y: Numbers, radius: float, size: tuple[float, float] | None
 
 Data = Mapping[str, Any]
 
-_APART = frozenset(("apart_x", "apart_y"))
-_OWN = _APART | {"number", "dx", "dy", "distance"}
+_OFFSETS = frozenset(("apart_x", "apart_y"))
+_OBSERVED = _OFFSETS | {"number", "dx", "dy", "distance"}
 
 
 def individual(
@@ -106,12 +106,12 @@ def summary(spots: Spots, pairs: Pairs, wanted: AbstractSet[str], apart: float) 
     if "distance" in wanted:
         distance = np.sqrt(pairs.squared)
         sums["distance"] = _summed(pairs, distance, distance, count)
-    for name in numbers.keys() & (wanted - _OWN):
+    for name in numbers.keys() & (wanted - _OBSERVED):
         values = numbers[name]
         sums[name] = _summed(pairs, values[pairs.second], values[pairs.first], count)
     several = np.maximum(number, 1)
     data: dict[str, NDArray[Any]] = {name: values / several for name, values in sums.items()}
-    if wanted & _APART:
+    if wanted & _OFFSETS:
         close = pairs.take(np.flatnonzero(pairs.squared < apart * apart))
         data["apart_x"] = _summed(close, -close.dx, close.dx, count)
         data["apart_y"] = _summed(close, -close.dy, close.dy, count)

@@ -11,7 +11,7 @@ from minerva_bus.grammar.ids import Ids
 from minerva_bus.grammar.symbols import EventType
 from minerva_bus.world.services import Device, Generator, Tick, View, WorldInfo
 from minerva_services.event_factory import event_type
-from minerva_services.physics.neighbours.lattice import HOODS, Lattice, counts
+from minerva_services.physics.neighbours.lattice import NEIGHBOURHOODS, Lattice, counts
 from minerva_services.physics.neighbours.perception import individual, near, summary, tree
 from minerva_services.physics.neighbours.spots import Names, SpotReader, Spots
 
@@ -149,8 +149,8 @@ def _check(every: int, radius: float, hood: str) -> None:
         raise MisuseError(f"neighbours: every is {every}; expected an integer >= 1 (frames)")
     if radius <= 0:
         raise MisuseError(f"neighbours: radius is {radius}; expected a number above 0")
-    if hood not in HOODS:
-        raise MisuseError(f"neighbours: hood is {hood!r}; expected {' or '.join(HOODS)}")
+    if hood not in NEIGHBOURHOODS:
+        raise MisuseError(f"neighbours: hood is {hood!r}; expected {' or '.join(NEIGHBOURHOODS)}")
 
 
 def _check_nearest(nearest: int, together: bool) -> None:

@@ -25,10 +25,10 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-NOTHING_HIT: Final = 80.0
+NO_HIT_RANGE: Final = 80.0
 """Range in metres from which a SICK laser means no hit: it then reads about 81.9."""
 
-_MOST_BEAMS: Final = 100_000
+_MAX_BEAMS: Final = 100_000
 
 
 class LineError(ValueError):
@@ -132,7 +132,7 @@ class _Words:
 
     def count(self) -> int:
         word = self.text()
-        if not word.isdecimal() or int(word) > _MOST_BEAMS:
+        if not word.isdecimal() or int(word) > _MAX_BEAMS:
             raise LineError(f"{word[:20]!r} is not a number of beams")
         return int(word)
 
@@ -169,7 +169,7 @@ def _front_laser(words: _Words) -> LaserLine:
         raise LineError("no beams")
     laser, _ = words.pose(), words.pose()  # some logs never correct the second pose
     first, step = angles_of(len(ranges))
-    return LaserLine(ranges, first, step, NOTHING_HIT, *words.times(), laser)
+    return LaserLine(ranges, first, step, NO_HIT_RANGE, *words.times(), laser)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ def _laser(words: _Words) -> _Laser:
     ranges, _ = words.ranges(), words.ranges()
     if not len(ranges):
         raise LineError("no beams")
-    range_max = min(range_max, NOTHING_HIT) if range_max > 0 else NOTHING_HIT
+    range_max = min(range_max, NO_HIT_RANGE) if range_max > 0 else NO_HIT_RANGE
     return _Laser(ranges, math.degrees(first), math.degrees(step), range_max)
 
 

@@ -25,7 +25,7 @@ from minerva_services.sensors.carmen.lines import (
 )
 from minerva_services.sensors.playback import MountOverride
 
-_LONGEST: Final = 1 << 20
+_MAX_LINE_BYTES: Final = 1 << 20
 _GZIP: Final = b"\x1f\x8b"
 _FRONT_LASER: Final = "robot_frontlaser_offset"
 _PASSED_OVER, _TIMELESS, _BROKEN = "lines passed over", "lines without a time", "broken off"
@@ -91,7 +91,7 @@ class CarmenLog:
         number = 0
         try:
             with self._opened() as file:
-                for line in iter(lambda: file.readline(_LONGEST), b""):
+                for line in iter(lambda: file.readline(_MAX_LINE_BYTES), b""):
                     number += 1
                     yield number, line.decode("utf-8", "replace")
         except (OSError, EOFError, zlib.error) as error:

@@ -14,8 +14,8 @@ from minerva_services.options import require
 from minerva_services.sensors.nmea.sentences import Fix, SkippedSentence, read_fix
 from minerva_services.sensors.serial_line import LineSplitter, SerialLine, open_line
 
-DAY: Final = 86_400.0
-LONGEST: Final = 256
+DAY_SECONDS: Final = 86_400.0
+MAX_LINE_BYTES: Final = 256
 """Maximum length of a line in bytes; the standard allows 82."""
 
 
@@ -65,7 +65,7 @@ class Nmea(Bridge):
         self, line: SerialLine, stop: threading.Event
     ) -> Iterator[tuple[str, Position] | None]:
         """Positions as sentences arrive."""
-        lines, has_gga = LineSplitter(self.count, LONGEST), False
+        lines, has_gga = LineSplitter(self.count, MAX_LINE_BYTES), False
         while not stop.is_set():
             for text in lines.feed(line.read()):
                 try:
@@ -82,8 +82,8 @@ class Nmea(Bridge):
 
     def _position(self, fix: Fix) -> tuple[str, Position]:
         """A fix as a reading, with its topic."""
-        if fix.second < self._second - DAY / 2:
-            self._days += DAY
+        if fix.second < self._second - DAY_SECONDS / 2:
+            self._days += DAY_SECONDS
         self._second = fix.second
         return self._topic, Position(
             self._robot,

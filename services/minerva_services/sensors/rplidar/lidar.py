@@ -12,15 +12,15 @@ from minerva_services.sensors.rplidar import protocol as p
 from minerva_services.sensors.rplidar.packets import Count, ExpressPackets, Packets, StandardPackets
 from minerva_services.sensors.serial_line import SerialLine
 
-ANSWERS_WITHIN: Final = 1.0
+ANSWER_SECONDS: Final = 1.0
 STOP_SECONDS: Final = 0.02
 """Pause in seconds after STOP; chapter 4 requires at least 10 ms."""
 
-BOOTS_WITHIN: Final = 5.0
-SPEAKS_WITHIN: Final = 4.0
+BOOT_SECONDS: Final = 5.0
+FIRST_PACKET_SECONDS: Final = 4.0
 """Time in seconds within which a scan must start and continue: motors need one or two."""
 
-LONGEST_PREAMBLE: Final = 4096
+MAX_PREAMBLE_BYTES: Final = 4096
 
 
 class Lidar:
@@ -64,7 +64,7 @@ class Lidar:
             data = self._line.read()
             if data:
                 heard = time.monotonic()
-            elif time.monotonic() - heard > SPEAKS_WITHIN:
+            elif time.monotonic() - heard > FIRST_PACKET_SECONDS:
                 raise SourceError(f"the lidar at {self._line.port} stopped sending")
             yield data
 
@@ -79,7 +79,7 @@ class Lidar:
     def _reset(self) -> None:
         """Reset the device and wait until it answers; its output during boot is undefined."""
         self._line.write(p.request(p.RESET))
-        until = time.monotonic() + BOOTS_WITHIN
+        until = time.monotonic() + BOOT_SECONDS
         while True:
             try:
                 self.quiet()
@@ -91,7 +91,7 @@ class Lidar:
 
     def _ask(self, command: int, wanted: p.Descriptor) -> bytes:
         self._expect(p.request(command), wanted)
-        answer = self._line.read_exactly(wanted.size, ANSWERS_WITHIN)
+        answer = self._line.read_exactly(wanted.size, ANSWER_SECONDS)
         if len(answer) < wanted.size:
             raise SourceError(f"the lidar at {self._line.port} sent an incomplete answer")
         return answer
@@ -99,8 +99,8 @@ class Lidar:
     def _expect(self, request: bytes, wanted: p.Descriptor) -> None:
         """Send a request, and read until the descriptor of its response."""
         self._line.write(request)
-        until, window, skipped = time.monotonic() + ANSWERS_WITHIN, b"", 0
-        while time.monotonic() < until and skipped < LONGEST_PREAMBLE:
+        until, window, skipped = time.monotonic() + ANSWER_SECONDS, b"", 0
+        while time.monotonic() < until and skipped < MAX_PREAMBLE_BYTES:
             more = p.DESCRIPTOR_SIZE - len(window)
             window += self._line.read_exactly(more, until - time.monotonic())
             descriptor = p.read_descriptor(window)

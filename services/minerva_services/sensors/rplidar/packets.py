@@ -19,10 +19,10 @@ from minerva_services.sensors.rplidar.protocol import CAPSULES, SAMPLES, checksu
 
 Count: TypeAlias = Callable[[str], None]
 
-IN_A_ROW: Final = 8
+SYNC_SAMPLES: Final = 8
 """Consecutive valid samples of a standard scan required to resynchronise."""
 
-WIDEST: Final = 90.0
+MAX_CAPSULE_DEGREES: Final = 90.0
 """Maximum span of a capsule in degrees; a larger one means that capsules were lost."""
 
 
@@ -39,7 +39,7 @@ class Samples:
     starts: NDArray[np.bool_]
 
 
-NOTHING: Final = Samples(np.empty(0), np.empty(0), np.empty(0, np.bool_))
+NO_SAMPLES: Final = Samples(np.empty(0), np.empty(0), np.empty(0, np.bool_))
 
 
 class Packets:
@@ -76,7 +76,7 @@ class StandardPackets(Packets):
         self._in_step = True
 
     def _next(self) -> Samples | None:
-        needed = 1 if self._in_step else IN_A_ROW
+        needed = 1 if self._in_step else SYNC_SAMPLES
         whole = len(self._bytes) // SAMPLES.size
         if whole < needed:
             return None
@@ -91,7 +91,7 @@ class StandardPackets(Packets):
             self._count("damaged packets")
         self._in_step = False
         self._bytes = self._bytes[1:]
-        return NOTHING
+        return NO_SAMPLES
 
 
 def _standard(rows: NDArray[np.uint8]) -> Samples:
@@ -121,10 +121,10 @@ class ExpressPackets(Packets):
         if checksum(capsule[2:]) != (capsule[0] & 0xF) | (capsule[1] & 0xF) << 4:
             self._count("damaged packets")
             self._bytes, self._before = self._bytes[1:], b""
-            return NOTHING
+            return NO_SAMPLES
         self._bytes = self._bytes[CAPSULES.size :]
         before, self._before = self._before, capsule
-        return self._between(before, capsule) if before else NOTHING
+        return self._between(before, capsule) if before else NO_SAMPLES
 
     def _find(self) -> bool:
         """Advance to the next possible start of a capsule; True if a complete one follows."""
@@ -139,9 +139,9 @@ class ExpressPackets(Packets):
     def _between(self, capsule: bytes, after: bytes) -> Samples:
         first = _start(capsule)
         width = (_start(after) - first) % 360.0
-        if width > WIDEST:
+        if width > MAX_CAPSULE_DEGREES:
             self._count("lost packets")
-            return NOTHING
+            return NO_SAMPLES
         raw, angles, distances = _express(capsule, first, width)
         starts = np.diff(raw, prepend=self._last) < 0
         self._last = float(raw[-1])
@@ -167,7 +167,7 @@ def _express(capsule: bytes, first: float, width: float) -> tuple[NDArray[np.flo
     return raw, (raw - compensation.ravel()) % 360.0, (words >> 2).ravel() / 1000.0
 
 
-LONGEST: Final = 32_768
+MAX_SAMPLES: Final = 32_768
 """Samples without the start of a revolution after which the data are discarded."""
 
 
@@ -202,7 +202,7 @@ class RevolutionBuffer:
     def _gather(self, part: Samples) -> None:
         self._parts.append(part)
         self._length += len(part.angles)
-        if self._length > LONGEST:
+        if self._length > MAX_SAMPLES:
             self._count("endless turns")
             self._parts, self._length, self._begun = [], 0, False
 

@@ -22,7 +22,7 @@ from minerva_services.sensors.rplidar.protocol import EXPRESS_SINCE
 from minerva_services.sensors.serial_line import SerialLine, open_line
 
 MODES: Final = ("auto", "express", "standard")
-MOST_BEAMS: Final = 7200
+MAX_BEAMS: Final = 7200
 
 
 class Rplidar(Bridge):
@@ -63,8 +63,8 @@ class Rplidar(Bridge):
         require("rplidar", "serial", "pyserial", "serial")
         if mode not in MODES:
             raise MisuseError(f"rplidar: mode is {mode!r}; expected one of {', '.join(MODES)}")
-        if not 1 <= beams <= MOST_BEAMS:
-            raise MisuseError(f"rplidar: beams is {beams}; expected 1 to {MOST_BEAMS}")
+        if not 1 <= beams <= MAX_BEAMS:
+            raise MisuseError(f"rplidar: beams is {beams}; expected 1 to {MAX_BEAMS}")
         if not 0 < range_max < float("inf"):
             raise MisuseError(f"rplidar: range_max is {range_max}; expected metres above 0")
         self.source = f"the lidar at {port}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from minerva_bus.errors import MisuseError
 from minerva_services.sensors.vision.library import opencv
 
-LARGEST: Final = 1 << 20
+MAX_FILE_BYTES: Final = 1 << 20
 _MATRIX: Final = ("camera_matrix", "cameraMatrix", "camera_Matrix", "K")
 _DISTORTION: Final = ("distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D")
 _SAME_ASPECT: Final = 0.01
@@ -93,7 +93,7 @@ def read_lens(path: str) -> Lens:
 
 
 def _is_small(path: str) -> bool:
-    return Path(path).stat().st_size <= LARGEST
+    return Path(path).stat().st_size <= MAX_FILE_BYTES
 
 
 def _for_opencv(text: str) -> str:

@@ -13,10 +13,10 @@ from minerva_services.sensors.vision.images import grey
 from minerva_services.sensors.vision.library import opencv
 from minerva_services.sensors.vision.video import MarkerFinder
 
-PATIENCE: Final = 5.0
+IMAGE_SECONDS: Final = 5.0
 """Time without an image, in seconds, after which a camera or stream counts as lost."""
 
-_TURN: Final = 0.2
+_POLL_SECONDS: Final = 0.2
 
 
 class LiveCamera:
@@ -51,8 +51,8 @@ class LiveCamera:
         while not stop.is_set():
             taken = self._next()
             if taken is None:
-                if time.monotonic() - heard > PATIENCE:
-                    raise self._lost(f"no image for {PATIENCE:g} s")
+                if time.monotonic() - heard > IMAGE_SECONDS:
+                    raise self._lost(f"no image for {IMAGE_SECONDS:g} s")
                 yield None
                 continue
             heard = time.monotonic()
@@ -62,7 +62,7 @@ class LiveCamera:
 
     def opened(self) -> None:
         """Wait until it is open. Raises SourceError if it cannot be opened."""
-        in_time = self._opened.wait(2 * PATIENCE)
+        in_time = self._opened.wait(2 * IMAGE_SECONDS)
         if self._failed or not in_time:
             raise self._lost(self._failed or "no response")
 
@@ -72,7 +72,7 @@ class LiveCamera:
 
     def _next(self) -> tuple[Any, float] | None:
         with self._news:
-            self._news.wait_for(lambda: self._newest is not None or self._failed, _TURN)
+            self._news.wait_for(lambda: self._newest is not None or self._failed, _POLL_SECONDS)
             taken, self._newest = self._newest, None
             if taken is None and self._failed:
                 raise self._lost(self._failed)
@@ -107,7 +107,7 @@ class LiveCamera:
     def _camera(self) -> Any:
         cv2 = opencv()
         if "://" in self._address:
-            limit = round(PATIENCE * 1000)
+            limit = round(IMAGE_SECONDS * 1000)
             limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit, cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit]
             return cv2.VideoCapture(self._address, cv2.CAP_FFMPEG, limits)
         is_number = self._address.isdecimal()

@@ -12,7 +12,7 @@ from minerva_bus.world.recordings import Recording, RecordingError
 from minerva_bus.world.services import WorldInfo
 from minerva_services.bridging import Bridge, Source, SourceError
 from minerva_services.options import takes_options
-from minerva_services.sensors.playback import ALONE, PlaybackPace, Player
+from minerva_services.sensors.playback import LAST_SECONDS, PlaybackPace, Player
 from minerva_services.sensors.vision.detection import Grey
 from minerva_services.sensors.vision.images import is_image
 from minerva_services.sensors.vision.live import LiveCamera, shown
@@ -108,7 +108,7 @@ class Vision(Bridge, lockstep=False):
         if self._fps:
             return 1 / self._fps
         still = isinstance(recording, ImageFolder) and recording.is_still
-        return min(ALONE, self._dt / 2) if still else ALONE
+        return min(LAST_SECONDS, self._dt / 2) if still else LAST_SECONDS
 
     def _recording(self) -> Recording:
         path = Path(self._address)

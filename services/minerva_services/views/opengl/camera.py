@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_FLATTEST, _STEEPEST = 8.0, 90.0
-_NEAREST, _FARTHEST = 0.2, 1e6
-_DEPTH = 100.0
+_MIN_ELEVATION, _MAX_ELEVATION = 8.0, 90.0
+_MIN_DISTANCE, _MAX_DISTANCE = 0.2, 1e6
+_DEPTH_RANGE = 100.0
 """Depth range of the projection as a multiple of the distance to the target."""
 
 
@@ -55,7 +55,7 @@ class OrbitCamera:
 
     def matrix(self, aspect: float) -> Floats:
         """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width / height."""
-        axes, near, far = self.axes, self.distance / _DEPTH, self.distance * _DEPTH
+        axes, near, far = self.axes, self.distance / _DEPTH_RANGE, self.distance * _DEPTH_RANGE
         look = np.eye(4)
         look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
         look[:3, 3] = -look[:3, :3] @ self.eye
@@ -94,7 +94,7 @@ class OrbitCamera:
     def orbited(self, azimuth: float, elevation: float) -> OrbitCamera:
         """Rotated around its target, in degrees."""
         turned = math.remainder(self.azimuth + azimuth, 360.0)
-        raised = min(max(self.elevation + elevation, _FLATTEST), _STEEPEST)
+        raised = min(max(self.elevation + elevation, _MIN_ELEVATION), _MAX_ELEVATION)
         return replace(self, azimuth=turned, elevation=raised)
 
     def panned(self, x: float, y: float, height: int) -> OrbitCamera:
@@ -108,7 +108,7 @@ class OrbitCamera:
 
     def zoomed(self, factor: float) -> OrbitCamera:
         """Closer to its target by a factor."""
-        distance = min(max(self.distance / factor, _NEAREST), _FARTHEST)
+        distance = min(max(self.distance / factor, _MIN_DISTANCE), _MAX_DISTANCE)
         return replace(self, distance=distance)
 
     def aimed(self, x: float, y: float, z: float = 0.0) -> OrbitCamera:
@@ -130,7 +130,7 @@ class OrbitCamera:
         back = max(across, along, spread / 2 - float(depth.min()))
         eye = np.array([x, y, -back]) @ self.axes
         forward = self.axes[2]
-        distance = max(-eye[2] / forward[2], _NEAREST)
+        distance = max(-eye[2] / forward[2], _MIN_DISTANCE)
         met = eye + forward * distance
         return replace(
             self, target=tuple(float(coordinate) for coordinate in met), distance=float(distance)

@@ -16,12 +16,12 @@ from minerva_services.views.opengl.solids import Single, drum
 _SHAPE = "2f 3f 2f", ("way", "edge", "facing")
 _COPY = "4f 2f 4f1 /i", ("stand", "size", "paint")
 _RECORD = np.dtype([("stand", "f4", 4), ("size", "f4", 2), ("paint", "u1", 4)])
-_FINEST = ((300, (40, True)), (3000, (16, True)), (1 << 62, (6, False)))
+_DETAILS = ((300, (40, True)), (3000, (16, True)), (1 << 62, (6, False)))
 """Level of detail: maximum number of discs, segments per disc, and whether edges are rounded."""
-_LAYER = 0.04
+_OVERLAP_HEIGHT = 0.04
 """Extra height of a disc that overlaps another, as a fraction of its height."""
-_MOST = 12
-_COMPARED = 400
+_MAX_OVERLAPS = 12
+_MAX_COMPARED = 400
 
 
 class Drums:
@@ -33,13 +33,13 @@ class Drums:
         self._bright = program(gl, shaders.DRUM_VERTEX, shaders.DRUM_FRAGMENT)
         self._dark = program(gl, shaders.DRUM_SHADOW, shaders.NOTHING)
         self._arrays: dict[tuple[int, bool, int, int], moderngl.VertexArray] = {}
-        self._shape = _FINEST[0][1]
+        self._shape = _DETAILS[0][1]
         self.count = 0
 
     def take(self, batches: Sequence[Discs]) -> None:
         """Set the discs of a picture."""
         self.count = sum(map(len, batches))
-        self._shape = next(shape for most, shape in _FINEST if self.count <= most)
+        self._shape = next(shape for most, shape in _DETAILS if self.count <= most)
         self._copies.write(instances(batches))
 
     def cast(self) -> None:
@@ -86,14 +86,14 @@ def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
         paint[:, :3], paint[:, 3] = discs.color, 255 * discs.heading
         start += len(discs)
     x, y, radius = made["stand"][:, 0], made["stand"][:, 1], made["size"][:, 0]
-    made["size"][:, 1] *= 1 + _LAYER * _layers(x, y, radius)
+    made["size"][:, 1] *= 1 + _OVERLAP_HEIGHT * _layers(x, y, radius)
     return made
 
 
 def _layers(x: Single, y: Single, radius: Single) -> NDArray[np.float64]:
     """How many discs each one overlaps, up to a limit; for crowds, only the order counts."""
     order = np.arange(len(x))
-    if len(x) > _COMPARED:
-        return _MOST * order / len(x)
+    if len(x) > _MAX_COMPARED:
+        return _MAX_OVERLAPS * order / len(x)
     over = np.hypot(x[:, None] - x, y[:, None] - y) < radius[:, None] + radius
-    return np.minimum(np.tril(over, -1).sum(axis=1), _MOST).astype(np.float64)
+    return np.minimum(np.tril(over, -1).sum(axis=1), _MAX_OVERLAPS).astype(np.float64)

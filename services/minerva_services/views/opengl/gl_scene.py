@@ -22,9 +22,9 @@ from minerva_services.views.window.painter import Beams
 from minerva_services.views.window.picking import Spot
 
 TO_SUN = np.array([-0.46, -0.36, 0.81]) / np.linalg.norm([-0.46, -0.36, 0.81])
-STRENGTH = 0.9
-_SIDE = 2048
-_ROOM = 1.03
+SHADOW_STRENGTH = 0.9
+_SHADOW_PIXELS = 2048
+_SHADOW_MARGIN = 1.03
 
 
 def sun_matrix(corners: Floats) -> Floats:
@@ -34,7 +34,7 @@ def sun_matrix(corners: Floats) -> Floats:
     axes = np.stack([right, np.cross(TO_SUN, right), -TO_SUN])
     seen = corners @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
-    size = np.maximum(high - low, 1e-6) * _ROOM
+    size = np.maximum(high - low, 1e-6) * _SHADOW_MARGIN
     made = np.eye(4)
     made[:3, :3] = axes / size[:, None]
     made[:3, 3] = 0.5 - (low + high) / 2 / size
@@ -45,7 +45,7 @@ class Shade:
     """The shadow map: depth of the scene as seen from the sun."""
 
     def __init__(self, gl: moderngl.Context) -> None:
-        self.depth = gl.depth_texture((_SIDE, _SIDE))
+        self.depth = gl.depth_texture((_SHADOW_PIXELS, _SHADOW_PIXELS))
         self.depth.compare_func = "<="
         self.depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self.depth.repeat_x = self.depth.repeat_y = False
@@ -57,7 +57,7 @@ class Shade:
         self._target.use()
         self._target.clear(depth=1.0)
         # Keep the outermost pixels empty, so that everything beyond the map is lit.
-        self._target.scissor = 1, 1, _SIDE - 2, _SIDE - 2
+        self._target.scissor = 1, 1, _SHADOW_PIXELS - 2, _SHADOW_PIXELS - 2
 
 
 _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
@@ -66,8 +66,8 @@ _IN_ITS_LIGHT = (
     *(moderngl.ZERO, moderngl.ONE),
 )
 """Blending: transparent surfaces take the brightness below them; colours are premultiplied."""
-_CROWD = 3000
-_GROUND = 4.0
+_MANY_DISCS = 3000
+_GROUND_EXTENT = 4.0
 """Extent of the ground as a multiple of half the picture's diagonal."""
 
 
@@ -97,7 +97,7 @@ class GLScene:
     @property
     def crowded(self) -> bool:
         """True if there is so much to draw that slow machines should reduce quality."""
-        return self._drums.count > _CROWD
+        return self._drums.count > _MANY_DISCS
 
     def take(self, picture: Picture, extent: SceneBox) -> None:
         """Set the picture; parts that did not change stay on the graphics card."""
@@ -161,7 +161,7 @@ class GLScene:
     def _lay_ground(self) -> None:
         extent = self._extent
         below = -self._floors.depth if self._floors.lies_deep else -0.001
-        self._ground["span"] = *extent.middle, _GROUND * extent.span, below
+        self._ground["span"] = *extent.middle, _GROUND_EXTENT * extent.span, below
         self._ground["step"] = round_step(extent.span / 8)
         self._square.draw(self._ground)
 
@@ -174,7 +174,7 @@ class GLScene:
             camera.matrix(width / height).T.ravel(),
             sun_matrix(corners).T.ravel(),
             [*camera.eye, self._extent.span],
-            [*TO_SUN, STRENGTH],
+            [*TO_SUN, SHADOW_STRENGTH],
             [width, height, camera.metre(height), 0.0],
         ]
         self._frame.write(np.concatenate(numbers).astype(np.float32))

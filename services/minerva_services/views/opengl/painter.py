@@ -23,10 +23,10 @@ from minerva_services.views.window.painter import Box, Pixels, Sight
 from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window, quiet
 
-_DEGREES = 0.3
+_DEGREES_PER_PIXEL = 0.3
 """Camera rotation per pixel of mouse movement, in degrees."""
-_WHEEL = 1.15
-_MOVING = "right or shift drag", "move along the floor"
+_ZOOM_PER_STEP = 1.15
+_MOVE_HELP = "right or shift drag", "move along the floor"
 
 
 class GLPainter:
@@ -101,7 +101,7 @@ class GLPainter:
         """Rotate around the target with the left button, or move along the ground with another."""
         self._moved = True
         if button == 1 and not _shift_held():
-            self.camera = self.camera.orbited(-_DEGREES * dx, _DEGREES * dy)
+            self.camera = self.camera.orbited(-_DEGREES_PER_PIXEL * dx, _DEGREES_PER_PIXEL * dy)
             return False
         self.camera = self.camera.panned(dx, dy, self._canvas.size[1])
         return True
@@ -110,7 +110,7 @@ class GLPainter:
         """Zoom in by steps; the point under the mouse stays in place."""
         self._moved = True
         before = self.camera.ground(*at, *self._canvas.size)
-        self.camera = self.camera.zoomed(_WHEEL**steps)
+        self.camera = self.camera.zoomed(_ZOOM_PER_STEP**steps)
         after = self.camera.ground(*at, *self._canvas.size)
         if before is not None and after is not None:
             x, y, z = self.camera.target
@@ -177,7 +177,7 @@ class GLPainter:
             signs.put(plate, PADDING, top)
             top += plate.height + PADDING / 2
         if sight.help:
-            signs.put(signs.table([*sight.help, _MOVING]), PADDING, top)
+            signs.put(signs.table([*sight.help, _MOVE_HELP]), PADDING, top)
         if sight.notice:
             plate = signs.sheet(sight.notice)
             signs.put(plate, PADDING, height - PADDING - plate.height)

@@ -9,7 +9,7 @@ from minerva_bus.semantics.picture import Tiles, rgb
 from minerva_bus.semantics.rectangles import color_ranges
 from minerva_services.views.blocks import enclosed
 
-_REACH = 0.45
+_WALL_DISTANCE = 0.45
 """Distance in metres from a wall within which the floor is darkened."""
 
 
@@ -38,7 +38,7 @@ def lidded(tiles: Tiles, wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def open_floor(mask: NDArray[np.bool_], cell: float) -> NDArray[np.uint8]:
     """Ambient openness of each cell, 255 far from walls, (columns, rows) as a texture."""
-    reach = max(1, round(_REACH / cell / 3))
+    reach = max(1, round(_WALL_DISTANCE / cell / 3))
     near = mask.astype(np.float32)
     for _ in range(3):
         near = _blurred(_blurred(near, reach).T, reach).T

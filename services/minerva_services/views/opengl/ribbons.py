@@ -21,7 +21,7 @@ Single = NDArray[np.float32]
 _BEAM_LEVEL = 0.2
 _FAN, _END = (0.86, 0.20, 0.16, 0.13), (0.80, 0.12, 0.10, 0.9)
 _DOT = 0.035
-_CHOSEN = "#1f6fd1"
+_SELECTION_COLOR = "#1f6fd1"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ def ring(spot: Spot, level: float) -> RaisedLine:
     """A ring around a selected disc."""
     turn = np.linspace(0, 2 * np.pi, 49)
     around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * 1.5 * spot.radius
-    form = Line("", "", _CHOSEN, 0.18 * spot.radius)
+    form = Line("", "", _SELECTION_COLOR, 0.18 * spot.radius)
     return RaisedLine(Polyline(around + np.array([spot.x, spot.y]), form), level)
 
 

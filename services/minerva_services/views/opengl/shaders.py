@@ -13,8 +13,8 @@ layout(std140) uniform Frame {
     mat4 camera;      // from metres to the picture
     mat4 sun;         // from metres to the sun's picture, 0 to 1
     vec4 eye;         // metres
-    vec4 light;       // towards the sun; w: how much of it shadows take away
-    vec4 page;        // width and height in pixels; pixels of a metre, a metre away
+    vec4 light;       // towards the sun; w: share of it that shadows block
+    vec4 page;        // width and height in pixels; pixels per metre at a distance of a metre
 };
 """
 
@@ -22,7 +22,7 @@ _PLACED = """
 #include _FRAME
 out vec3 place;
 out vec3 normal;
-out vec3 shadow;      // where the sun sees it
+out vec3 shadow;      // position in the shadow map
 void put(vec3 where, vec3 facing) {
     place = where;
     normal = facing;
@@ -40,7 +40,7 @@ out vec4 pixel;
 uniform sampler2DShadow shade;
 const vec3 SKY = vec3(0.50, 0.535, 0.60), EARTH = vec3(0.44, 0.415, 0.39);
 
-// A level surface in the sun has exactly its own colour.
+// Scaled such that a level surface in full sunlight has exactly its own colour.
 vec4 shone(vec3 color, vec3 facing, float open) {
     vec3 ambient = mix(EARTH, SKY, facing.z * 0.5 + 0.5) * open;
     float lit = mix(1.0, texture(shade, shadow), light.w);
@@ -73,7 +73,7 @@ void main() { pixel = vec4(backdrop(gl_FragCoord.y / page.y), 1.0); }
 GROUND_VERTEX = """
 #include _PLACED
 in vec2 corner;
-uniform vec4 span;    // middle, half a side, level
+uniform vec4 span;    // centre, half a side, level
 void main() { put(vec3(span.xy + corner * span.z, span.w), vec3(0.0, 0.0, 1.0)); }
 """
 
@@ -178,14 +178,14 @@ void main() { gl_Position = vec4((sun * vec4(where, 1.0)).xyz * 2.0 - 1.0, 1.0);
 """
 
 _DRUM = """
-in vec2 way;          // from the axis
-in vec3 edge;         // put in, put down, high or low
+in vec2 way;          // direction from the axis
+in vec3 edge;         // offsets inwards and downwards, and height: 0 or 1
 in vec2 facing;       // outwards, upwards
-in vec4 stand;        // x, y, what it stands on, angle
+in vec4 stand;        // x, y, level of its base, angle
 in vec2 size;         // radius, height
 in vec4 paint;        // colour; whether it has a mark
 
-// What is far away is drawn larger, so that it does not vanish.
+// Distant discs are enlarged to 2.5 pixels, so that they do not vanish.
 vec2 grown() {
     float pixels = size.x * page.z / max(distance(eye.xyz, stand.xyz), 1e-6);
     return size * max(1.0, 2.5 / pixels);
@@ -238,7 +238,7 @@ void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0)
 """
 
 _PIN = """
-in vec4 shape;        // x, y in radii, how high, how far off in radii
+in vec4 shape;        // x, y in radii, height, vertical offset in radii
 in vec2 foot;
 uniform vec2 size;    // radius, height
 vec3 spot() {
@@ -273,8 +273,8 @@ void main() { gl_Position = vec4((sun * vec4(spot(), 1.0)).xyz * 2.0 - 1.0, 1.0)
 RIBBON_VERTEX = """
 #include _PLACED
 in vec3 where;
-in vec3 off;          // sideways, in half widths; metres along
-in vec4 paint;        // colour; width in metres, below 0 where dashed
+in vec3 off;          // sideways in half widths; metres along the line
+in vec4 paint;        // colour; width in metres, negative if dashed
 out float along;
 flat out vec4 tint;
 void main() {

@@ -13,8 +13,8 @@ from minerva_services.views.opengl.gpu import LETTERS, program
 PADDING = 14
 _INK, _PALE = (38, 45, 54), (92, 102, 114)
 _PLATE, _TABLE = (255, 255, 255, 222), (255, 255, 255, 246)
-_KEPT = 512
-_LONGEST = 160
+_MAX_CACHED = 512
+_MAX_CHARACTERS = 160
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class TextPlates:
         key = tuple(rows)
         plate = self._sheets.pop(key, None) or self._made(key)
         self._sheets[key] = plate
-        while len(self._sheets) > _KEPT:
+        while len(self._sheets) > _MAX_CACHED:
             self._sheets.pop(next(iter(self._sheets))).texture.release()
         return plate
 
@@ -99,4 +99,4 @@ class TextPlates:
 
 def _shown(text: str) -> str:
     line = "".join(letter if letter.isprintable() else " " for letter in text)
-    return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
+    return line if len(line) <= _MAX_CHARACTERS else line[: _MAX_CHARACTERS - 1] + "…"

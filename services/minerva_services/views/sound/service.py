@@ -53,7 +53,7 @@ class Sound(Device, draws=("ePicture",)):
         if every < 0:
             raise MisuseError(f"sound: every is {every}; expected a number of frames from 0")
         if samples not in _RATES:
-            raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 in a second")
+            raise MisuseError(f"sound: samples is {samples}; expected 8000 to 192000 per second")
         self.every = every
         self.draws = event_types("sound", draws)
         self._path = wav_path(path)
@@ -70,7 +70,7 @@ class Sound(Device, draws=("ePicture",)):
     def show(self, view: View) -> None:
         """φ of the view. Raises MisuseError if the file cannot be written."""
         if self._sonification is None:
-            raise MisuseError("sound: a view came before the world was joined")
+            raise MisuseError("sound: a view arrived before the world was joined")
         self._sonification.add(view)
 
     def report(self) -> Mapping[str, bool | int | float | str]:
@@ -88,7 +88,7 @@ def _tuning(high: float, low: float, octave: float, samples: int) -> Tuning:
     if not 20.0 <= low <= high <= samples / 4:
         raise MisuseError(
             f"sound: low is {low:g} and high is {high:g}; expected 20 <= low <= high <="
-            f" {samples // 4} Hz, a quarter of the samples in a second"
+            f" {samples // 4} Hz, a quarter of the samples per second"
         )
     if not 0.0 < octave < math.inf:
         raise MisuseError(f"sound: octave is {octave:g}; expected metres above 0")

@@ -13,9 +13,9 @@ from minerva_services.views.sound.synthesis import Synthesis
 from minerva_services.views.sound.tuning import Tone, Tuning
 from minerva_services.views.sound.wavfile import WavFile
 
-_BLOCK = 2**15
+_BLOCK_SAMPLES = 2**15
 """Samples rendered at a time, regardless of a frame's duration."""
-_END = 0.05
+_FADE_SECONDS = 0.05
 """Duration of the final fade in seconds."""
 
 
@@ -51,7 +51,7 @@ class Sonification:
         """Write the last frame and fade out."""
         if self._views:
             self._play(self._now + 1)
-            self._write(round(_END * self._file.rate), {})
+            self._write(round(_FADE_SECONDS * self._file.rate), {})
         self._file.close()
 
     def _play(self, until: int) -> None:
@@ -78,6 +78,6 @@ class Sonification:
 
     def _write(self, count: int, tones: Mapping[str, Tone]) -> None:
         while count > 0:
-            size = min(count, _BLOCK)
+            size = min(count, _BLOCK_SAMPLES)
             self._file.write(self._synthesis.sing(tones, size))
             count -= size

@@ -83,7 +83,7 @@ def _discs(world: WorldInfo, heading: bool) -> frozenset[str]:
     )
 
 
-_LEAST_SETBACK = 0.005
+_MIN_SETBACK = 0.005
 """Minimum setback in metres; less may be rounding."""
 
 
@@ -102,7 +102,7 @@ class Voice:
         """
         ahead = math.radians(before.angle)
         along = math.cos(ahead) * (self.at.x - before.x) + math.sin(ahead) * (self.at.y - before.y)
-        return along < -_LEAST_SETBACK
+        return along < -_MIN_SETBACK
 
 
 class SoundGeometry(BoundingGeometry):

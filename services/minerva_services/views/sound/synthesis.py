@@ -20,9 +20,9 @@ Samples = NDArray[np.float64]
 
 _OVERTONES = ((1, 0.8), (2, 0.2))
 """Multiples of a voice's pitch and their shares: a pure sine is hard to localise."""
-_FADE = 0.01
+_FADE_SECONDS = 0.01
 """Minimum fade time between silence and a tone, in seconds."""
-_SILENT = 1e-5
+_SILENCE = 1e-5
 _CLICK_PITCH, _CLICK_LENGTH, _CLICK_DECAY, _CLICK_LOUDNESS = 3000.0, 0.02, 0.003, 0.4
 
 
@@ -66,7 +66,7 @@ class Synthesis:
             self._singers.setdefault(name, _Singer(tone.faded()))
         for name, singer in list(self._singers.items()):
             block += self._glide(singer, tones.get(name, singer.tone.faded()), count)
-            if name not in tones and max(singer.tone.left, singer.tone.right) < _SILENT:
+            if name not in tones and max(singer.tone.left, singer.tone.right) < _SILENCE:
                 del self._singers[name]
         for click in self._clicks:
             block += self._clicked(click, count)
@@ -75,7 +75,7 @@ class Synthesis:
 
     def _glide(self, singer: _Singer, to: Tone, count: int) -> Samples:
         before = singer.tone
-        part = min(1.0, count / (_FADE * self._rate))
+        part = min(1.0, count / (_FADE_SECONDS * self._rate))
         left = before.left + (to.left - before.left) * part
         right = before.right + (to.right - before.right) * part
         pitch = np.linspace(before.frequency, to.frequency, count, endpoint=False)

@@ -21,9 +21,9 @@ _CHANNELS, _WIDTH, _PCM = 2, 2, 1
 _HEADER = struct.Struct("<4sI4s4sIHHIIHH")
 _DATA = struct.Struct("<4sI")
 _TEXT = MARK.encode() + b"\0"  # 20 bytes; chunks have even lengths
-_ABOUT = struct.pack("<4sI4s4sI", b"LIST", 12 + len(_TEXT), b"INFO", b"ISFT", len(_TEXT)) + _TEXT
+_INFO = struct.pack("<4sI4s4sI", b"LIST", 12 + len(_TEXT), b"INFO", b"ISFT", len(_TEXT)) + _TEXT
 """The program's mark as a LIST chunk of type INFO."""
-_FULL = 2**32 - 2**16
+_MAX_BYTES = 2**32 - 2**16
 """Maximum size in bytes: lengths in a WAV file have 32 bits."""
 
 
@@ -53,12 +53,12 @@ class WavFile:
         if self._is_full:
             return
         data = np.rint(np.clip(block, -1.0, 1.0) * 32767).astype("<i2").tobytes()
-        if self._bytes + len(data) > _FULL:
+        if self._bytes + len(data) > _MAX_BYTES:
             self._is_full = True
             sys.stderr.write(f"sound: {self.path} is full (4 GiB); further samples are dropped\n")
             return
         try:
-            self._put(_BEGIN + self._bytes, data)
+            self._put(_DATA_OFFSET + self._bytes, data)
             self._bytes += len(data)
             self._put(0, self._header())
         except OSError as error:
@@ -78,9 +78,9 @@ class WavFile:
     def _header(self) -> bytes:
         frame = _CHANNELS * _WIDTH
         about = 16, _PCM, _CHANNELS, self.rate, self.rate * frame, frame, 8 * _WIDTH
-        length = _BEGIN - 8 + self._bytes
+        length = _DATA_OFFSET - 8 + self._bytes
         riff = _HEADER.pack(b"RIFF", length, b"WAVE", b"fmt ", *about)
-        return riff + _ABOUT + _DATA.pack(b"data", self._bytes)
+        return riff + _INFO + _DATA.pack(b"data", self._bytes)
 
     def _unwritable(self, reason: str) -> MisuseError:
         return MisuseError(
@@ -88,7 +88,7 @@ class WavFile:
         )
 
 
-_BEGIN = _HEADER.size + len(_ABOUT) + _DATA.size
+_DATA_OFFSET = _HEADER.size + len(_INFO) + _DATA.size
 """Offset of the first sample in bytes."""
 
 

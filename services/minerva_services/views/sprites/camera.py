@@ -15,10 +15,10 @@ from minerva_services.views.window.painter import Floats
 
 Number = TypeVar("Number", float, Floats)
 _STEP = 1.2
-_FARTHEST, _NEAREST = 1e-6, 1e5
+_MIN_SCALE, _MAX_SCALE = 1e-6, 1e5
 """Limits of the scale in pixels per metre."""
-_REACH = 1e8
-_LONE = 3.0
+_MAX_COORDINATE = 1e8
+_DISC_MARGIN = 3.0
 """Margin in radii of the largest disc, so that a single robot does not fill the picture."""
 
 
@@ -70,7 +70,7 @@ class MapCamera:
         width, height = (max(side - 2 * padding, 1.0) for side in self.size)
         across = max(bounds.right - bounds.left, 1e-9)
         along = max(bounds.top - bounds.bottom, 1e-9)
-        scale = min(max(min(width / across, height / along), _FARTHEST), _NEAREST)
+        scale = min(max(min(width / across, height / along), _MIN_SCALE), _MAX_SCALE)
         middle = (bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2
         return MapCamera(*middle, scale, self.size)
 
@@ -93,13 +93,16 @@ def extent(picture: Picture, before: Bounds | None = None) -> Bounds | None:
     largest = max(
         (float(batch.radius.max()) for batch in picture.of(Discs) if len(batch)), default=0.0
     )
-    margin = max(0.05 * side, _LONE * largest, 1e-3)
+    margin = max(0.05 * side, _DISC_MARGIN * largest, 1e-3)
     wider = _grown(bounds, margin)
     return wider if before is None else before.around(wider)
 
 
 def _of_points(x: Floats, y: Floats) -> Bounds:
-    x, y = np.clip(x, -_REACH, _REACH), np.clip(y, -_REACH, _REACH)
+    x, y = (
+        np.clip(x, -_MAX_COORDINATE, _MAX_COORDINATE),
+        np.clip(y, -_MAX_COORDINATE, _MAX_COORDINATE),
+    )
     return Bounds(float(x.min()), float(y.min()), float(x.max()), float(y.max()))
 
 

@@ -13,13 +13,13 @@ from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.sprites.text import one_line, written
 from minerva_services.views.window.painter import Sight
 
-_LINE = 34
-_LETTERS = 21
+_LINE_HEIGHT = 34
+_FONT_SIZE = 21
 
 
 def bar_height(ui: float) -> int:
     """Height of the status line in pixels."""
-    return round(_LINE * ui)
+    return round(_LINE_HEIGHT * ui)
 
 
 def grid_step(camera: MapCamera) -> float:
@@ -55,7 +55,7 @@ def draw_overlay(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: fl
 
 def _draw_bar(canvas: pygame.Surface, sight: Sight, camera: MapCamera, ui: float) -> None:
     width, height = canvas.get_size()
-    bar, size, pad = bar_height(ui), round(_LETTERS * ui), round(14 * ui)
+    bar, size, pad = bar_height(ui), round(_FONT_SIZE * ui), round(14 * ui)
     canvas.fill(PAPER, (0, height - bar, width, bar))
     canvas.fill(BORDER, (0, height - bar, width, max(1, round(ui))))
     title = written(one_line(sight.caption), size, INK)
@@ -83,7 +83,7 @@ def _put(canvas: pygame.Surface, text: pygame.Surface, left: float, middle: floa
 
 
 def _draw_notice(canvas: pygame.Surface, notice: str, ui: float) -> None:
-    size, pad = round(_LETTERS * ui), round(12 * ui)
+    size, pad = round(_FONT_SIZE * ui), round(12 * ui)
     text = written(one_line(notice, 120), size, "#ffffff")
     width, height = text.get_width() + 2 * pad, text.get_height() + pad
     box = pygame.Surface((width, height), pygame.SRCALPHA, 32)
@@ -94,7 +94,7 @@ def _draw_notice(canvas: pygame.Surface, notice: str, ui: float) -> None:
 
 
 def _draw_help(canvas: pygame.Surface, lines: Sequence[tuple[str, str]], ui: float) -> None:
-    size, pad = round(_LETTERS * ui), round(22 * ui)
+    size, pad = round(_FONT_SIZE * ui), round(22 * ui)
     keys = [written(key, size, INK) for key, _ in lines]
     meanings = [written(one_line(meaning), size, FAINT) for _, meaning in lines]
     column = max(text.get_width() for text in keys) + pad

@@ -19,8 +19,8 @@ from minerva_services.views.window.picking import spot_of
 from minerva_services.views.window.screen import close_window, open_window
 
 _PADDING = 22
-_NORMAL = 1200, 800
-_FARTHER, _NEARER = 50.0, 200.0
+_REFERENCE_SIZE = 1200, 800
+_MAX_ZOOM_OUT, _MAX_ZOOM_IN = 50.0, 200.0
 """Zoom limits relative to showing the whole world."""
 
 
@@ -52,7 +52,7 @@ class SpritePainter:
     def resized(self, size: tuple[int, int]) -> None:
         if self._windowed:
             self._canvas = pygame.display.get_surface() or self._canvas
-        ui = min(max(min(size[0] / _NORMAL[0], size[1] / _NORMAL[1]), 0.8), 3.0)
+        ui = min(max(min(size[0] / _REFERENCE_SIZE[0], size[1] / _REFERENCE_SIZE[1]), 0.8), 3.0)
         if ui != self._ui:
             self._ui, self._stamps = ui, Stamps()
         room = max(size[1] - bar_height(ui), 1)
@@ -94,7 +94,7 @@ class SpritePainter:
 
     def zoom(self, steps: float, at: tuple[float, float]) -> None:
         self._aimed = True
-        limits = self._fitted / _FARTHER, self._fitted * _NEARER
+        limits = self._fitted / _MAX_ZOOM_OUT, self._fitted * _MAX_ZOOM_IN
         self.camera = self.camera.zoomed(steps, at, limits)
 
     def fit(self) -> None:

@@ -12,16 +12,16 @@ from minerva_bus.semantics.picture import Discs
 from minerva_services.views.palette import HEADING_MARK, OUTLINE
 from minerva_services.views.sprites.camera import MapCamera
 
-_FINE = 4
+_SCALE = 4
 """Supersampling factor of sprites."""
-_LARGEST = 160
+_MAX_RADIUS = 160
 """Radius in pixels above which discs are drawn directly."""
-_SMOOTH, _FARTHEST = 4000.0, 400_000.0
+_MAX_SMOOTH, _MAX_EDGE = 4000.0, 400_000.0
 """Radius in pixels up to which edges are smoothed, and up to which edges are drawn at all."""
-_LEAST = 3.0
-_TURNS = 128
+_MIN_RADIUS = 3.0
+_DIRECTIONS = 128
 """Number of directions for which sprites are drawn."""
-_KEPT = 6000
+_MAX_CACHED = 6000
 
 
 class Stamps:
@@ -33,11 +33,11 @@ class Stamps:
     def draw(self, canvas: pygame.Surface, discs: Discs, camera: MapCamera, ui: float) -> None:
         """Draw the visible discs in order; `ui` is the scale of the overlay."""
         x, y = camera.to_screen(discs.x, discs.y)
-        radius = np.maximum(discs.radius * camera.scale, _LEAST * ui)
+        radius = np.maximum(discs.radius * camera.scale, _MIN_RADIUS * ui)
         width, height = camera.size
         seen = (x + radius > 0) & (x - radius < width) & (y + radius > 0) & (y - radius < height)
         rows = np.flatnonzero(seen)
-        large = np.flatnonzero(radius[rows] > _LARGEST)
+        large = np.flatnonzero(radius[rows] > _MAX_RADIUS)
         begin = 0
         for end in [*large, len(rows)]:  # large discs split the batch, to keep the order
             self._stamp(canvas, discs, rows[begin:end], (x, y, radius), ui)
@@ -58,7 +58,7 @@ class Stamps:
         x, y, radius = (column[rows] for column in places)
         keys = _keys(discs, rows, radius)
         different, which = np.unique(keys, return_inverse=True)
-        if len(self._sprites) > _KEPT:
+        if len(self._sprites) > _MAX_CACHED:
             self._sprites.clear()
         sprites = [self._sprite(int(key), ui) for key in different]
         half = np.array([sprite.get_width() / 2 for sprite in sprites])[which]
@@ -81,7 +81,7 @@ def _keys(discs: Discs, rows: NDArray[np.intp], radius: NDArray[np.float64]) -> 
     """One integer per row for its colour, radius (in half pixels) and direction."""
     red, green, blue = discs.color[rows].astype(np.int64).T
     heading = discs.heading[rows]
-    turn = np.rint(discs.angle[rows] * (_TURNS / 360)).astype(np.int64) % _TURNS
+    turn = np.rint(discs.angle[rows] * (_DIRECTIONS / 360)).astype(np.int64) % _DIRECTIONS
     color = (red << 16) | (green << 8) | blue
     halves = np.rint(radius * 2).astype(np.int64)
     return (color << 24) | (halves << 8) | np.where(heading, turn + 1, 0)
@@ -92,12 +92,18 @@ def _drawn(key: int, ui: float) -> pygame.Surface:
     color = pygame.Color((key >> 40) & 255, (key >> 32) & 255, (key >> 24) & 255)
     radius, turn = ((key >> 8) & 0xFFFF) / 2, key & 255
     side = 2 * math.ceil(radius + 1.5 * ui)
-    fine = pygame.Surface((side * _FINE, side * _FINE), pygame.SRCALPHA, 32)
-    _disc(fine, color, (side * _FINE / 2, side * _FINE / 2), radius * _FINE, ui * _FINE)
+    fine = pygame.Surface((side * _SCALE, side * _SCALE), pygame.SRCALPHA, 32)
+    _disc(
+        fine,
+        color,
+        (side * _SCALE / 2, side * _SCALE / 2),
+        radius * _SCALE,
+        ui * _SCALE,
+    )
     if turn:
-        middle = side * _FINE / 2, side * _FINE / 2
-        angle = (turn - 1) * 360 / _TURNS
-        pygame.draw.polygon(fine, "white", _arrow(middle, radius * _FINE, angle))
+        middle = side * _SCALE / 2, side * _SCALE / 2
+        angle = (turn - 1) * 360 / _DIRECTIONS
+        pygame.draw.polygon(fine, "white", _arrow(middle, radius * _SCALE, angle))
     return pygame.transform.smoothscale(fine, (side, side))
 
 
@@ -133,12 +139,12 @@ def _draw_large(
 ) -> None:
     x, y, radius = place
     color = pygame.Color(*map(int, discs.color[row]))
-    if radius > _FARTHEST:  # every edge is off screen, or practically straight
+    if radius > _MAX_EDGE:  # every edge is off screen, or practically straight
         width, height = canvas.get_size()
         if math.hypot(x - width / 2, y - height / 2) < radius:
             canvas.fill(color)
         return
-    circle = pygame.draw.aacircle if radius < _SMOOTH else pygame.draw.circle
+    circle = pygame.draw.aacircle if radius < _MAX_SMOOTH else pygame.draw.circle
     circle(canvas, color.lerp(pygame.Color(OUTLINE), 0.55), (x, y), radius)
     circle(canvas, color, (x, y), radius - 1.6 * ui)
     if discs.heading[row]:

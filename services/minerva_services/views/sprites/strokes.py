@@ -13,11 +13,11 @@ from minerva_services.views.palette import BEAM
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.window.painter import Beams, Floats
 
-_LEAST_WIDTH = 1.6
+_MIN_WIDTH = 1.6
 _DASH = 2.5
 """Length of a dash in line widths."""
-_MOST_DASHES = 4000
-_FARTHEST = 1e6
+_MAX_DASHES = 4000
+_MAX_COORDINATE = 1e6
 """Coordinates in pixels are clamped to this."""
 
 
@@ -26,8 +26,8 @@ def draw_line(canvas: pygame.Surface, line: Polyline, camera: MapCamera, ui: flo
     if len(line.points) < 2:
         return
     x, y = camera.to_screen(line.points[:, 0], line.points[:, 1])
-    points = np.clip(np.stack([x, y], axis=1), -_FARTHEST, _FARTHEST)
-    width = max(line.form.width * camera.scale, _LEAST_WIDTH * ui)
+    points = np.clip(np.stack([x, y], axis=1), -_MAX_COORDINATE, _MAX_COORDINATE)
+    width = max(line.form.width * camera.scale, _MIN_WIDTH * ui)
     parts = dashes(points, _DASH * width) if line.form.dashed else [points]
     color, seen = (
         pygame.Color(*rgb(line.form.color)),
@@ -54,7 +54,7 @@ def dashes(points: Floats, length: float) -> list[Floats]:
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     total = float(along[-1])
-    if total <= 0 or length <= 0 or total / length > _MOST_DASHES:
+    if total <= 0 or length <= 0 or total / length > _MAX_DASHES:
         return [points]
     parts: list[Floats] = []
     for start in np.arange(0.0, total, 2 * length):
@@ -86,7 +86,7 @@ def _draw_fan(
     layer: pygame.Surface, beams: Beams, camera: MapCamera, color: pygame.Color, ui: float
 ) -> None:
     x, y = (
-        np.clip(axis, -_FARTHEST, _FARTHEST)
+        np.clip(axis, -_MAX_COORDINATE, _MAX_COORDINATE)
         for axis in camera.to_screen(beams.ends[:, 0], beams.ends[:, 1])
     )
     start = camera.to_screen(beams.x, beams.y)

@@ -12,10 +12,10 @@ from minerva_services.views.palette import INK
 from minerva_services.views.sprites.camera import MapCamera
 from minerva_services.views.window.painter import Box
 
-_LONGEST = 60
-_LABEL = 17
+_MAX_CHARACTERS = 60
+_LABEL_SIZE = 17
 """Font size of labels in pixels."""
-_FINE = 4
+_SCALE = 4
 
 
 def font(size: int) -> pygame.font.Font:
@@ -31,7 +31,7 @@ def _font(size: int) -> pygame.font.Font:
     return pygame.font.Font(None, size)
 
 
-def one_line(text: str, longest: int = _LONGEST) -> str:
+def one_line(text: str, longest: int = _MAX_CHARACTERS) -> str:
     """Printable text on one line, shortened if too long."""
     shown = " ".join("".join(c if c.isprintable() else " " for c in text[: 4 * longest]).split())
     return shown if len(shown) <= longest else shown[: longest - 1] + "…"
@@ -59,7 +59,7 @@ def with_halo(text: str, size: int, color: str, halo: int) -> pygame.Surface:
 @lru_cache(maxsize=64)
 def pin(color: tuple[int, int, int], size: float) -> pygame.Surface:
     """A pin whose tip is at the middle of the lower edge; premultiplied colours."""
-    unit = size * _FINE
+    unit = size * _SCALE
     width, height = 20 * unit, 28 * unit
     fine = pygame.Surface((round(width), round(height)), pygame.SRCALPHA, 32)
     middle, tip = (width / 2, height - 17 * unit), (width / 2, height - 0.5 * unit)
@@ -96,7 +96,7 @@ def _draw_label(
     canvas: pygame.Surface, text: str, color: str, place: tuple[float, float], ui: float
 ) -> Box:
     sign, x, y = pin(rgb(color), ui), place[0], place[1]
-    letters = with_halo(one_line(text), round(1.3 * _LABEL * ui), INK, max(1, round(2 * ui)))
+    letters = with_halo(one_line(text), round(1.3 * _LABEL_SIZE * ui), INK, max(1, round(2 * ui)))
     left, top = x - sign.get_width() / 2, y - sign.get_height()
     canvas.blit(sign, (round(left), round(top)), special_flags=pygame.BLEND_PREMULTIPLIED)
     begin = x + 10 * ui

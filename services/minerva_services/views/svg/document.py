@@ -1,4 +1,4 @@
-"""A whole picture: the paper, what a string draws, a grid, labels and a caption."""
+"""A complete picture: paper, drawing of a string, grid, labels and caption."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ FONTS = (
     "Inter, 'Segoe UI', 'Helvetica Neue', Arial, 'Liberation Sans', Roboto, Ubuntu, 'Noto Sans',"
     " 'DejaVu Sans', FreeSans, Aileron, sans-serif"
 )
-"""What browsers, desktops, a bare Debian and Pillow (Aileron) have; any of them will do."""
+"""Fonts of browsers, desktops, a minimal Debian and Pillow (Aileron), in order of preference."""
 
 
 def svg_document(
     scene: Scene, vocabulary: Vocabulary, page: Page, tracer: Tracer, title: str, subtitle: str
 ) -> str:
-    """A string of L(E) as an SVG document, well-formed whatever the string's texts hold."""
+    """A string of L(E) as an SVG document, well-formed for any texts in the string."""
     drawing = Drawing(vocabulary, page, tracer)
     interpret(scene, drawing)
     left, bottom = page.pixel(0.0, 0.0)
@@ -55,7 +55,7 @@ def _place(page: Page) -> str:
 
 
 def _grid(page: Page) -> str:
-    """Faint lines at whole multiples of the grid's step, over what is drawn."""
+    """Faint lines at multiples of the grid spacing, on top of the drawing."""
     frame, step = page.frame, page.grid_step
     start, (width, height) = short(page.padding), map(short, page.panel)
     across = (page.pixel(x, 0.0)[0] for x in _multiples(frame.left, frame.right, step))
@@ -66,7 +66,7 @@ def _grid(page: Page) -> str:
 
 
 def _margins(page: Page) -> str:
-    """Paper around the frame, which hides what lies outside; a clip path would cost far more."""
+    """Paper around the frame, which hides everything outside; a clip path renders slowly."""
     start, (width, height) = short(page.padding), map(short, page.panel)
     return (
         f'<path d="M0 0h{page.width}v{page.height}h-{page.width}z'
@@ -76,13 +76,13 @@ def _margins(page: Page) -> str:
 
 
 def _multiples(least: float, most: float, step: float) -> list[float]:
-    """How far above `least` the multiples of a step are that lie between it and `most`."""
+    """Multiples of a step between `least` and `most`, relative to `least`."""
     first, end = math.floor(least / step) + 1, math.ceil(most / step)
     return [n * step - least for n in range(first, end)]
 
 
 def _caption(page: Page, title: str, subtitle: str) -> str:
-    """The world's name and the frame on the left, on the right how long a step of the grid is."""
+    """The world's name and the frame on the left, the grid spacing on the right."""
     size = page.font_size * 0.9
     left, right = page.padding, page.width - page.padding
     line = page.padding + page.panel[1] + 1.75 * page.font_size

@@ -1,4 +1,4 @@
-"""The geometric system of pictures: what each form of a vocabulary is in SVG."""
+"""The geometric system of pictures: draws each form of a vocabulary in SVG."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from minerva_services.views.svg.markup import exact, line_of_text, paint, short
 from minerva_services.views.svg.page import Page
 from minerva_services.views.svg.tracing import Tracer
 
-_LEAST_RADIUS = 3
+_MIN_RADIUS = 3
 _LETTER_WIDTH = 0.7
-"""Of a wide bold font, in font sizes: which font it will be, only the viewer knows."""
+"""Width of a character in font sizes, of a wide bold font: the viewer chooses the actual font."""
 _PIN = "M0 0L-6.6-12.4a8 8 0 1 1 13.2 0z"
-"""Its tip is at the place itself, so that it does not hide what stands there."""
+"""Its tip is at the position itself, so that it does not hide what is there."""
 
 
 class Drawing(PlaneGeometry):
@@ -49,8 +49,8 @@ class Drawing(PlaneGeometry):
 
     def _disc(self, disc: Disc, figure: FigureNode) -> None:
         at = self.pose
-        # A robot on the map of a city would be smaller than a pixel and vanish.
-        radius = max(resolve(disc.radius, figure.parameters), _LEAST_RADIUS * self._pixel)
+        # On the map of a city a robot would be smaller than a pixel and vanish.
+        radius = max(resolve(disc.radius, figure.parameters), _MIN_RADIUS * self._pixel)
         outline = min(1.6 * self._pixel, radius / 3)
         self.elements.append(
             f'<circle cx="{self._m(at.x)}" cy="{self._m(at.y)}" r="{self._m(radius)}"'
@@ -106,7 +106,7 @@ class Drawing(PlaneGeometry):
         )
 
     def _beside_pin(self, text: str, x: float) -> str:
-        """The text right of its pin, or left of it where the picture ends before the text."""
+        """The text to the right of its pin, or to its left if the picture is too narrow."""
         page = self._page
         ends_at = x + page.font_size * (0.6 + _LETTER_WIDTH * len(text))
         side = 'x="-12" text-anchor="end"' if ends_at > page.width - page.padding else 'x="12"'

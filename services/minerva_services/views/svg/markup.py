@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape
 
 from minerva_bus.errors import MisuseError
 
-_FARTHEST = 1e9
+_MAX_NUMBER = 1e9
 _COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})|[A-Za-z]+")
 # Characters that XML 1.0 cannot contain, not even escaped.
 _UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -16,12 +16,12 @@ def short(value: float, decimals: int = 3) -> str:
 
     The default suits pixels; lengths that are multiplied by the picture's scale need more.
     """
-    return f"{round(min(max(value, -_FARTHEST), _FARTHEST), decimals):.15g}"
+    return f"{round(min(max(value, -_MAX_NUMBER), _MAX_NUMBER), decimals):.15g}"
 
 
 def exact(value: float) -> str:
     """A number with all significant digits, for values multiplied by large numbers."""
-    return f"{min(max(value, -_FARTHEST), _FARTHEST):.12g}"
+    return f"{min(max(value, -_MAX_NUMBER), _MAX_NUMBER):.12g}"
 
 
 def paint(color: str) -> str:

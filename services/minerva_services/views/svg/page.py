@@ -14,8 +14,8 @@ from minerva_bus.semantics.plane import resolve
 from minerva_bus.semantics.poses import Pose
 from minerva_services.views.layout import round_step
 
-_FLATTEST, _TALLEST = 0.25, 1.5
-_FARTHEST = 1e8
+_MIN_ASPECT, _MAX_ASPECT = 0.25, 1.5
+_MAX_COORDINATE = 1e8
 _MARGIN = 0.05
 _DISC_MARGIN = 3.0
 """Margin in radii of the largest disc, so that a single robot does not fill the picture."""
@@ -74,12 +74,12 @@ class Page:
 
     @property
     def grid_step(self) -> float:
-        """Metres between the lines of the grid: 1, 2 or 5 times a power of ten."""
+        """Grid spacing in metres: 1, 2 or 5 times a power of ten."""
         return round_step((self.frame.right - self.frame.left) / 20)
 
 
 class _DrawnBounds(BoundingGeometry):
-    """The rectangle around the rasters of a string or, where it has none, around all of it."""
+    """Bounding box of a string's rasters or, without any, of everything it draws."""
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         super().__init__(vocabulary)
@@ -99,9 +99,9 @@ class _DrawnBounds(BoundingGeometry):
 
 
 def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None) -> Bounds:
-    """The part of the world to show: the rasters of a string, or else all that it draws.
+    """The part of the world to show: a string's rasters or, without any, everything it draws.
 
-    Without rasters the frame only grows from `before`, so that a row of pictures does not jump.
+    Without rasters the frame only grows from `before`, so that a series of pictures does not jump.
     """
     extent = _DrawnBounds(vocabulary)
     interpret(scene, extent)
@@ -119,17 +119,17 @@ def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None)
 
 
 def _sized(bounds: Bounds) -> Bounds:
-    """The bounds, but no larger than numbers on a picture can be, and no mere point."""
+    """The bounds, limited to numbers that a picture can contain, and larger than a point."""
     sides = (bounds.left, bounds.bottom, bounds.right, bounds.top)
-    left, bottom, right, top = (min(max(side, -_FARTHEST), _FARTHEST) for side in sides)
+    left, bottom, right, top = (min(max(side, -_MAX_COORDINATE), _MAX_COORDINATE) for side in sides)
     made = Bounds(left, bottom, right, top)
     return made if max(right - left, top - bottom) > 1e-6 else _grown(made, 1.0, 1.0)
 
 
 def _shapely(frame: Bounds) -> Bounds:
-    """The frame, grown where it would be too flat or too tall for a page."""
+    """The frame, enlarged if it would be too flat or too tall for a page."""
     width, height = frame.right - frame.left, frame.top - frame.bottom
-    wider, taller = max(width, height / _TALLEST), max(height, width * _FLATTEST)
+    wider, taller = max(width, height / _MAX_ASPECT), max(height, width * _MIN_ASPECT)
     return _grown(frame, (wider - width) / 2, (taller - height) / 2)
 
 

@@ -87,7 +87,7 @@ class Svg(Device, draws=("ePicture",)):
 
     def _draw(self, frame: int) -> str:
         if self._world is None:
-            raise MisuseError("picture: a view came before the world was joined")
+            raise MisuseError("picture: a view arrived before the world was joined")
         world, vocabulary = self._world.world, self._world.vocabulary
         scene = Scene(tuple(n for d in self.draws if d in self._views for n in self._views[d]))
         self._frame = frame_of(scene, vocabulary, self._frame)

@@ -1,4 +1,4 @@
-"""SVG paths of a matrix: one per colour, of as few rectangles as its runs allow."""
+"""SVG paths of a matrix: one per colour, made of rectangles merged from its runs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def trace(cells: NDArray[Any], colors: Colors) -> Paths:
 def _path_data(row: Columns, column: Columns, rows: Columns, columns: Columns) -> str:
     """`M<row> <column>h<rows>v<columns>h-<rows>z` for each rectangle, all at once.
 
-    Texts of one width stand in a byte matrix; zero bytes fill up and are dropped at the end.
+    Texts of equal width form a byte matrix; padding zero bytes are removed at the end.
     """
     height, width = _digits(rows), _digits(columns)
     pieces = ["M", _digits(row), " ", _digits(column), "h", height, "v", width, "h-", height, "z"]
@@ -74,7 +74,7 @@ def _repeated(piece: str | NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
 
 
 def _digits(numbers: Columns) -> NDArray[np.uint8]:
-    """Decimal digits of numbers (n,) from 0 as ASCII (n, width), zero bytes before the first."""
+    """Decimal digits of non-negative numbers (n,) as ASCII (n, width), padded with zero bytes."""
     powers = 10 ** np.arange(len(str(numbers.max())) - 1, -1, -1)
     digits = (numbers[:, None] // powers % 10 + ord("0")).astype(np.uint8)
     digits[:, :-1][numbers[:, None] < powers[:-1]] = 0

@@ -59,7 +59,7 @@ class PageAccess:
             return f"this page is not known as {host[:100]!r}: use the address that was printed"
         origin = headers.get("Origin", "")
         if origin and urlsplit(origin).netloc != host:
-            return f"a page of {origin[:100]!r} may not use this one"
+            return f"a page of {origin[:100]!r} may not use this page"
         given = (*parse_qs(urlsplit(path).query).get("token", ()), self._in_cookie(headers))
         if not any(hmac.compare_digest(token.encode(), self.token.encode()) for token in given):
             return "the token is missing or wrong: open the whole address that was printed"

@@ -11,7 +11,7 @@ from viser import BatchedMeshHandle, SceneApi
 from minerva_services.views.web.solids import Solid
 
 Array = NDArray[Any]
-MANY = 1000
+MANY_COPIES = 1000
 """Number of copies from which each needs fewer sides and casts no shadow."""
 
 
@@ -57,7 +57,7 @@ class Batch:
             lod="off",
             flat_shading=False,
             side="double" if self._flat else "front",
-            cast_shadow=not self._flat and len(positions) < MANY,
+            cast_shadow=not self._flat and len(positions) < MANY_COPIES,
             receive_shadow=False,
         )
 

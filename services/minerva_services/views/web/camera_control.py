@@ -15,8 +15,8 @@ from minerva_bus.semantics.picture import Picture
 from minerva_services.views.layout import extremes
 
 FIELD = math.radians(40.0)
-_STEEP = math.radians(66.0)
-_ROOM = 1.06
+_ELEVATION = math.radians(66.0)
+_MARGIN = 1.06
 
 Point = tuple[float, float, float]
 
@@ -44,8 +44,8 @@ def camera_pose(bounds: Bounds, height: float, aspect: float) -> CameraPose:
     """The nearest position from which a box on these bounds is completely visible."""
     width, depth = bounds.right - bounds.left, bounds.top - bounds.bottom
     middle = np.array([(bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2, 0.0])
-    ahead = np.array([0.0, math.cos(_STEEP), -math.sin(_STEEP)])
-    above = np.array([0.0, math.sin(_STEEP), math.cos(_STEEP)])
+    ahead = np.array([0.0, math.cos(_ELEVATION), -math.sin(_ELEVATION)])
+    above = np.array([0.0, math.sin(_ELEVATION), math.cos(_ELEVATION)])
     tall, wide = math.tan(FIELD / 2), math.tan(FIELD / 2) * max(aspect, 0.1)
     distance = 0.1
     for x in (-width / 2, width / 2):
@@ -54,7 +54,7 @@ def camera_pose(bounds: Bounds, height: float, aspect: float) -> CameraPose:
                 corner = np.array([x, y, z])
                 needed = max(abs(x) / wide, abs(float(corner @ above)) / tall)
                 distance = max(distance, needed - float(corner @ ahead))
-    place = middle - ahead * distance * _ROOM
+    place = middle - ahead * distance * _MARGIN
     return CameraPose(_point(place), _point(middle))
 
 
@@ -63,8 +63,8 @@ def _point(vector: np.ndarray) -> Point:
     return x, y, z
 
 
-_USUAL = 1.25
-_STILL = 1e-3
+_DEFAULT_ASPECT = 1.25
+_TOLERANCE = 1e-3
 
 
 class CameraControl:
@@ -83,7 +83,7 @@ class CameraControl:
     def fit(self, bounds: Bounds, height: float) -> None:
         """Show a box of a height on these bounds, in metres."""
         self._bounds, self._height = bounds, height
-        seen = camera_pose(bounds, height, _USUAL)
+        seen = camera_pose(bounds, height, _DEFAULT_ASPECT)
         self._begin(seen)
         self._server.initial_camera.far = max(1000.0, 10.0 * seen.position[2])
         for client in self._server.get_clients().values():
@@ -97,14 +97,14 @@ class CameraControl:
 
     def _follow(self, number: int, camera: CameraHandle) -> None:
         """Reposition for a changed window shape, unless the user has moved the camera."""
-        if abs(camera.aspect - self._aspects.get(number, 0.0)) > _STILL and self._is_still(
+        if abs(camera.aspect - self._aspects.get(number, 0.0)) > _TOLERANCE and self._is_still(
             number, camera
         ):
             self._look(number, camera)
 
     def _is_still(self, number: int, camera: CameraHandle) -> bool:
         place = camera.position
-        near = _STILL * max(1.0, float(np.linalg.norm(place)))
+        near = _TOLERANCE * max(1.0, float(np.linalg.norm(place)))
         return any(np.allclose(place, known, atol=near) for known in self._places.get(number, []))
 
     def _look(self, number: int, camera: CameraHandle) -> None:

@@ -17,10 +17,10 @@ from minerva_services.views.web.orders import OrderSender, first_with
 from minerva_services.views.web.panel import EventFeed, Panel
 from minerva_services.views.web.picking import Clicked
 
-BEAT = 0.1
-_STATUS_EVERY = 3
-_STATE_EVERY = 10
-_SOON = 1.5
+POLL_SECONDS = 0.1
+_STATUS_POLLS = 3
+_STATE_POLLS = 10
+_SLIDER_SECONDS = 1.5
 """Seconds for which a slider stays where a user has put it, whatever the agent's state says."""
 
 
@@ -45,7 +45,7 @@ class _LatestActions:
 
     def __init__(self) -> None:
         self._actions: dict[str, Callable[[], str]] = {}
-        self._put_at = -_SOON
+        self._put_at = -_SLIDER_SECONDS
         self._lock = threading.Lock()
 
     def put(self, what: str, act: Callable[[], str]) -> None:
@@ -63,7 +63,7 @@ class _LatestActions:
     @property
     def recent(self) -> bool:
         """True while a user may still be moving a slider."""
-        return time.monotonic() - self._put_at < _SOON
+        return time.monotonic() - self._put_at < _SLIDER_SECONDS
 
 
 class PageController:
@@ -95,7 +95,7 @@ class PageController:
         """Stop polling."""
         self._over.set()
         if self._thread.is_alive():
-            self._thread.join(BEAT)
+            self._thread.join(POLL_SECONDS)
 
     def set_agents(self, agents: dict[str, str]) -> None:
         """Set the displayed agents with their kinds."""
@@ -152,13 +152,13 @@ class PageController:
 
     def _work(self) -> None:
         beats = 0
-        while not self._over.wait(BEAT):
+        while not self._over.wait(POLL_SECONDS):
             with self._reporting():
                 for act in self._queue.take():
                     self._do(act)
-                if beats % _STATUS_EVERY == 0:
+                if beats % _STATUS_POLLS == 0:
                     self._poll()
-                if beats % _STATE_EVERY == 0:
+                if beats % _STATE_POLLS == 0:
                     self._show_agent()
             beats += 1
 

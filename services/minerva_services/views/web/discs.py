@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from viser import SceneApi
 
 from minerva_bus.semantics.picture import Discs
-from minerva_services.views.web.batch import MANY, Batch, upright
+from minerva_services.views.web.batch import MANY_COPIES, Batch, upright
 from minerva_services.views.web.solids import arrow, cylinder
 
-_STEP, _MOST = 0.01, 0.5
+_HEIGHT_STEP, _MAX_HEIGHT = 0.01, 0.5
 _MARK = (255, 255, 255)
 
 
@@ -62,7 +62,7 @@ def disc_table(parts: list[Discs]) -> DiscTable:
         return np.concatenate(columns) if columns else np.zeros(empty)
 
     count = sum(map(len, parts))
-    growth: NDArray[Any] = 1 + min(_STEP, _MOST / max(1, count)) * np.arange(count)
+    growth: NDArray[Any] = 1 + min(_HEIGHT_STEP, _MAX_HEIGHT / max(1, count)) * np.arange(count)
     return DiscTable(
         joined("x"),
         joined("y"),
@@ -88,9 +88,9 @@ class DiscNodes:
         turns = upright(discs.angle)
         scales = np.stack([discs.radius, discs.radius, discs.height], axis=1)
         places = np.stack([discs.x, discs.y, ground], axis=1)
-        solid = cylinder(32 if len(discs) < MANY else 8)
+        solid = cylinder(32 if len(discs) < MANY_COPIES else 8)
         self._bodies.show(solid, places, turns, scales, discs.color)
         marked = discs.heading
-        on_top = np.stack([discs.x, discs.y, discs.height * (1 + _STEP / 3)], axis=1)[marked]
+        on_top = np.stack([discs.x, discs.y, discs.height * (1 + _HEIGHT_STEP / 3)], axis=1)[marked]
         white = np.broadcast_to(np.array(_MARK, np.uint8), (len(on_top), 3))
         self._marks.show(arrow(), on_top, turns[marked], scales[marked], white)

@@ -14,8 +14,8 @@ from minerva_services.views.web.batch import upright
 from minerva_services.views.web.solids import flat, walls
 
 _Nodes: TypeAlias = "list[MeshHandle | ImageHandle]"
-_SHARP = 400
-_LAYER = 0.004
+_MIN_PIXELS = 400
+_LAYER_HEIGHT = 0.004
 
 
 class FloorNodes:
@@ -37,7 +37,7 @@ class FloorNodes:
             for node in self._shown.pop(name)[1]:
                 node.remove()
         for layer, (name, tiles) in enumerate(names.items(), start=1):
-            self._show(name, tiles, layer * _LAYER)
+            self._show(name, tiles, layer * _LAYER_HEIGHT)
 
     def _show(self, name: str, tiles: Tiles, height: float) -> None:
         before, nodes = self._shown.get(name, (None, []))
@@ -103,7 +103,7 @@ def image(tiles: Tiles) -> NDArray[np.uint8]:
     opaque = round(255 * min(max(tiles.form.opacity, 0.0), 1.0))
     for color, mask in _ranges(tiles):
         pixels[mask] = (*color, opaque)
-    times = max(1, min(8, _SHARP // max(tiles.cells.shape)))
+    times = max(1, min(8, _MIN_PIXELS // max(tiles.cells.shape)))
     return np.ascontiguousarray(
         pixels.transpose(1, 0, 2).repeat(times, axis=0).repeat(times, axis=1)
     )

@@ -12,7 +12,7 @@ from minerva_bus.grammar.fields import Field
 from minerva_bus.grammar.symbols import EventType
 from minerva_services.views.web.orders import kinds_of_data, title
 
-_SPANS = {
+_RANGES = {
     "m/s": (0.0, 2.0, 0.05),
     "m": (0.0, 10.0, 0.1),
     "deg": (-180.0, 180.0, 1.0),
@@ -46,7 +46,7 @@ class Form:
         self._inputs: dict[str, Any] = {}
         self._lock = threading.Lock()
         fields = declared.fields.all
-        if kinds_of_data(declared) == ("real",) and fields[0].type.unit in _SPANS:
+        if kinds_of_data(declared) == ("real",) and fields[0].type.unit in _RANGES:
             self._add_slider(fields[0])
             return
         for field in fields:
@@ -105,7 +105,7 @@ class Form:
         return gui.add_number(name, float(number), step=0.01)
 
     def _add_slider(self, field: Field) -> None:
-        least, most, step = _SPANS[field.type.unit]
+        least, most, step = _RANGES[field.type.unit]
         value = field.default if isinstance(field.default, float) else max(least, 0.0)
         self._slider = self._gui.add_slider(
             title(field), min(least, value), max(most, value), step, value

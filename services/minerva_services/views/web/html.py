@@ -13,7 +13,7 @@ from minerva_bus.grammar.scene import AgentNode, Scene, Value
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.operator import LogEntry, WorldStatus
 
-_LONGEST = 44
+_MAX_CHARACTERS = 44
 _MARGIN = "padding:0 0.75em;font-size:0.85em;line-height:1.5;overflow-wrap:anywhere"
 _CODE = "font-family:ui-monospace,monospace;font-size:0.88em"
 _DECIMALS = re.compile(r"\d+\.\d{4,}(e-?\d+)?")
@@ -107,7 +107,7 @@ def whole(text: str) -> str:
     )
 
 
-def _cut(text: str, longest: int = _LONGEST) -> str:
+def _cut(text: str, longest: int = _MAX_CHARACTERS) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
 
 

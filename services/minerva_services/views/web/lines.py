@@ -8,9 +8,9 @@ from viser import LineSegmentsHandle, SceneApi
 
 from minerva_bus.semantics.picture import Polyline, rgb
 
-_ABOVE = 0.06
+_LEVEL = 0.06
 _DASH = 3.0
-_MOST_DASHES = 400
+_MAX_DASHES = 400
 
 
 class LineNodes:
@@ -49,7 +49,7 @@ class LineNodes:
 def segments(line: Polyline) -> NDArray[np.float32]:
     """The segments (n, 2, 3) of a line."""
     points = _dashes(line) if line.form.dashed else np.stack([line.points[:-1], line.points[1:]], 1)
-    above = np.full((*points.shape[:-1], 1), _ABOVE)
+    above = np.full((*points.shape[:-1], 1), _LEVEL)
     return np.concatenate([points, above], axis=-1).astype(np.float32)
 
 
@@ -58,7 +58,7 @@ def _dashes(line: Polyline) -> NDArray[np.float64]:
     steps = np.hypot(*np.diff(line.points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     length = along[-1]
-    dash = max(_DASH * line.form.width, length / _MOST_DASHES, 1e-6)
+    dash = max(_DASH * line.form.width, length / _MAX_DASHES, 1e-6)
     begins = np.arange(0.0, max(length, dash), 2 * dash)
     ends = np.minimum(begins + dash, length)
 

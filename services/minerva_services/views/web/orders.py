@@ -12,7 +12,7 @@ from minerva_bus.grammar.symbols import EventType
 from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.world.services import WorldInfo
 
-_ASKED = ("text", "real", "int", "bool")
+_INPUT_KINDS = ("text", "real", "int", "bool")
 
 
 def kinds_of_data(declared: EventType) -> tuple[str, ...]:
@@ -22,7 +22,7 @@ def kinds_of_data(declared: EventType) -> tuple[str, ...]:
 
 def can_be_asked(declared: EventType) -> bool:
     """True if a form has inputs for all data of an event type."""
-    return all(kind in _ASKED for kind in kinds_of_data(declared))
+    return all(kind in _INPUT_KINDS for kind in kinds_of_data(declared))
 
 
 def first_with(vocabulary: Vocabulary, types: tuple[str, ...], kind: str) -> str:

@@ -16,11 +16,11 @@ from minerva_services.views.web import html
 from minerva_services.views.web.forms import Form, by_person
 from minerva_services.views.web.orders import can_be_asked
 
-NOTABLE: str = "what is not in every frame"
+NOTABLE: str = "rare events"
 ALL: str = "all"
-_EACH = 30
-_OFTEN = 0.3
-"""Mean number of events of a type per frame from which they are not notable."""
+_MAX_PER_TYPE = 30
+_FREQUENT = 0.3
+"""Mean number of events of a type per frame from which they are not rare."""
 
 
 class EventFeed:
@@ -34,9 +34,9 @@ class EventFeed:
     def update(self, status: WorldStatus) -> None:
         """Add the events since the last update."""
         frames = max(status.hz, 1.0)
-        self._often |= {name for name, rate in status.events.items() if rate > _OFTEN * frames}
+        self._often |= {name for name, rate in status.events.items() if rate > _FREQUENT * frames}
         for event in status.happenings:
-            self._kept.setdefault(event.about, deque(maxlen=_EACH)).append(event)
+            self._kept.setdefault(event.about, deque(maxlen=_MAX_PER_TYPE)).append(event)
             self.last = max(self.last, event.number)
 
     @property
@@ -56,10 +56,10 @@ class EventFeed:
 
 
 EVERYBODY: str = "all"
-_EVENTS = 14
-_FASTEST = 120.0
-_MOST_AGENTS = 200
-_AFTERWARDS = "What you see is how it was last. A new run at this address appears by itself."
+_MAX_SHOWN = 14
+_MAX_RATE = 120.0
+_MAX_AGENTS = 200
+_ENDED = "The page shows the last state. A new run at this address appears automatically."
 
 
 class PanelActions(Protocol):
@@ -121,7 +121,7 @@ class Panel:
         """Show the selected events."""
         if feed.choices != self._filter.options:
             self._filter.options = feed.choices
-        self._events.content = html.events(feed.chosen(self.filter, _EVENTS))
+        self._events.content = html.events(feed.chosen(self.filter, _MAX_SHOWN))
 
     def show_agent(self, agent: AgentNode | None) -> None:
         """Show an agent's state."""
@@ -135,7 +135,7 @@ class Panel:
 
     def offer_agents(self, agents: tuple[str, ...], selected: str) -> None:
         """Offer these agents for selection."""
-        options = (EVERYBODY, *agents[:_MOST_AGENTS])
+        options = (EVERYBODY, *agents[:_MAX_AGENTS])
         if selected and selected not in options:
             options = (*options, selected)
         if options != self._agent.options:
@@ -165,7 +165,7 @@ class Panel:
         self._head.content = html.problem(text)
         self._notice.content = ""
         with self._gui.add_modal(text[:1].upper() + text[1:]):
-            self._gui.add_html(html.notice(_AFTERWARDS))
+            self._gui.add_html(html.notice(_ENDED))
 
     def _add_pace(self) -> None:
         gui, actions = self._gui, self._actions
@@ -173,7 +173,7 @@ class Panel:
         acts = {"Pause": actions.pause, "Resume": actions.resume, "Step": actions.step}
         buttons.on_click(lambda _: acts[buttons.value]())
         self._rate = gui.add_slider(
-            "frames/s", 0.0, _FASTEST, 1.0, 0.0, hint="frames a second; 0: as many as go"
+            "frames/s", 0.0, _MAX_RATE, 1.0, 0.0, hint="frames per second; 0: unlimited"
         )
 
         @self._rate.on_update
@@ -185,7 +185,7 @@ class Panel:
         gui, actions = self._gui, self._actions
         with gui.add_folder("Agent"):
             self._agent: GuiDropdownHandle[str] = gui.add_dropdown(
-                "selected", (EVERYBODY,), hint="orders go to the selected agent; or click on one"
+                "selected", (EVERYBODY,), hint="receiver of orders; a click on an agent selects it"
             )
             self._state = gui.add_html("")
             self._full = gui.add_button("Whole text", visible=False)

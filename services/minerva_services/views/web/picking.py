@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from minerva_bus.semantics.picture import Texts
 from minerva_services.views.web.discs import DiscTable
 
-_NEAR = 0.012
+_TOLERANCE = 0.012
 """Tolerance of a click as an angle in radians: about ten pixels."""
 
 
@@ -64,6 +64,6 @@ def _nearest(
     to = places - origin
     along = to @ ray
     beside = np.linalg.norm(to - along[:, None] * ray, axis=1)
-    miss = np.where(along > 0, beside / np.maximum(reach, _NEAR * along), np.inf)
+    miss = np.where(along > 0, beside / np.maximum(reach, _TOLERANCE * along), np.inf)
     best = int(np.argmin(miss))
     return best, float(miss[best])

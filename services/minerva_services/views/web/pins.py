@@ -9,11 +9,11 @@ from minerva_bus.semantics.picture import Texts, rgb
 from minerva_services.views.web.batch import Batch, upright
 from minerva_services.views.web.solids import pin
 
-MOST_LABELS = 300
+MAX_LABELS = 300
 
 
 class PinNodes:
-    """The nodes of all texts; only the first MOST_LABELS have a label."""
+    """The nodes of all texts; only the first MAX_LABELS have a label."""
 
     def __init__(self, scene: SceneApi) -> None:
         self._scene = scene
@@ -38,7 +38,7 @@ class PinNodes:
             np.full((len(places), 3), height),
             np.array(colors, np.uint8).reshape(-1, 3),
         )
-        self._label([text for batch in texts for text in batch.texts][:MOST_LABELS], places, height)
+        self._label([text for batch in texts for text in batch.texts][:MAX_LABELS], places, height)
 
     def _label(self, texts: list[str], places: np.ndarray, height: float) -> None:
         while len(self._labels) > len(texts):

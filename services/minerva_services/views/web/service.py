@@ -68,7 +68,7 @@ class Web(Device, draws=("ePicture",)):
         if not 0 <= port <= 65535:
             raise MisuseError(f"web: port is {port}; expected 1 to 65535, or 0 for a free one")
         if not 0 < rate <= 1000:
-            raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views a second")
+            raise MisuseError(f"web: rate is {rate:g}; expected up to 1000 views per second")
         self.rate = rate
         self.draws = event_types("web", draws)
         self._address = _Address(host, port, names_in(names))

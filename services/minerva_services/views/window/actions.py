@@ -74,7 +74,7 @@ class SentNumbers:
 
 _STEPS = {"deg": 5.0}
 _STEP = 0.1
-_NO_LESS = {"m/s": 0.0, "s": 0.0}
+_MINIMA = {"m/s": 0.0, "s": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class AdjustAction:
         # The last order may still be in transit; once it took effect, the agent's value counts.
         now = ordered if has == had else has
         value = round(now + self.steps * _STEPS.get(unit, _STEP), 6)
-        value = max(value, _NO_LESS.get(unit, value))
+        value = max(value, _MINIMA.get(unit, value))
         line = OrderAction(self.type(value, receivers=self.receivers)).do(operator)
         self.settings.known[key] = value, has
         return line

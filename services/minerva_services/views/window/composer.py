@@ -17,7 +17,7 @@ from minerva_services.views.window.controls import WindowControls
 from minerva_services.views.window.painter import Beams, Sight
 from minerva_services.views.window.picking import spots_of
 
-_KEPT = 8
+_MAX_SCANS = 8
 
 
 class ScanBuffer:
@@ -29,7 +29,7 @@ class ScanBuffer:
     def add(self, reading: Reading) -> None:
         """Add a reading; readings other than scans are ignored."""
         if isinstance(reading, Scan):
-            self._scans.setdefault(reading.robot, deque(maxlen=_KEPT)).append(reading)
+            self._scans.setdefault(reading.robot, deque(maxlen=_MAX_SCANS)).append(reading)
 
     def beams(self, picture: Picture, time: float) -> list[Beams]:
         """The beams of all robots in a picture of this simulated time."""
@@ -59,7 +59,7 @@ def beams_of(scan: Scan, robot: Pose) -> Beams:
     return Beams(sensor.x, sensor.y, ends, hits)
 
 
-_LONG = 1.0
+_LONG_WAIT = 1.0
 """Waiting time in seconds from which it is shown; short waits are normal."""
 
 
@@ -68,7 +68,7 @@ def caption(frame: int, dt: float, status: WorldStatus | None, doing: str = "") 
     parts = [f"frame {frame}", f"{frame * dt:.1f} s"] if frame >= 0 else ["no view yet"]
     if status is not None:
         parts.append("paused" if status.paused else pace(status))
-        if status.waiting and status.waited > _LONG:
+        if status.waiting and status.waited > _LONG_WAIT:
             parts.append(f"waiting for {', '.join(status.waiting)}")
     return "  ·  ".join([*parts, *([doing] if doing else [])])
 
@@ -77,7 +77,7 @@ def pace(status: WorldStatus) -> str:
     """Frames per second, and the target rate if that is higher."""
     reached = f"{status.hz:.0f}"
     wanted = f" of {status.rate:g}" if status.rate and status.hz < 0.9 * status.rate else ""
-    return f"{reached}{wanted} frames a second"
+    return f"{reached}{wanted} frames per second"
 
 
 class Composer:

@@ -26,7 +26,7 @@ from minerva_services.views.window.picking import Hit, first_agent
 class Action(Enum):
     """Meanings of keys."""
 
-    PAUSE = "pause, go on"
+    PAUSE = "pause or resume"
     STEP = "one frame"
     MORE = "more"
     LESS = "less"
@@ -161,7 +161,9 @@ class WindowControls:
         parts = [self.selected] if self.selected else []
         parts += ["followed"] if self.follows else []
         if self.source and self.order_types.pair is not None:
-            parts.append(f"{self.order_types.pair.name} from {self.source}: right-click where to")
+            parts.append(
+                f"{self.order_types.pair.name} from {self.source}: right-click a destination"
+            )
         return ", ".join(parts)
 
     @property

@@ -14,8 +14,8 @@ from minerva_services.views.window.controls import Action, WindowControls, actio
 from minerva_services.views.window.painter import Painter
 from minerva_services.views.window.picking import Hit, pick
 
-_TWICE = 0.4
-_MOVED = 4
+_DOUBLE_CLICK_SECONDS = 0.4
+_DRAG_PIXELS = 4
 """Pixels of movement with a button held from which it is a drag, not a click."""
 
 
@@ -76,7 +76,7 @@ class WindowInput:
         if not self._pressed:
             return False
         button, start = next(iter(self._pressed.items()))
-        if not self._dragged and max(abs(at[0] - start[0]), abs(at[1] - start[1])) < _MOVED:
+        if not self._dragged and max(abs(at[0] - start[0]), abs(at[1] - start[1])) < _DRAG_PIXELS:
             return False
         if not self._dragged:
             by = at[0] - int(start[0]), at[1] - int(start[1])
@@ -101,4 +101,4 @@ class WindowInput:
         """True for a second click on the same agent within a short time."""
         now, agent = time.monotonic(), hit.agent if hit is not None else ""
         (before, other), self._clicked = self._clicked, (now, agent)
-        return bool(agent) and agent == other and now - before < _TWICE
+        return bool(agent) and agent == other and now - before < _DOUBLE_CLICK_SECONDS

@@ -10,9 +10,9 @@ from minerva_bus.errors import MinervaError, MisuseError
 from minerva_bus.world.operator import Operator, WorldStatus
 from minerva_services.views.window.actions import WorldAction
 
-EVERY = 0.25
-SHOWN_FOR = 5.0
-_CLOSED_WITHIN = 2.0
+POLL_SECONDS = 0.25
+NOTICE_SECONDS = 5.0
+_CLOSE_SECONDS = 2.0
 
 
 class WorldMonitor:
@@ -22,11 +22,11 @@ class WorldMonitor:
     for a few seconds.
     """
 
-    def __init__(self, operator: Operator, every: float = EVERY) -> None:
+    def __init__(self, operator: Operator, every: float = POLL_SECONDS) -> None:
         self.status: WorldStatus | None = None
         self._operator = operator
         self._every = every
-        self._deeds: SimpleQueue[WorldAction | None] = SimpleQueue()
+        self._queue: SimpleQueue[WorldAction | None] = SimpleQueue()
         self._given, self._done = 0, 0
         self._notice, self._noticed = "", 0.0
         self._over = threading.Event()
@@ -36,7 +36,7 @@ class WorldMonitor:
     @property
     def notice(self) -> str:
         """Report of the last action, while it is recent."""
-        return self._notice if time.monotonic() < self._noticed + SHOWN_FOR else ""
+        return self._notice if time.monotonic() < self._noticed + NOTICE_SECONDS else ""
 
     @property
     def busy(self) -> bool:
@@ -47,7 +47,7 @@ class WorldMonitor:
         """Queue an action; None is ignored."""
         if action is not None:
             self._given += 1
-            self._deeds.put(action)
+            self._queue.put(action)
 
     def notify(self, text: str) -> None:
         """Show a line for a few seconds."""
@@ -56,13 +56,13 @@ class WorldMonitor:
     def close(self) -> None:
         """Stop polling."""
         self._over.set()
-        self._deeds.put(None)
-        self._thread.join(_CLOSED_WITHIN)
+        self._queue.put(None)
+        self._thread.join(_CLOSE_SECONDS)
 
     def _run(self) -> None:
         while not self._over.is_set():
             try:
-                action = self._deeds.get(timeout=self._every)
+                action = self._queue.get(timeout=self._every)
             except Empty:
                 action = None
             if self._over.is_set():

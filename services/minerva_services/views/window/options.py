@@ -13,7 +13,7 @@ from pathlib import Path
 from minerva_bus.errors import MisuseError
 from minerva_bus.outputs import check_output
 
-_SIDES = range(100, 7681)
+_PIXELS = range(100, 7681)
 _VIDEOS = (".mp4", ".gif")
 RATE = 30.0
 """Maximum views per second of a window."""
@@ -67,7 +67,7 @@ class WindowOptions:
 
     def __post_init__(self) -> None:
         for name, side in (("width", self.width), ("height", self.height)):
-            if side not in _SIDES:
+            if side not in _PIXELS:
                 raise self._wrong(f"{name} is {side}; expected 100 to 7680 pixels")
         if self.path and self.video:
             raise self._wrong("path and video are both set; use one, or add a second view")

@@ -12,7 +12,7 @@ from minerva_bus.semantics.picture import Discs, Picture
 from minerva_services.views.window.painter import Box, Floats
 
 Projection: TypeAlias = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
-SLACK = 5.0
+TOLERANCE = 5.0
 """Tolerance in pixels around a disc."""
 
 
@@ -45,7 +45,7 @@ def _agent(picture: Picture, project: Projection, at: tuple[float, float]) -> st
             x, y, scale = project(discs.x, discs.y, discs.height / 2)
             away = np.hypot(x - at[0], y - at[1])
             with np.errstate(invalid="ignore"):
-                touched = away <= discs.radius * scale + SLACK
+                touched = away <= discs.radius * scale + TOLERANCE
             for row in np.flatnonzero(touched)[np.argsort(away[touched], kind="stable")]:
                 if away[row] >= best:
                     break

@@ -11,10 +11,10 @@ from minerva_bus.outputs import MARK, check_output, gif_comment
 from minerva_services.views.svg.files import prepare_folder
 from minerva_services.views.window.painter import Pixels
 
-_FASTEST = {".mp4": 60.0, ".gif": 25.0}
-_SLOWEST = 10.0
+_MAX_RATES = {".mp4": 60.0, ".gif": 25.0}
+_MIN_RATE = 10.0
 """Minimum views per second: slower worlds are sped up, or the video would be a series of stills."""
-_THINNEST = 1000
+_MAX_RATIO = 1000
 _ENCODERS = {"mp4": "libx264", "gif": "gif"}
 _OPTIONS = {"mp4": {"movflags": "+hybrid_fragmented", "flush_packets": "1"}, "gif": {}}
 
@@ -40,8 +40,8 @@ class Timing:
         """
         seconds = dt / speed
         if speed == 1.0 and not fps:
-            seconds = min(seconds, 1 / (_SLOWEST * every))
-        return Timing(fps or min(1 / (seconds * every), _FASTEST[suffix]), seconds)
+            seconds = min(seconds, 1 / (_MIN_RATE * every))
+        return Timing(fps or min(1 / (seconds * every), _MAX_RATES[suffix]), seconds)
 
     def times(self, frame: int) -> int:
         """Number of pictures to write for the view of a frame."""
@@ -62,7 +62,7 @@ class VideoWriter:
         self.pictures = 0
         self._path = Path(path)
         self._size = size
-        self._rate = Fraction(fps).limit_denominator(_THINNEST)
+        self._rate = Fraction(fps).limit_denominator(_MAX_RATIO)
         self._palette: Any = None
         prepare_folder(self._path)
         check_output(self._path, "video")
