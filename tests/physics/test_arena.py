@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.arena import Arena
-from minerva_services.physics.body import BodyPose, DriveOutcome, Odometer, SavedArena
+from minerva_services.physics.body import DriveOutcome, Odometer, SavedArena
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.walls import Segments, wall_segments
 
@@ -61,7 +62,7 @@ def drive(arena: Arena, commands: Commands) -> tuple[DriveOutcome, ...]:
     return arena.step(0.1)
 
 
-def gap_to_walls(pose: BodyPose, walls: Segments) -> float:
+def gap_to_walls(pose: Pose, walls: Segments) -> float:
     """Distance in metres from a place to the nearest wall, by projection."""
     a, b = walls[:, :2], walls[:, 2:]
     along = b - a
@@ -71,7 +72,7 @@ def gap_to_walls(pose: BodyPose, walls: Segments) -> float:
 
 
 def ray_lengths(
-    pose: BodyPose, angles: NDArray[np.float64], walls: Segments, range_max: float
+    pose: Pose, angles: NDArray[np.float64], walls: Segments, range_max: float
 ) -> NDArray[np.float64]:
     """Every beam against every wall, by Cramer's rule."""
     headings = np.radians(pose.angle + angles)[:, None]
@@ -100,7 +101,7 @@ def test_free_driving_is_dead_reckoning_to_the_last_bit() -> None:
         angle += turn
         x += forward * portable.cos(math.radians(angle))
         y += forward * portable.sin(math.radians(angle))
-        assert arena.pose("a") == BodyPose(x, y, angle)
+        assert arena.pose("a") == Pose(x, y, angle)
         assert outcome == DriveOutcome("a", forward, 0.0, turn, False)
 
 
@@ -126,7 +127,7 @@ def test_a_stopped_body_is_where_dead_reckoning_of_its_outcome_is() -> None:
     heading = math.radians(33)
     x, y = 2 + outcome.moved_m * math.cos(heading), 1 + outcome.moved_m * math.sin(heading)
     assert outcome.collided
-    assert arena.pose("a") == BodyPose(x, y, 33)
+    assert arena.pose("a") == Pose(x, y, 33)
 
 
 def test_driving_backwards_is_stopped_too_and_signed() -> None:
@@ -209,10 +210,10 @@ def test_a_body_stops_at_the_first_touch_and_not_before(seed: int) -> None:
     pose, heading = arena.pose("a"), math.radians(arena.pose("a").angle)
     assert outcome.collided
     assert gap_to_walls(pose, walls) == pytest.approx(0.3, abs=TOUCHES)
-    further = BodyPose(pose.x + 1e-3 * math.cos(heading), pose.y + 1e-3 * math.sin(heading), 0)
+    further = Pose(pose.x + 1e-3 * math.cos(heading), pose.y + 1e-3 * math.sin(heading), 0)
     assert gap_to_walls(further, walls) < 0.3
     for part in np.linspace(0, outcome.moved_m, 200).tolist():
-        at = BodyPose(4 + part * math.cos(heading), 4 + part * math.sin(heading), 0)
+        at = Pose(4 + part * math.cos(heading), 4 + part * math.sin(heading), 0)
         assert gap_to_walls(at, walls) >= 0.3 - TOUCHES
 
 
@@ -230,7 +231,7 @@ def test_a_standing_body_stops_another_and_has_not_collided() -> None:
     arena = pair(2)
     assert [outcome.name for outcome in drive(arena, [("a", 0, 5)])] == ["a"]
     assert arena.pose("a").x == pytest.approx(1.5, abs=1e-12)
-    assert arena.pose("b") == BodyPose(2, 0, 180)
+    assert arena.pose("b") == Pose(2, 0, 180)
     assert arena.odometer("b") == Odometer(0.0, 0)
 
 
@@ -245,7 +246,7 @@ def test_bodies_in_a_head_on_collision_stop_according_to_their_speeds() -> None:
 
 def test_the_name_of_a_body_has_no_effect() -> None:
     courses = {"p": (0, 0, 30.0, 2.0), "q": (1, 0, 120.0, 1.5), "r": (0.5, 0.9, -90.0, 1.0)}
-    results: set[tuple[BodyPose, ...]] = set()
+    results: set[tuple[Pose, ...]] = set()
     for names in ("abc", "cba", "bca"):
         arena = Arena()
         for name, (x, y, angle, _) in zip(names, courses.values(), strict=True):

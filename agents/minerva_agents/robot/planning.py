@@ -38,11 +38,6 @@ class Window:
     shape: tuple[int, int]
 
     @property
-    def is_all(self) -> bool:
-        """True if the window covers the whole grid."""
-        return (self.top, self.left, self.bottom, self.right) == (0, 0, *self.shape)
-
-    @property
     def cut(self) -> tuple[slice, slice]:
         """Slices of the window."""
         return slice(self.top, self.bottom), slice(self.left, self.right)

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting
 from minerva_services.physics.body import (
     Body,
-    BodyPose,
     DriveCommand,
     DriveOutcome,
     Odometer,
@@ -113,7 +113,7 @@ class Arena:
         positive(f"body {name!r}, radius in metres", radius)
         if name in self._bodies:
             raise PhysicsError(f"body {name!r} exists already; give each body a unique name")
-        body = Body(BodyPose(float(x), float(y), float(angle)), float(radius))
+        body = Body(Pose(float(x), float(y), float(angle)), float(radius))
         self._refuse_solid(name, body)
         self._refuse_touching(name, body)
         self._bodies[name] = body
@@ -126,7 +126,7 @@ class Arena:
         self._commands.pop(name, None)
         self._obstacles.remove_disc(name)
 
-    def pose(self, name: str) -> BodyPose:
+    def pose(self, name: str) -> Pose:
         """A body's pose."""
         return self._body(name).pose
 

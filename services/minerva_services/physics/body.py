@@ -8,25 +8,10 @@ from dataclasses import dataclass
 from typing import TypedDict
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_services.physics.encounters import Contact, MovingDisc
 from minerva_services.physics.errors import PhysicsError, finite, positive
 from minerva_services.physics.sweep import Point
-
-
-@dataclass(frozen=True, slots=True)
-class BodyPose:
-    """A position and a heading.
-
-    Attributes:
-        x: in metres.
-        y: in metres.
-        angle: in degrees, counter-clockwise from +x; the plain sum of all turns, never wrapped.
-
-    """
-
-    x: float
-    y: float
-    angle: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +69,13 @@ class Body:
     """A disc with a heading.
 
     Attributes:
-        pose: of its centre.
+        pose: of its centre; the angle is the plain sum of all turns, never wrapped.
         radius: in metres.
         odometer: what it has done.
 
     """
 
-    pose: BodyPose
+    pose: Pose
     radius: float
     odometer: Odometer = Odometer()
 
@@ -101,7 +86,7 @@ class Body:
 
     def turned(self, turn_deg: float) -> Body:
         """The body after a turn on the spot."""
-        pose = BodyPose(self.pose.x, self.pose.y, self.pose.angle + turn_deg)
+        pose = Pose(self.pose.x, self.pose.y, self.pose.angle + turn_deg)
         return Body(pose, self.radius, self.odometer)
 
     def course(self, forward_m: float) -> MovingDisc:
@@ -118,7 +103,7 @@ class Body:
         odometer = Odometer(
             self.odometer.driven_m + abs(moved_m), self.odometer.collisions + collided
         )
-        return Body(BodyPose(x, y, self.pose.angle), self.radius, odometer)
+        return Body(Pose(x, y, self.pose.angle), self.radius, odometer)
 
 
 class SavedArena(TypedDict):
@@ -176,7 +161,7 @@ def _body(row: list[float]) -> Body:
     x, y, angle, radius, driven, collisions = map(float, row)
     finite("saved state, a body", x, y, angle, driven, collisions)
     positive("saved state, a radius in metres", radius)
-    return Body(BodyPose(x, y, angle), radius, Odometer(driven, int(collisions)))
+    return Body(Pose(x, y, angle), radius, Odometer(driven, int(collisions)))
 
 
 def _command(row: list[float]) -> DriveCommand:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from minerva_bus import portable
 from minerva_bus.semantics.geometry import Geometry
-from minerva_services.physics.body import BodyPose, DriveCommand
+from minerva_bus.semantics.poses import Pose
+from minerva_services.physics.body import DriveCommand
 from minerva_services.physics.errors import PhysicsError
 from minerva_services.physics.sweep import Point
 
@@ -38,7 +39,7 @@ class FloorPlan:
 
     cells: NDArray[np.int16]
     resolution: float
-    corner: BodyPose
+    corner: Pose
 
     def same_as(self, other: FloorPlan) -> bool:
         """True if both have the same walls; fast if they share the matrix."""
@@ -58,7 +59,7 @@ class Robot:
 
     """
 
-    believed: BodyPose
+    believed: Pose
     radius: float
     command: DriveCommand
 
@@ -77,7 +78,7 @@ class PhysicalGeometry(Geometry):
         self.floors: list[FloorPlan] = []
         self.markers: dict[str, Point] = {}
         self.robots: dict[str, Robot] = {}
-        self._place = BodyPose(0.0, 0.0, 0.0)
+        self._place = Pose(0.0, 0.0, 0.0)
         self._command = DriveCommand()
 
     def PMap(
@@ -128,16 +129,14 @@ class PhysicalGeometry(Geometry):
         yield
         self._command = outside
 
-    def _here(self) -> BodyPose:
+    def _here(self) -> Pose:
         """Pose of anything that is not a body: moves around it only position it."""
         turned = _within(self._place, 0.0, 0.0, self._command.turn_deg)
         return _within(turned, self._command.forward_m, 0.0, 0.0)
 
 
-def _within(outer: BodyPose, x: float, y: float, angle: float) -> BodyPose:
+def _within(outer: Pose, x: float, y: float, angle: float) -> Pose:
     """World pose of a pose given relative to another."""
     heading = math.radians(outer.angle)
     cos, sin = portable.cos(heading), portable.sin(heading)
-    return BodyPose(
-        outer.x + (x * cos - y * sin), outer.y + (x * sin + y * cos), outer.angle + angle
-    )
+    return Pose(outer.x + (x * cos - y * sin), outer.y + (x * sin + y * cos), outer.angle + angle)

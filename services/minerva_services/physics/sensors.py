@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Sighting
-from minerva_services.physics.body import BodyPose
 from minerva_services.physics.obstacles import Ray
 from minerva_services.physics.sweep import Point
 
@@ -24,7 +24,7 @@ _EDGE: Final = 1e-9
 """Tolerance in degrees for rounding at the edge of the field of view."""
 
 
-def laser(pose: BodyPose, angles: Iterable[float], range_max: float, ray: Ray) -> Distances:
+def laser(pose: Pose, angles: Iterable[float], range_max: float, ray: Ray) -> Distances:
     """Distances in metres to the first hit of each ray, `range_max` for none.
 
     Args:
@@ -43,7 +43,7 @@ def laser(pose: BodyPose, angles: Iterable[float], range_max: float, ray: Ray) -
 
 
 def camera(
-    pose: BodyPose, markers: Mapping[str, Point], fov_deg: float, range_max: float, ray: Ray
+    pose: Pose, markers: Mapping[str, Point], fov_deg: float, range_max: float, ray: Ray
 ) -> tuple[Sighting, ...]:
     """The visible markers, sorted by name.
 
@@ -65,7 +65,7 @@ def camera(
     )
 
 
-def _sighting(pose: BodyPose, name: str, place: Point) -> Sighting:
+def _sighting(pose: Pose, name: str, place: Point) -> Sighting:
     heading = math.radians(pose.angle)
     cos, sin = portable.cos(heading), portable.sin(heading)
     x, y = place[0] - pose.x, place[1] - pose.y
@@ -73,5 +73,5 @@ def _sighting(pose: BodyPose, name: str, place: Point) -> Sighting:
     return Sighting(name, portable.hypot(x, y), bearing)
 
 
-def _in_sight(pose: BodyPose, place: Point, distance: float, ray: Ray) -> bool:
+def _in_sight(pose: Pose, place: Point, distance: float, ray: Ray) -> bool:
     return distance * (1 - ray((pose.x, pose.y), place)) <= _SURFACE

@@ -11,8 +11,7 @@
             n range*n m remission*m
     TIMES   message_time host logger_time
 
-Metres and radians; x, y, theta of a laser line is where the laser was, in a corrected log as
-somebody has corrected it.
+Metres and radians; x, y, theta of a laser line is the laser's pose, which a corrected log replaces.
 """
 
 from __future__ import annotations
@@ -25,6 +24,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from minerva_bus.semantics.poses import Pose
+
 NO_HIT_RANGE: Final = 80.0
 """Range in metres from which a SICK laser means no hit: it then reads about 81.9."""
 
@@ -36,19 +37,10 @@ class LineError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class LaserPose:
-    """A position in metres and a heading in degrees counter-clockwise."""
-
-    x: float
-    y: float
-    angle: float
-
-
-@dataclass(frozen=True, slots=True)
 class OdometryLine:
     """ODOM: pose, speeds in metres and degrees per second, and times."""
 
-    pose: LaserPose
+    pose: Pose
     speed: float
     turn: float
     time: float
@@ -68,8 +60,8 @@ class LaserLine:
     range_max: float
     time: float
     stamp: float
-    laser: LaserPose | None = None
-    robot: LaserPose | None = None
+    laser: Pose | None = None
+    robot: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +141,8 @@ class _Words:
         ranges[np.isnan(ranges)] = 0.0
         return ranges
 
-    def pose(self) -> LaserPose:
-        return LaserPose(self.number(), self.number(), math.degrees(self.number()))
+    def pose(self) -> Pose:
+        return Pose(self.number(), self.number(), math.degrees(self.number()))
 
     def times(self) -> tuple[float, float]:
         """When the message was sent, and when it was logged."""

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Final
 
 from minerva_bus import portable
+from minerva_bus.semantics.poses import Pose
 from minerva_bus.world.readings import Mount, Odometry, Scan
 from minerva_bus.world.recordings import PassOver, Recorded, RecordingError
 from minerva_services.sensors.carmen.lines import (
     LaserLine,
-    LaserPose,
     LineError,
     OdometryLine,
     Parameter,
@@ -169,13 +169,13 @@ def _mount(line: LaserLine, offset: float) -> Mount:
     return Mount(*[round(value, 6) + 0.0 for value in (ahead, left, angle)])
 
 
-def _carrier(laser: LaserPose, mount: Mount) -> LaserPose:
+def _carrier(laser: Pose, mount: Mount) -> Pose:
     """The robot's pose for a pose of its laser."""
     angle = laser.angle - mount.angle
     cos, sin = portable.cos(math.radians(angle)), portable.sin(math.radians(angle))
     x = laser.x - (cos * mount.x - sin * mount.y)
     y = laser.y - (sin * mount.x + cos * mount.y)
-    return LaserPose(x, y, angle)
+    return Pose(x, y, angle)
 
 
 def _number(word: str) -> float:
