@@ -35,6 +35,7 @@ _MAX_POINTS: Final = 400
 _AROUND: Final = 4
 """Neighbouring keyframes on each side that belong to a keyframe's local map."""
 
+# Odometry error in metres per metre travelled, and the resulting window's limit in metres.
 _DRIFT, _MAX_WINDOW = 0.05, 12.0
 _DEGREES: Final = 18.0
 _STEP_DEGREES: Final = 3.0
@@ -87,6 +88,7 @@ def correlated(
     """
     size = 2 * walls.half
     reach = min(size - 1, math.ceil(window / _CELL))
+    # Padded by the window on both sides: correlation by FFT is cyclic.
     side = _fft.next_fast_len(size + 2 * reach, real=True)
     shape = (side, side)
     spectrum = np.conj(_fft.rfft2(walls.grid, shape))
@@ -97,6 +99,7 @@ def correlated(
         cells = np.floor(moved(points, pose) / _CELL).astype(np.intp) + walls.half
         cells = cells[np.all((cells >= 0) & (cells < size), axis=1)]
         image = np.zeros(shape)
+        # Unlike image[cells] += 1, this counts several points per cell.
         np.add.at(image, (cells[:, 0], cells[:, 1]), 1.0)
         scores = _fft.irfft2(np.conj(_fft.rfft2(image) * spectrum), shape) / len(points)
         scores = np.roll(scores, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
@@ -121,12 +124,14 @@ def _covariance(parts: list[tuple[float, Reals]], best: float, reach: int) -> Re
         first += weight @ at
         second += (weight[:, None] * at).T @ at
     mean = first / total
+    # At least the resolution of the search, or a sharp optimum would count as exact.
     least = np.diag([0.05**2, 0.05**2, math.radians(0.7) ** 2])
     return second / total - np.outer(mean, mean) + least
 
 
 def polished(walls: LocalMap, points: Reals, pose: Reals) -> Reals:
     """A pose refined by trimmed ICP: points against the nearest walls."""
+    # The distances at which points still count shrink, so that outliers lose their influence.
     for limit in (0.4, 0.25, 0.2, 0.15, 0.15):
         here = moved(points, pose)
         dist, index = walls.tree.query(here, distance_upper_bound=limit)
@@ -169,6 +174,7 @@ def closure(
     """The graph edge between two keyframes, or None if they observe different places."""
     walls = LocalMap(keys, poses, first)
     others = LocalMap(keys, poses, second)
+    # A sample of the points suffices, and time grows with their number.
     points = others.points[:: max(1, len(others.points) // _MAX_POINTS)]
     pose, _, covariance = correlated(walls, points, between(poses[first], poses[second]), window)
     pose = polished(walls, points, pose)

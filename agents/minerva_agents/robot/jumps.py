@@ -47,6 +47,7 @@ class Direction:
     def jump(self, cell: int) -> int:
         """Number of cells to the next jump point, at any distance; 0 if a wall comes first."""
         moves = 0
+        # Tables have one byte per cell, so a long jump consists of several entries.
         while self.jumps[cell] == LEAP:
             cell += (LEAP - 1) * self.step
             moves += LEAP - 1
@@ -88,6 +89,7 @@ def jumps_of(blocked: Grid, targets: Grid) -> Jumps:
     ends = np.pad(targets, 1).ravel()
     corners = _corners(free, steps)
     tables: list[Bytes] = [np.empty(0, np.uint8)] * 8
+    # Straight tables first: a diagonal may turn wherever a straight move from it can.
     for number in (0, 2, 4, 6):
         turns = ends | (corners & (3 << number) != 0)
         tables[number] = _table(_open(free, steps, number), turns, steps[number], width)

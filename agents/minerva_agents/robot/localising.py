@@ -105,6 +105,7 @@ class ALocalisingRobot(ARobot, symbol="ALocalisingRobot"):
         self._hits, self._misses = (), ()
         if not len(hits) and not len(misses):
             return
+        # A robot at rest draws every scan at the same pose, which cannot distort the map.
         if self.turned or self.driven:
             self._correct(hits)
             if self.turned < _KEY_DEGREES and self.driven < _KEY_METRES:

@@ -134,6 +134,7 @@ class _Search:
         rows = (centre.row - self._guess.row + across) ** 2
         columns = (centre.column - self._guess.column + across) ** 2
         spread = self._uncertainty
+        # Where the scan alone cannot decide, as along a corridor, the nearest pose wins.
         costs = _COST * (rows[:, None] + columns) / (spread.metres * spread.metres)
         best = _Fit(centre, -math.inf)
         for turn in turns.tolist():
@@ -156,6 +157,7 @@ class _Search:
         cos, sin = portable.cos(turn), portable.sin(turn)
         down = centre.row - self._row + (self._ahead * cos - self._aside * sin)
         right = centre.column - self._column + (self._ahead * sin + self._aside * cos)
+        # All positions of a heading at once: turning the scan is costlier than shifting it.
         rows = (down + across[:, None]).astype(np.intp) * self._worths.shape[1]
         columns = (right + across[:, None]).astype(np.intp)
         worths = self._worths.ravel().take(rows[:, None] + columns, mode="clip")
@@ -177,6 +179,7 @@ def _bell(cell: float) -> tuple[int, list[tuple[int, int, int]]]:
 
     Preceded by the kernel's radius in cells; `cell` is the cell side in metres.
     """
+    # In coarse grids a narrower bell would give adjacent cells no score.
     spread = max(_SPREAD / cell, 0.7)
     near = math.ceil(2 * spread)
     offsets = range(-near, near + 1)

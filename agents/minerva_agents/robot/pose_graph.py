@@ -52,6 +52,7 @@ def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Re
     for _ in range(rounds):
         errors, slopes = _errors(poses[begin], poses[to], steps)
         chi = np.einsum("ei,eij,ej->e", errors, information, errors)
+        # Dynamic covariance scaling: wrong closures lose weight instead of bending the map.
         counts = np.where(closes, np.minimum(1.0, 2 * _SWITCH / (_SWITCH + chi)) ** 2, 1.0)
         weights = information * counts[:, None, None]
         squares = np.einsum("eki,ekl,elj->eij", slopes, weights, slopes)
@@ -63,6 +64,7 @@ def optimised(poses: Reals, edges: Sequence[Edge], rounds: int = 15) -> tuple[Re
         ).tocsc()
         right = np.bincount(columns.ravel(), sides.ravel(), poses.size)
         change = np.zeros(poses.size)
+        # With the first pose free the system would be singular: edges are relative.
         change[3:] = _linalg.spsolve(matrix[3:, 3:], -right[3:])
         poses += change.reshape(-1, 3)
         if np.abs(change).max() < 1e-4:

@@ -54,6 +54,7 @@ class Prospects:
 
     def __init__(self, kinds: Kinds, sight: float, cell: float) -> None:
         self._reach = math.ceil(sight) + 1
+        # Walls around the grid end all rays, so offsets need no bounds checks.
         padded = np.pad(kinds, self._reach, constant_values=WALL)
         self._width = padded.shape[1]
         self._kinds = padded.ravel()
@@ -68,6 +69,7 @@ class Prospects:
         seen = self._kinds.take(places[:, None, None] + self._offsets)
         dark = seen == DARK
         ends = seen == WALL
+        # Deep inside unknown space there is probably a wall, so do not count all of it as news.
         ends |= np.cumsum(dark, axis=2, dtype=np.uint16) > self._dark
         is_open = ~np.logical_or.accumulate(ends, axis=2)
         news = (dark | (seen == NEWS)) & is_open

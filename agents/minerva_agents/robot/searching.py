@@ -157,6 +157,7 @@ class _Choice:
             self._bounds[cell[0] // self._side, cell[1] // self._side] = 0.0
         self._wave = Wave(self._passable, self._here)
         passed, most, cell, news = 0, _RING, None, 0.0
+        # Near cells first: farther ones are examined only as long as they could still be better.
         while True:
             rows, columns = self._wave.grow(math.ceil(most / (STEP * self._state.cell)))
             new = self._first_in_blocks(rows[passed:], columns[passed:])

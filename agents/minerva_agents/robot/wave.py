@@ -77,11 +77,14 @@ class Wave:
     def _next_ring(self) -> Flats:
         width, ring = self._width, self._ring
         parts = [ring + width, ring - width, ring + 1, ring - 1]
+        # Diagonals on every second ring only: the wave grows as an octagon, close to a circle.
         if self._count % 2 == 0:
             parts += [ring[self._may_cut(ring, *sides)] + sum(sides) for sides in self._diagonals]
         cells = np.concatenate(parts)
         cells = cells[self._fresh[cells]]
         self._fresh[cells] = False
+        # A cell that several neighbours reach keeps the last number written, so exactly one of
+        # its copies remains; much faster than np.unique.
         numbers = np.arange(cells.size, dtype=np.int32)
         self._owner[cells] = numbers
         return cells[self._owner[cells] == numbers]

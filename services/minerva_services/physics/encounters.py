@@ -67,6 +67,7 @@ def settle(
             continue
         for name in _stopped(time, first, second, courses, ends):
             ends[name], stopped_by[name] = time, second if name == first else first
+            # A stopped body may be met later, or no longer: recompute its other contacts.
             for neighbour in near[name]:
                 _enqueue(queue, min(name, neighbour), max(name, neighbour), courses, ends)
     return ends, stopped_by
@@ -86,6 +87,7 @@ def _enqueue(
 
 def _meeting(first: MovingDisc, end: float, second: MovingDisc, other_end: float) -> float:
     """The first time at which two bodies, each moving until its end, collide."""
+    # The relative velocity is constant until the first body stops, and until the second does.
     both_move, first_moves = sorted((end, other_end))
     time = _contact_between(0.0, both_move, first, end, second, other_end)
     if time != NEVER:
@@ -99,6 +101,7 @@ def _contact_between(
     """The time of contact in an interval in which neither body changes its speed."""
     x, y = _between(first.at(min(begin, end)), second.at(min(begin, other_end)))
     later_x, later_y = _between(first.at(min(finish, end)), second.at(min(finish, other_end)))
+    # In the second body's frame it is a point at rest, and the first moves past it.
     part = contact((x, y), (later_x - x, later_y - y), (0, 0, 0, 0), first.radius + second.radius)
     return begin + part * (finish - begin) if part != NEVER else NEVER
 

@@ -51,6 +51,7 @@ def offset(point: Point, wall: Segment) -> Point:
 def _entry(start: Point, move: Point, wall: Segment, reach: float) -> float:
     """Fraction of the move at which a point enters the capsule, or `NEVER`."""
     away = offset(start, wall)
+    # Already in contact: only a move into the wall is stopped.
     if portable.hypot(*away) < reach:
         return 0.0 if away[0] * move[0] + away[1] * move[1] < 0 else NEVER
     return min(
@@ -81,6 +82,7 @@ def _side_entry(start: Point, move: Point, wall: Segment, reach: float) -> float
     ux, uy = (bx - ax) / length, (by - ay) / length
     x, y = start[0] - ax, start[1] - ay
     height, climb = ux * y - uy * x, ux * move[1] - uy * move[0]
+    # Mirror the problem, so that the start always lies above the wall.
     if height < 0:
         height, climb = -height, -climb
     if climb >= 0:

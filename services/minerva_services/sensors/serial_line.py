@@ -26,6 +26,7 @@ class SerialLine:
     def read(self) -> bytes:
         """Available bytes; empty if none arrive within a tenth of a second."""
         try:
+            # Waits for one byte only: read(n) would wait for all n, or for the time-out.
             first = self._device.read(1)
             waiting = min(self._device.in_waiting, MAX_BYTES) if first else 0
             return bytes(first + self._device.read(waiting)) if waiting else bytes(first)
@@ -120,6 +121,7 @@ class LineSplitter:
     def feed(self, data: bytes) -> Iterator[str]:
         """Complete non-empty lines; non-ASCII bytes become replacement characters."""
         *whole, self._rest = (self._rest + data).replace(b"\r", b"\n").split(b"\n")
+        # Garbage without line ends must not grow without limit.
         if len(self._rest) > self._longest:
             self._rest = b""
             self._count("garbage")

@@ -81,6 +81,7 @@ class Connection:
 
     def publish(self, topic: str, payload: bytes, qos: int = 0, *, retain: bool = False) -> bool:
         """Send a message; False while earlier ones are still being sent."""
+        # paho would queue the message; a newer one of its topic could then not replace it.
         if self._client.want_write():
             return False
         return self._client.publish(topic, payload, qos, retain).rc == 0
@@ -99,6 +100,7 @@ class Connection:
         client = self._client
         try:
             if self._status:
+                # A broker does not send the last will after an orderly disconnection.
                 client.publish(self._status, OFFLINE, 0, retain=True)
             client.disconnect()
             client.loop(0.1)
@@ -151,6 +153,7 @@ def _client(broker: Broker, login: Login, keeps: bool) -> Client:
         client_id=login.client,
         clean_session=not keeps,
         protocol=MQTTv311,
+        # The bridge reconnects itself, and counts and logs its attempts.
         reconnect_on_failure=False,
     )
     client.connect_timeout = CONNECT_SECONDS

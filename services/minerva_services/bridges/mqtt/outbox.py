@@ -61,6 +61,7 @@ class MqttOutbox:
     def send(self, connection: Sends) -> None:
         """Send queued messages until the broker accepts no more; keep the rest."""
         with self._lock:
+            # Taken out of the lock: sending may block while the world puts new content.
             waiting, self._waiting = self._waiting, {}
         while waiting:
             topic = next(iter(waiting))
@@ -70,6 +71,7 @@ class MqttOutbox:
             self._count("published")
             del waiting[topic]
         with self._lock:
+            # Content that was put meanwhile replaces what could not be sent.
             self._waiting = waiting | self._waiting
 
     def _wait(self, topic: str, message: MqttMessage) -> None:

@@ -62,6 +62,7 @@ class Traffic:
         self._allowed = RateLimiter(most)
         self._count, self._log = count, log
         self._waiting: deque[MQTTMessage] = deque()
+        # Before subscribing: retained messages may arrive at once.
         outbox.reconnected()
         self._connection = connect(self._receive)
         filters: dict[str, int] = {}

@@ -133,6 +133,7 @@ class Driver:
         with self._lock:
             before = self.track.newest
             jumped = self.track.add(time, pose)
+            # The first pose defines where the robot's frame of odometry lies.
             if before is None:
                 self._start(pose)
             elif jumped:
@@ -161,6 +162,7 @@ class Driver:
             if not self.has_odometry(now):
                 self._progress.at = now
                 return State.LOST
+            # A world that no longer asks has failed or is paused; then the robot must stop.
             self._wanted_until = max(self._wanted_until, now + self.tolerances.dead_man)
             if now < self._ends:
                 self._progress.at = now
@@ -179,6 +181,7 @@ class Driver:
             goal = self._goal or Pose()
             short = -goal.seen(self.track.newest or goal).x
             forward = course.command.forward_m if course is not None else 0.0
+            # Overshooting has the opposite sign and is not a shortfall.
             if math.copysign(1.0, forward) * short <= self.tolerances.near:
                 return 0.0
             self._goal = goal.compose(Pose(x=-short))
@@ -211,6 +214,7 @@ class Driver:
         self._turns = self._turns or self._path.reached(pose)
         towards = self._path.end if self._turns else self._path.start
         wanted = steer(pose, towards, self.limits)
+        # After a pause the elapsed time is long; it must not permit a jump in velocity.
         elapsed = min(max(0.0, now - self._sent_at), 0.2)
         return self.limits.slewed(self._sent, wanted, elapsed)
 
@@ -218,6 +222,7 @@ class Driver:
         if self._is_there(now, self.tolerances.near, self.tolerances.aligned):
             return State.DONE
         missing = self._missing(now)
+        # The lateral error is left out: no command of this robot can reduce it.
         far = abs(missing.x) + _TURN_RADIUS * math.radians(abs(missing.angle))
         stalled = self._progress.stalled_for(far, now)
         return State.BLOCKED if stalled > self.tolerances.patience else State.DRIVING

@@ -61,8 +61,10 @@ class NetworkLink:
                         "open", f"connected to the ROS 2 network at {self._network.router}"
                     )
                     self._watch(session)
+                    # After closing, this last beat sends the stop.
                     self._beat()
             except SourceError as error:
+                # After a loss the failed attempts are not logged again.
                 if self.state != "lost":
                     self._set_state(str(error), f"{error}; retrying")
                 self._stop.wait(_RETRY_SECONDS)
@@ -72,6 +74,7 @@ class NetworkLink:
         looked = time.monotonic()
         while not self._stop.is_set():
             self._wake.wait(self._seconds)
+            # Cleared before the beat: a wake-up during it causes another beat.
             self._wake.clear()
             self._beat()
             if time.monotonic() - looked < _CHECK_SECONDS:

@@ -108,6 +108,7 @@ def steer(pose: Pose, wanted: Pose, limits: MotorLimits) -> Velocity:
     off = missing.angle
     straight = wanted.seen(pose)
     speed = _braking(-straight.x, _SPEED_GAIN, limits.speed, limits.acceleration)
+    # Slow down with the heading error, or the robot would leave its line in a curve.
     speed *= max(0.0, 1.0 - abs(off) / _MAX_HEADING_ERROR)
     aside = math.degrees(speed * _LATERAL_GAIN * -straight.y)
     turn = _braking(off, _TURN_GAIN, limits.turn, limits.turn_acceleration)
@@ -124,6 +125,7 @@ def driven(pose: Pose, velocity: Velocity, seconds: float) -> Pose:
     """The pose after driving at a constant velocity, along an arc."""
     angle, dist = velocity.turn * seconds, velocity.speed * seconds
     half = math.radians(angle) / 2
+    # The chord of an arc points in the direction that the arc has halfway.
     chord = dist * (portable.sin(half) / half if half else 1.0)
     return pose.compose(Pose(angle=angle / 2)).compose(Pose(x=chord)).compose(Pose(angle=angle / 2))
 

@@ -69,6 +69,8 @@ class Stepper:
         """Execute a command in at least `seconds`; the distance not driven in metres."""
         driver = self._driver
         self._catch_up()
+        # Without a deviation, the command's own velocities lead exactly to its end. Otherwise the
+        # driver steers by odometry.
         exact = is_rounding(driver.offset)
         driver.begin(command, 0.0 if exact else seconds, self.now)
         if exact:
@@ -92,6 +94,7 @@ class Stepper:
         self._wake()
         logged, since = False, time.monotonic()
         with self._answered:
+            # Waits without limit: a slow simulator is no failure.
             while not self._answered.wait_for(lambda: self._measured() >= self.now, _SILENT_AFTER):
                 if not logged and time.monotonic() - since >= _SILENT_AFTER:
                     logged = True
@@ -113,6 +116,7 @@ def phases(
     busy = bool(command.turn_deg) + bool(command.forward_m)
     if command.turn_deg:
         lasts = _nanoseconds(turn + spare / busy)
+        # From the rounded duration, so that velocity times duration is the commanded turn.
         yield Velocity(turn=command.turn_deg / (lasts / NANOSECONDS)), lasts
     if command.forward_m:
         lasts = _nanoseconds(drive + spare / busy)

@@ -9,7 +9,7 @@ two.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -59,6 +59,7 @@ def contacts(volumes: Volumes, owners: Owners, ignored: Iterable[Pair] = ()) -> 
     scenery = owners.of[hits.second] < 0
     walls = _outermost(hits.take(np.flatnonzero(scenery)), owners.of)
     agents = _deepest(hits.take(np.flatnonzero(~scenery)), owners.of)
+    # Contacts between agents are listed again from the other agent's point of view.
     mirrored = agents.turned(np.ones(len(agents.first), np.bool_))
     return _ordered(_joined(walls, agents, mirrored), owners.of)
 
@@ -99,6 +100,7 @@ def _called(volumes: Volumes, rows: Rows, name: str) -> NDArray[np.bool_]:
 def _deepest(hits: Touches, owner: Rows) -> Touches:
     """The deepest touch of each pair of agents."""
     first, other = owner[hits.first], owner[hits.second]
+    # lexsort sorts by its last key first: by pair, then the deepest, then the lowest rows.
     order = np.lexsort((hits.second, hits.first, -hits.depth, other, first))
     first, other = first[order], other[order]
     new = np.ones(len(order), np.bool_)
@@ -132,13 +134,8 @@ def _behind(hits: Touches, row: int, deeper: int) -> bool:
 
 
 def _joined(*parts: Touches) -> Touches:
-    return Touches(
-        np.concatenate([part.first for part in parts]),
-        np.concatenate([part.second for part in parts]),
-        np.concatenate([part.point for part in parts]),
-        np.concatenate([part.normal for part in parts]),
-        np.concatenate([part.depth for part in parts]),
-    )
+    names = [field.name for field in fields(Touches)]
+    return Touches(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def _ordered(hits: Touches, owner: Rows) -> Touches:

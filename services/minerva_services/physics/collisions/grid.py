@@ -77,6 +77,7 @@ class _Entries:
         wide = high - low + 1
         counts = wide[:, 0] * wide[:, 1]
         box = np.repeat(np.arange(len(boxes)), counts)
+        # Number each row within its box, without a loop.
         nth = np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
         step = np.stack((nth // wide[box, 1], nth % wide[box, 1]), axis=1)
         return _Entries(box, low[box] + step, low[box])
@@ -84,6 +85,7 @@ class _Entries:
     @property
     def keys(self) -> NDArray[np.int64]:
         """One integer per cell."""
+        # Cell numbers fit in 32 bits because of _MAX_CELL, so keys are unique.
         return (self.at[:, 0].astype(np.int64) << 32) + self.at[:, 1]
 
 
@@ -98,6 +100,7 @@ def _cells(boxes: Boxes, cell: float) -> tuple[Rows, Rows]:
 def _cell(boxes: Boxes, others: Boxes) -> float:
     """Side of a cell: at least twice the median size of the first set."""
     sizes = (boxes.upper - boxes.lower).max(axis=1)
+    # Points only: the median size is 0, so any cell will do.
     cell = 2.0 * float(np.median(sizes)) or 1.0
     enough = _MAX_CELLS_PER_BOX * (len(boxes) + len(others))
     while _entries(boxes, cell) + _entries(others, cell) > enough:

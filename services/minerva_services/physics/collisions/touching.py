@@ -93,8 +93,10 @@ def _touch(
     """Contact points, normals and depths of pairs of cores of shape (n, k, 2)."""
     apart, near, far = _nearest(ours, theirs)
     inside, way, deep = _overlap(ours, theirs)
+    # Cores that overlap: their nearest corners and edges say nothing about the shortest way out.
     within = (inside > -np.inf) & (inside < 0)
     distance = np.where(within, inside, apart)
+    # Where the outlines cross, the direction of the gap is undefined; the axis replaces it.
     safe = np.where(apart > 0, apart, 1.0)[:, None]
     straight = np.where((apart > 0)[:, None], (near - far) / safe, way)
     normal = np.where(within[:, None], way, straight)
@@ -155,6 +157,7 @@ def _separation(core: Floats, other: Floats) -> tuple[Floats, Floats, Floats]:
     """
     edge = np.roll(core, -1, axis=1) - core
     length = np.sqrt(_dot(edge, edge))
+    # Corners are counter-clockwise, so the outside lies to the right of an edge.
     outward = np.stack((edge[..., 1], 0.0 - edge[..., 0]), axis=-1)
     outward = outward / np.where(length > 0, length, 1.0)[..., None]
     outward = np.where((length > 0)[..., None], outward, np.array([1.0, 0.0]))
@@ -162,6 +165,7 @@ def _separation(core: Floats, other: Floats) -> tuple[Floats, Floats, Floats]:
     corner = beyond.argmin(axis=2)
     rows = np.arange(len(core))
     least = beyond[rows[:, None], np.arange(core.shape[1]), corner]
+    # A single point has an edge of length 0, which defines no axis.
     least = np.where(length > 0, least, -np.inf)
     axis = least.argmax(axis=1)
     away, way, first = least[rows, axis], outward[rows, axis], other[rows, corner[rows, axis]]

@@ -49,6 +49,7 @@ class Lidar:
 
     def scan(self, express: bool, count: Count) -> Packets:
         """Start motor and scan; the result decodes the bytes that follow."""
+        # Early models switch the motor by DTR, later ones by PWM; each ignores the other.
         self._line.set_dtr(False)
         self._line.write(p.motor(p.PWM))
         if express:
@@ -99,6 +100,7 @@ class Lidar:
     def _expect(self, request: bytes, wanted: p.Descriptor) -> None:
         """Send a request, and read until the descriptor of its response."""
         self._line.write(request)
+        # Samples of a previous scan may precede the response, so slide a window over the bytes.
         until, window, skipped = time.monotonic() + ANSWER_SECONDS, b"", 0
         while time.monotonic() < until and skipped < MAX_PREAMBLE_BYTES:
             more = p.DESCRIPTOR_SIZE - len(window)

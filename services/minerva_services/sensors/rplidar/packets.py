@@ -81,6 +81,7 @@ class StandardPackets(Packets):
         if whole < needed:
             return None
         rows = np.frombuffer(self._bytes, np.uint8, whole * SAMPLES.size).reshape(whole, -1)
+        # S and its inverse are bits 0 and 1 of the first byte, the constant is bit 0 of the second.
         wrong = np.flatnonzero(((rows[:, 0] ^ (rows[:, 0] >> 1)) & rows[:, 1] & 1) == 0)
         right = int(wrong[0]) if len(wrong) else whole
         if right >= needed:
@@ -90,6 +91,7 @@ class StandardPackets(Packets):
         if self._in_step:
             self._count("damaged packets")
         self._in_step = False
+        # Resynchronise byte by byte.
         self._bytes = self._bytes[1:]
         return NO_SAMPLES
 
@@ -97,6 +99,7 @@ class StandardPackets(Packets):
 def _standard(rows: NDArray[np.uint8]) -> Samples:
     words = rows.astype(np.uint16)
     angles = ((words[:, 1] >> 1) | (words[:, 2] << 7)) / 64.0
+    # Quarters of a millimetre; angles are 64ths of a degree.
     distances = (words[:, 3] | (words[:, 4] << 8)) / 4000.0
     return Samples(angles, distances, (rows[:, 0] & 1).astype(np.bool_))
 
@@ -143,6 +146,7 @@ class ExpressPackets(Packets):
             self._count("lost packets")
             return NO_SAMPLES
         raw, angles, distances = _express(capsule, first, width)
+        # Of the raw angles, because compensation may reverse neighbouring samples.
         starts = np.diff(raw, prepend=self._last) < 0
         self._last = float(raw[-1])
         return Samples(angles, distances, starts)
@@ -221,6 +225,7 @@ def ranges(turn: Samples, beams: int) -> NDArray[np.float32]:
     hit = turn.distances > 0
     beam = np.rint(-turn.angles[hit] * (beams / 360.0)).astype(np.intp) % beams
     nearest = np.full(beams, np.inf)
+    # Unlike nearest[beam] = ..., this handles several samples per beam.
     np.minimum.at(nearest, beam, turn.distances[hit])
     nearest[np.isinf(nearest)] = 0.0
     return nearest.astype(np.float32)

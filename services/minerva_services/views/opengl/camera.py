@@ -57,6 +57,7 @@ class OrbitCamera:
         """From (x, y, z, 1) to OpenGL's clip coordinates, (4, 4); `aspect` is width / height."""
         axes, near, far = self.axes, self.distance / _DEPTH_RANGE, self.distance * _DEPTH_RANGE
         look = np.eye(4)
+        # OpenGL's camera looks along its negative z axis.
         look[:3, :3] = axes * [[1.0], [1.0], [-1.0]]
         look[:3, 3] = -look[:3, :3] @ self.eye
         lens = np.zeros((4, 4))
@@ -77,6 +78,7 @@ class OrbitCamera:
     def depths(self, points: Floats) -> Floats:
         """Depth in metres of points (n, 3) in front of the camera; NaN behind it."""
         depth = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes[2]
+        # Division by NaN gives NaN pixels, which no comparison selects.
         return np.where(depth > 1e-9, depth, np.nan)
 
     def ground(
@@ -102,6 +104,7 @@ class OrbitCamera:
         metre = self.distance / self.metre(height)
         right, up, _ = self.axes
         ahead = np.array([-right[1], right[0], 0.0])
+        # At a low elevation a pixel covers much ground; the limit keeps the motion controllable.
         steep = max(float(np.hypot(up[0], up[1])), 0.2)
         moved = np.array(self.target) - right * (x * metre) + ahead * (y * metre / steep)
         return self.aimed(*(float(coordinate) for coordinate in moved))
@@ -124,6 +127,7 @@ class OrbitCamera:
         """
         spread = float(np.linalg.norm(np.ptp(points, axis=0)))
         right, up, depth = (np.asarray(points, np.float64) @ self.axes.T).T
+        # Along the camera's axes each limit is one linear inequality.
         slope = self._slope * (1 - 2 * margin)
         across, x = _bounded(right, depth, slope * aspect)
         along, y = _bounded(up, depth, slope)

@@ -45,6 +45,7 @@ class Drums:
     def cast(self) -> None:
         """Draw shadow casters; of the simplest drums, only the lids."""
         segments, rounded = self._shape
+        # Sides of drums too small to be rounded hardly change their shadow.
         sides = 0 if rounded else 2 * segments
         self._draw(self._dark, sides)
 
@@ -93,6 +94,7 @@ def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
 def _layers(x: Single, y: Single, radius: Single) -> NDArray[np.float64]:
     """How many discs each one overlaps, up to a limit; for crowds, only the order counts."""
     order = np.arange(len(x))
+    # The comparison of all pairs below takes quadratic time and memory.
     if len(x) > _MAX_COMPARED:
         return _MAX_OVERLAPS * order / len(x)
     over = np.hypot(x[:, None] - x, y[:, None] - y) < radius[:, None] + radius

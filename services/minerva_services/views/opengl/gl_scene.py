@@ -29,6 +29,7 @@ _SHADOW_MARGIN = 1.03
 
 def sun_matrix(corners: Floats) -> Floats:
     """From (x, y, z, 1) to the shadow map of all corners (n, 3), 0 to 1, as (4, 4)."""
+    # An orthographic projection: the sun is infinitely far away.
     right = np.cross([0.0, 0.0, 1.0], TO_SUN)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(TO_SUN, right), -TO_SUN])
@@ -47,6 +48,7 @@ class Shade:
     def __init__(self, gl: moderngl.Context) -> None:
         self.depth = gl.depth_texture((_SHADOW_PIXELS, _SHADOW_PIXELS))
         self.depth.compare_func = "<="
+        # With a comparison, linear filtering averages four tests, which softens edges.
         self.depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self.depth.repeat_x = self.depth.repeat_y = False
         self._target = gl.framebuffer(depth_attachment=self.depth)
@@ -102,6 +104,7 @@ class GLScene:
     def take(self, picture: Picture, extent: SceneBox) -> None:
         """Set the picture; parts that did not change stay on the graphics card."""
         self._extent = extent
+        # Surfaces closer than this flicker where the depth buffer cannot separate them.
         lift = max(0.003, 4e-4 * extent.span)
         tiles = picture.of(Tiles)
         self._floors.take(tiles, lift, depth=0.02 * extent.span)
@@ -127,12 +130,14 @@ class GLScene:
         self._shade.depth.use(SHADE)
         gl.depth_func = "<="
         gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        # What lies on top first, so that hidden pixels of the floors are not shaded.
         self._drums.draw()
         self._pins.draw()
         self._floors.draw()
         gl.enable_only(moderngl.DEPTH_TEST)
         self._ribbons.draw()
         self._ring.draw()
+        # Large surfaces last, because most of them is already covered.
         self._lay_ground()
         self._backdrop.render(moderngl.TRIANGLES, vertices=3)
         self._shine_through()
@@ -141,6 +146,7 @@ class GLScene:
         gl = self._gl
         gl.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         gl.blend_func = _IN_ITS_LIGHT  # pyright: ignore[reportAttributeAccessIssue]
+        # Transparent surfaces must not hide one another.
         gl.fbo.depth_mask = False
         self._floors.overlay()
         self._fans.draw()
@@ -152,6 +158,7 @@ class GLScene:
         self._write(camera, size)
         self._shade.begin()
         self._gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        # Shift depths away from the sun, or surfaces would shade themselves in stripes.
         self._gl.polygon_offset = 1.5, 2.0
         self._floors.cast()
         self._drums.cast()

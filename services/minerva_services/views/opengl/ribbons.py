@@ -62,6 +62,7 @@ def _top(line: Polyline, discs: Sequence[Discs]) -> float:
         rows = np.flatnonzero(np.array(batch.owners) == line.owner)
         for row in rows:
             away = np.hypot(line.points[:, 0] - batch.x[row], line.points[:, 1] - batch.y[row])
+            # Details may protrude from their disc, such as arms.
             if away.max() <= 2.5 * batch.radius[row]:
                 highest = max(highest, 1.4 * float(batch.height[row]))
     return highest
@@ -106,6 +107,7 @@ def _strip(way: RaisedLine) -> Single:
     """Triangles of a ribbon: position, sideways offset, length so far, colour, width."""
     points, form = way.line.points, way.line.form
     aside, along = ribbon(points)
+    # The sign tells the shader which lines are dashed, which saves an attribute.
     width = -form.width if form.dashed else form.width
     n = len(points)
     corners = np.zeros((2, n, 10), np.float32)
@@ -150,6 +152,7 @@ def _fan(beams: Beams) -> Single:
     after = np.roll(beams.ends, -1, axis=0)
     apart = np.hypot(*(after - beams.ends).T)
     reach = np.maximum(np.hypot(*(beams.ends - here).T), 1e-9)
+    # The median angle, because adjacent ends at a corner lie far apart.
     wide = np.minimum(np.median(apart / reach) * reach, apart.max()) * 0.25
     out = (beams.ends - here) / reach[:, None]
     aside = np.stack([-out[:, 1], out[:, 0]], axis=1) * wide[:, None]
@@ -165,5 +168,6 @@ def _hits(beams: Beams) -> Single:
     made = np.zeros((len(ends), 6, 4), np.float32)
     around = np.array([(1, 0), (0, 1), (-1, 0), (1, 0), (-1, 0), (0, -1)]) * _DOT
     made[:, :, :2] = ends[:, None, :] + around
+    # Above the fan, which would otherwise hide it.
     made[:, :, 2] = _BEAM_LEVEL + 0.01
     return made.reshape(-1, 4)

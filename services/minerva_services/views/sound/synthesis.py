@@ -78,11 +78,13 @@ class Synthesis:
         part = min(1.0, count / (_FADE_SECONDS * self._rate))
         left = before.left + (to.left - before.left) * part
         right = before.right + (to.right - before.right) * part
+        # The phase is the integral of the pitch, so gliding causes no discontinuity.
         pitch = np.linspace(before.frequency, to.frequency, count, endpoint=False)
         cycles = singer.cycles + np.cumsum(pitch) / self._rate
         wave = sum(share * np.sin(math.tau * times * cycles) for times, share in _OVERTONES)
         loudness = np.linspace((before.left, before.right), (left, right), count, endpoint=False)
         singer.tone = Tone(to.frequency, left, right)
+        # Wrapped, or the phase would lose precision over hours.
         singer.cycles = float(cycles[-1]) % 1.0 if count else singer.cycles
         return loudness * np.asarray(wave)[:, None]
 

@@ -75,11 +75,13 @@ class MatrixLayer:
         canvas.blit(cached.surface, offset, special_flags=pygame.BLEND_PREMULTIPLIED)
 
     def _colored(self, tiles: Tiles, camera: MapCamera) -> _CachedMatrix:
+        # Cells smaller than 0.8 pixels are averaged; without that, thin walls would flicker.
         coarse = max(1, math.ceil(1 / (tiles.cell * camera.scale) - 0.25))
         coarse = min(coarse, *tiles.cells.shape)
         key = id(tiles.cells), id(tiles.form)
         cached = self._cache.get(key)
         self._used.add(key)
+        # An id may be reused after its matrix was freed, so compare the object as well.
         if cached is None or cached.cells() is not tiles.cells or cached.coarse != coarse:
             image = averaged(colored(tiles.cells, tiles.form), coarse)
             cached = _CachedMatrix(weakref.ref(tiles.cells), tiles.form, coarse, image)
@@ -160,6 +162,7 @@ def _surface(cached: _CachedMatrix, tiles: Tiles, place: _Place) -> pygame.Surfa
     y = camera.y - (down + 0.5 - height / 2) / camera.scale - tiles.pose.y
     rows, columns = cached.image.shape
     turn = math.radians(tiles.pose.angle)
+    # Unrotated, rows and columns are independent: index them separately, which is much faster.
     if tiles.pose.angle % 360 == 0:
         row, column = _index(x / cell, rows)[:, None], _index(y / cell, columns)[None, :]
         pixels = cached.image[row, column]

@@ -57,7 +57,9 @@ class Stamps:
     ) -> None:
         x, y, radius = (column[rows] for column in places)
         keys = _keys(discs, rows, radius)
+        # Many discs share few sprites: look up each sprite once.
         different, which = np.unique(keys, return_inverse=True)
+        # Zooming creates new sizes all the time; the current ones are quickly drawn again.
         if len(self._sprites) > _MAX_CACHED:
             self._sprites.clear()
         sprites = [self._sprite(int(key), ui) for key in different]
@@ -83,6 +85,7 @@ def _keys(discs: Discs, rows: NDArray[np.intp], radius: NDArray[np.float64]) -> 
     heading = discs.heading[rows]
     turn = np.rint(discs.angle[rows] * (_DIRECTIONS / 360)).astype(np.int64) % _DIRECTIONS
     color = (red << 16) | (green << 8) | blue
+    # At most 16 bits, see _MAX_RADIUS, so the parts of a key do not overlap.
     halves = np.rint(radius * 2).astype(np.int64)
     return (color << 24) | (halves << 8) | np.where(heading, turn + 1, 0)
 
@@ -115,6 +118,7 @@ def _disc(
     ui: float,
 ) -> None:
     line, edge = min(1.6 * ui, radius / 3), pygame.Color(OUTLINE)
+    # Premultiplied: 55 % opaque.
     rim = pygame.Color(*(round(0.55 * channel) for channel in (edge.r, edge.g, edge.b, 255)))
     pygame.draw.circle(surface, rim, middle, radius + line / 2)
     pygame.draw.circle(surface, color.lerp(edge, 0.55), middle, radius)

@@ -33,6 +33,7 @@ class Tracer:
         if known is not None and known[0]() is cells:
             return known[1]
         paths = trace(cells, colors)
+        # A writeable matrix may change in place, so its paths cannot be cached.
         if not cells.flags.writeable:
             forget = weakref.ref(cells, lambda _: self._known.pop(key, None))
             self._known[key] = forget, paths
@@ -77,5 +78,6 @@ def _digits(numbers: Columns) -> NDArray[np.uint8]:
     """Decimal digits of non-negative numbers (n,) as ASCII (n, width), padded with zero bytes."""
     powers = 10 ** np.arange(len(str(numbers.max())) - 1, -1, -1)
     digits = (numbers[:, None] // powers % 10 + ord("0")).astype(np.uint8)
+    # Leading zeros; the last digit stays, so 0 remains "0".
     digits[:, :-1][numbers[:, None] < powers[:-1]] = 0
     return digits
