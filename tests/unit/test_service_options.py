@@ -11,7 +11,7 @@ from minerva_services.options import grouped, takes_options
 
 
 @dataclass(frozen=True)
-class Place:
+class Position:
     where: str
     level: int = 0
     hidden: float = 1.0
@@ -23,10 +23,10 @@ class Size:
 
 
 class Board:
-    @takes_options(Place, Size, without=("hidden",))
+    @takes_options(Position, Size, without=("hidden",))
     def __init__(self, name: str, width: int = 3, **further):
         self.name, self.width = name, width
-        self.place, _ = grouped(further, Place, Size)
+        self.place, _ = grouped(further, Position, Size)
 
 
 def test_the_signature_lists_own_options_then_those_of_the_groups():
@@ -37,8 +37,8 @@ def test_the_signature_lists_own_options_then_those_of_the_groups():
 
 
 def test_groups_are_created_from_their_own_options():
-    assert grouped({"where": "hall", "width": 1.0}, Place, Size) == (Place("hall"), Size(1.0))
-    assert Board("b", where="hall", level=2).place == Place("hall", 2)
+    assert grouped({"where": "hall", "width": 1.0}, Position, Size) == (Position("hall"), Size(1.0))
+    assert Board("b", where="hall", level=2).place == Position("hall", 2)
 
 
 def test_an_option_of_no_group_is_an_error():
