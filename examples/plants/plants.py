@@ -120,19 +120,19 @@ class Bud(Agent, symbol="ABud"):
 
     def become(self, rule: list[str], moment: Context) -> Scene:
         """The string of a rule up to its end or the end of its branch; consumes the rule."""
-        made = EMPTY
+        string = EMPTY
         while rule and (sign := rule.pop(0)) != "]":
             if sign in "XY":
-                made += self.heir(1 if sign == "X" else 2)
+                string += self.heir(1 if sign == "X" else 2)
             elif sign == "[":
-                made += self.become(rule, moment)
+                string += self.become(rule, moment)
             elif sign == "F":
                 rest = self.become(rule, moment)
-                return made + self.child(Stem, length=self.length, scope=rest)
+                return string + self.child(Stem, length=self.length, scope=rest)
             elif sign in "+-":
                 turn = float(f"{sign}1") * self.fork + moment.chance.normal(0.0, 5.0)
-                return made + TTurn(turn)(self.become(rule, moment))
-        return made
+                return string + TTurn(turn)(self.become(rule, moment))
+        return string
 
     def heir(self, orders: int) -> Scene:
         """A bud that is `orders` orders higher: smaller, and with fewer orders left."""

@@ -85,16 +85,17 @@ def _compare(service: str, declared: EventType, data: dict[str, Any]) -> None:
     """Check that the declared type accepts the data. Raises MisuseError."""
     fields = {field.name: field for field in declared.fields.all}
     for name, annotation in data.items():
-        made = type_of(annotation)
+        produced = type_of(annotation)
         if name not in fields:
             listed = ", ".join(fields) or "none"
             raise MisuseError(
-                f"{service}: {declared.name} has no {name} ({made}) among its data ({listed})"
+                f"{service}: {declared.name} has no {name} ({produced}) among its data ({listed})"
             )
         wanted = fields[name].type
-        if wanted.kind != made.kind or wanted.unit not in ("", made.unit):
+        if wanted.kind != produced.kind or wanted.unit not in ("", produced.unit):
             raise MisuseError(
-                f"{service}: {declared.name} wants {name} as {wanted}; {service} makes {made}"
+                f"{service}: {declared.name} declares {name} as {wanted};"
+                f" {service} provides {produced}"
             )
     for name, field in fields.items():
         if name not in data and field.default is None:

@@ -47,13 +47,13 @@ def takes_options(*groups: type[Any], without: tuple[str, ...] = ()) -> Callable
 def grouped(given: dict[str, Any], *groups: type[Any]) -> tuple[Any, ...]:
     """The dataclasses of options, created from their fields. Raises TypeError for other options."""
     rest = dict(given)
-    made = [
+    created = [
         group(**{field.name: rest.pop(field.name) for field in fields(group) if field.name in rest})
         for group in groups
     ]
     if rest:
         raise TypeError(f"unknown options: {', '.join(rest)}")
-    return tuple(made)
+    return tuple(created)
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -207,7 +207,7 @@ def test_a_world_with_other_words_is_refused() -> None:
         joined(event="eHit")
     with pytest.raises(MinervaError, match=r"ignore has ABell, .* did you mean 'ABall'"):
         joined(ignore=[["ABell", "*"]])
-    with pytest.raises(MinervaError, match="collisions: eCollision wants other as"):
+    with pytest.raises(MinervaError, match="collisions: eCollision declares other as"):
         joined(collision=EventType("eCollision", other=float))
     with pytest.raises(MinervaError, match=r"PBody in the view of .* ABall has no owner"):
         told(joined(), slots("~0"), parts={"~0": ball("", 0.0, 0.0)})

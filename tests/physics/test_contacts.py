@@ -135,7 +135,7 @@ def test_a_world_may_want_the_shortfall_only() -> None:
 
 
 def test_unknown_data_are_rejected() -> None:
-    with pytest.raises(MinervaError, match="physics: eCollision wants nx as"):
+    with pytest.raises(MinervaError, match="physics: eCollision declares nx as"):
         joined(EventType("eCollision", shortfall=Metres, nx=str))
     with pytest.raises(MinervaError, match="physics: eCollision needs force"):
         joined(EventType("eCollision", shortfall=Metres, force=float))

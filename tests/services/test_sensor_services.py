@@ -169,8 +169,8 @@ def test_data_may_be_declared_in_another_order_and_with_more_that_has_defaults()
     ("data", "problem"),
     [
         ({"dist": Metres}, r"has no angle \(real deg\) among its data \(dist\)"),
-        ({"dist": str, "angle": Degrees}, "wants dist as text; laser makes real m"),
-        ({"dist": "real cm", "angle": Degrees}, "wants dist as real cm; laser makes real m"),
+        ({"dist": str, "angle": Degrees}, "declares dist as text; laser provides real m"),
+        ({"dist": "real cm", "angle": Degrees}, "declares dist as real cm; laser provides real m"),
         ({"dist": Metres, "angle": Degrees, "beam": int}, r"needs beam \(int\)"),
     ],
 )

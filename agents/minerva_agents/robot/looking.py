@@ -57,12 +57,12 @@ def expanses(mask: Mask) -> Mask:
 
 def grown_to_sides(mask: Mask) -> Mask:
     """The mask dilated by its four-neighbourhood."""
-    made = mask.copy()
-    made[1:] |= mask[:-1]
-    made[:-1] |= mask[1:]
-    made[:, 1:] |= mask[:, :-1]
-    made[:, :-1] |= mask[:, 1:]
-    return made
+    result = mask.copy()
+    result[1:] |= mask[:-1]
+    result[:-1] |= mask[1:]
+    result[:, 1:] |= mask[:, :-1]
+    result[:, :-1] |= mask[:, 1:]
+    return result
 
 
 def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> NDArray[np.intp]:
@@ -72,9 +72,9 @@ def _along(origin: float, steps: NDArray[np.float64], slopes: list[float]) -> ND
 def _all_around(mask: Mask) -> Mask:
     """Cells whose eight neighbours are all True; never at the border."""
     down = mask[:-2] & mask[1:-1] & mask[2:]
-    made = np.zeros(mask.shape, np.bool_)
-    made[1:-1, 1:-1] = down[:, :-2] & down[:, 1:-1] & down[:, 2:]
-    return made
+    result = np.zeros(mask.shape, np.bool_)
+    result[1:-1, 1:-1] = down[:, :-2] & down[:, 1:-1] & down[:, 2:]
+    return result
 
 
 def grown(mask: Mask) -> Mask:
@@ -82,7 +82,7 @@ def grown(mask: Mask) -> Mask:
     down = mask.copy()
     down[1:] |= mask[:-1]
     down[:-1] |= mask[1:]
-    made = down.copy()
-    made[:, 1:] |= down[:, :-1]
-    made[:, :-1] |= down[:, 1:]
-    return made
+    result = down.copy()
+    result[:, 1:] |= down[:, :-1]
+    result[:, :-1] |= down[:, 1:]
+    return result

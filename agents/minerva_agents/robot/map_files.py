@@ -29,17 +29,17 @@ _WAY: Final = (226, 111, 32)
 _START: Final = (32, 140, 90)
 
 
-def save_map(made: OccupancyMap, image: Path) -> Path:
+def save_map(occupancy: OccupancyMap, image: Path) -> Path:
     """Write a map as PGM with a YAML file next to it; returns the path of the YAML file.
 
     `load_map` and the map_server read the same cells from it. Raises MisuseError.
     """
     check_name(image)
-    shades = _shades(made.cells)
+    shades = _shades(occupancy.cells)
     header = f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode()
     yaml = image.with_suffix(".yaml")
     write_output(image, header + shades.tobytes(), "map")
-    write_output(yaml, _yaml(made, image.name).encode(), "map")
+    write_output(yaml, _yaml(occupancy, image.name).encode(), "map")
     return yaml
 
 
@@ -81,18 +81,18 @@ def _shades(cells: NDArray[np.int16]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(shades.T[::-1].astype(np.uint8))
 
 
-def _yaml(made: OccupancyMap, image: str) -> str:
+def _yaml(occupancy: OccupancyMap, image: str) -> str:
     lines = [
         f"image: {json.dumps(image)}",
         "mode: trinary",
-        f"resolution: {made.resolution:.9g}",
-        f"origin: [{made.x:.9g}, {made.y:.9g}, 0.0]",
+        f"resolution: {occupancy.resolution:.9g}",
+        f"origin: [{occupancy.x:.9g}, {occupancy.y:.9g}, 0.0]",
         "negate: 0",
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
-    if made.start is not None:
-        x, y, angle = made.start
+    if occupancy.start is not None:
+        x, y, angle = occupancy.start
         lines.append(f"start: [{x:.6g}, {y:.6g}, {angle:.6g}]")
     return "\n".join(lines) + "\n"
 

@@ -53,8 +53,8 @@ def load_map(path: str | Path) -> OccupancyMap:
         raise keys.wrong("resolution", resolution, "metres for each cell, more than 0")
     x, y, turn = keys.numbers("origin", 3)
     cells = _read_cells(path.parent / keys.text("image"), _reading(keys))
-    made = OccupancyMap(cells, resolution, x, y, math.degrees(turn))
-    return replace(made, markers=_markers(keys, made), start=_start(keys, made))
+    occupancy = OccupancyMap(cells, resolution, x, y, math.degrees(turn))
+    return replace(occupancy, markers=_markers(keys, occupancy), start=_start(keys, occupancy))
 
 
 # --- the YAML file ------------------------------------------------------------------------------
@@ -159,15 +159,15 @@ def _markers(keys: _Keys, on: OccupancyMap) -> tuple[Marker, ...]:
         return ()
     if not isinstance(entries, dict):
         raise keys.wrong("markers", entries, "names with positions, {kitchen: [x, y]}")
-    made: list[Marker] = []
+    markers: list[Marker] = []
     for name, place in cast("dict[object, object]", entries).items():
         if not isinstance(name, str) or not name:
             raise keys.wrong("markers", name, "a string as the name; put it in quotes")
         x, y = keys.numbers_in(f"markers.{name}", place, 2)
         if not on.holds(x, y):
             raise keys.wrong(f"markers.{name}", [x, y], "a position on the map, in metres")
-        made.append(Marker(name, x, y))
-    return tuple(made)
+        markers.append(Marker(name, x, y))
+    return tuple(markers)
 
 
 def _start(keys: _Keys, on: OccupancyMap) -> MapPose | None:
@@ -197,10 +197,10 @@ class _Reading:
         p = levels / maximum if self.negate else (maximum - levels) / maximum
         if self.mode == "raw":
             p = np.rint(levels / maximum * 255) / 100
-        made = np.where(p > self.occupied, OCCUPIED, np.where(p < self.free, FREE, UNKNOWN))
+        codes = np.where(p > self.occupied, OCCUPIED, np.where(p < self.free, FREE, UNKNOWN))
         if self.mode == "raw":
-            made[p > 1] = UNKNOWN
-        return made.astype(np.int16)
+            codes[p > 1] = UNKNOWN
+        return codes.astype(np.int16)
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,11 +200,11 @@ def _within(first: int, count: int) -> slice:
 def _worths(grid: Cells, row: int, column: int, side: int, cell: float) -> Worths:
     """Score of a hit in each cell of a square of the grid; 0 outside it."""
     near, bell = _bell(cell)
-    made = np.zeros((side + 2 * near, side + 2 * near), np.int16)
+    table = np.zeros((side + 2 * near, side + 2 * near), np.int16)
     rows, columns = _within(row, side), _within(column, side)
     walls = np.argwhere(obstacles(np.ascontiguousarray(grid[rows, columns])))
     walls += (rows.start - row + near, columns.start - column + near)
-    cells, flat = walls[:, 0] * made.shape[1] + walls[:, 1], made.ravel()
+    cells, flat = walls[:, 0] * table.shape[1] + walls[:, 1], table.ravel()
     for worth, down, right in bell:  # ascending, so each cell keeps its highest score
-        flat[cells + (down * made.shape[1] + right)] = worth
-    return np.ascontiguousarray(made[near:-near, near:-near])
+        flat[cells + (down * table.shape[1] + right)] = worth
+    return np.ascontiguousarray(table[near:-near, near:-near])

@@ -109,15 +109,15 @@ def scene(options: Mapping[str, Any]) -> Scene:
     """
     chosen = RobotOptions.read(options)
     floor = chosen.floor
-    made = PMap(floor.cells, floor.resolution, floor.x, floor.y, floor.angle)
+    string = PMap(floor.cells, floor.resolution, floor.x, floor.y, floor.angle)
     for marker in chosen.places:
-        made += TPlace(marker.x, marker.y)(PMarker(marker.name))
+        string += TPlace(marker.x, marker.y)(PMarker(marker.name))
     grid = _empty_grid(floor, chosen.cell)
     for number, start in enumerate(chosen.starts, start=1):
-        made += _robot(f"r{number}", start, grid, chosen).string
+        string += _robot(f"r{number}", start, grid, chosen).string
     for number, marker in enumerate(chosen.parcel_places, start=1):
-        made += _parcel(number, marker).string
-    return made
+        string += _parcel(number, marker).string
+    return string
 
 
 def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -126,8 +126,8 @@ def defaults(options: Mapping[str, Any]) -> Mapping[str, Any]:
     Raises MinervaError for invalid options and maps.
     """
     chosen = RobotOptions.read(options)
-    made = {name: getattr(chosen, name) for name in _NAMES if name not in options}
-    return {**made, **options, "objective": chosen.goal}
+    defaults = {name: getattr(chosen, name) for name in _NAMES if name not in options}
+    return {**defaults, **options, "objective": chosen.goal}
 
 
 def notes(options: Mapping[str, Any]) -> Sequence[str]:

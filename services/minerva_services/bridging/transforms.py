@@ -30,18 +30,18 @@ def matrix_of(transform: Any) -> NDArray[np.float64]:
 
 def product(first: Matrix, second: Matrix) -> Matrix:
     """The matrix product of two transforms, (4, 4): `second` is applied before `first`."""
-    made = np.zeros((4, 4))
+    product = np.zeros((4, 4))
     for k in range(4):
-        made += first[:, k, None] * second[k]
-    return made
+        product += first[:, k, None] * second[k]
+    return product
 
 
 def inverse(transform: Matrix) -> Matrix:
     """Inverse of a rotation and translation, (4, 4)."""
-    made = np.eye(4)
-    made[:3, :3] = transform[:3, :3].T
-    made[:3, 3] = [-part for part in moved(made, transform[:3, 3].tolist())]
-    return made
+    inverse = np.eye(4)
+    inverse[:3, :3] = transform[:3, :3].T
+    inverse[:3, 3] = [-part for part in moved(inverse, transform[:3, 3].tolist())]
+    return inverse
 
 
 def moved(transform: Matrix, place: Sequence[float]) -> tuple[float, float, float]:

@@ -35,10 +35,10 @@ class Binding:
             for name, shown in data.items()
         }
         try:
-            made: Event = declared(receivers=to, **values)
+            event: Event = declared(receivers=to, **values)
         except (MisuseError, SceneError) as error:
             raise MisuseError(f"{service}: {self} does not fit: {error}") from None
-        return made
+        return event
 
     def __str__(self) -> str:
         shown = [f"{name}={word}" if name else word for name, word in self.words]
@@ -161,8 +161,8 @@ class ControlMap:
 
     def slid(self, value: float) -> Event:
         """The event with this number."""
-        made: Event = self._sliding(value, receivers=self._to)
-        return made
+        event: Event = self._sliding(value, receivers=self._to)
+        return event
 
     def descriptions(self) -> list[str]:
         """A line of help per key or button."""

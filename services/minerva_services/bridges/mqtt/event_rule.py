@@ -116,12 +116,12 @@ class EventRule:
     def _event(self, levels: Mapping[str, str], values: Mapping[str, Any]) -> Event:
         quoted = {name: json.dumps(level) for name, level in levels.items()}
         try:
-            made = self._type(
+            event = self._type(
                 **values,
                 receivers=[filled(template, levels) for template in self.rule.receivers],
                 condition=filled(self.rule.condition, quoted),
             )
-            return self._vocabulary.check_event(cast("Event", made))
+            return self._vocabulary.check_event(cast("Event", event))
         except MinervaError as error:
             raise InvalidPayload(str(error)) from None
 

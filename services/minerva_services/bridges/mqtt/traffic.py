@@ -100,13 +100,13 @@ class Traffic:
                 self._count("passed over")
                 continue
             try:
-                made = rule(message.topic, bytes(message.payload))
+                event = rule(message.topic, bytes(message.payload))
             except InvalidPayload as problem:
                 self._count("garbage")
                 self._log_once(rule, f"{message.topic}: {problem}")
                 continue
-            if made is not None:
-                yield made
+            if event is not None:
+                yield event
 
     def _log_once(self, rule: EventRule, what: str) -> None:
         if not rule.reported:

@@ -70,8 +70,8 @@ class SensorBuffers:
         if scan:
             session.subscribe(scan, LASER_SCAN, self._decoder(LASER_SCAN, self._take_scan))
         if detections:
-            hear = self._decoder(DETECTIONS, self._take_detections)
-            session.subscribe(detections, DETECTIONS, hear)
+            receive = self._decoder(DETECTIONS, self._take_detections)
+            session.subscribe(detections, DETECTIONS, receive)
 
     @property
     def scans(self) -> tuple[Scan, ...]:
@@ -110,7 +110,7 @@ class SensorBuffers:
         self._decoder(TRANSFORMS, self._frames.update)(data)
 
     def _decoder(self, message: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
-        def hear(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             try:
                 take(messages().decode(message, data))
             except UnplacedError:
@@ -119,7 +119,7 @@ class SensorBuffers:
                 self.count("garbage")
             self._notify()
 
-        return hear
+        return receive
 
     def _take_odometry(self, message: Any) -> None:
         pose, stamp = Pose(*readings.place_of(message.pose.pose)), readings.stamp_of(message)

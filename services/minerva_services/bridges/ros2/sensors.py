@@ -207,7 +207,7 @@ class _Listening:
     def receiver(self, message: str) -> Callable[[bytes], None]:
         """A callback for the payloads of a topic."""
 
-        def hear(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             with self._news:
                 if len(self._waiting) == _MAX_QUEUED:
                     self._waiting.popleft()
@@ -215,7 +215,7 @@ class _Listening:
                 self._waiting.append((message, data))
                 self._news.notify()
 
-        return hear
+        return receive
 
     def read(self, stop: threading.Event) -> Iterator[SourceItem | None]:
         """Readings and maps. Raises SourceError if the link is lost."""

@@ -88,7 +88,7 @@ class Ros2Session:
         return bool(list(self._session.info.routers_zid()))
 
     def subscribe(
-        self, topic: str, message: str, hear: Callable[[bytes], None], *, lasting: bool = False
+        self, topic: str, message: str, receive: Callable[[bytes], None], *, lasting: bool = False
     ) -> None:
         """Subscribe to a topic; Zenoh's threads deliver its payloads. `lasting` includes history.
 
@@ -96,7 +96,7 @@ class Ros2Session:
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
-            hear(sample.payload.to_bytes())
+            receive(sample.payload.to_bytes())
 
         pattern = self.network.pattern(topic, message)
         history = zenoh.ext.HistoryConfig(detect_late_publishers=True)

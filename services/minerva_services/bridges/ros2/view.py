@@ -188,7 +188,7 @@ class Ros2View(Device, draws=("ePicture",)):
         return own
 
     def _declare(self, session: Ros2Session) -> None:
-        made = {
+        publishers = {
             message: session.publisher(topic, message, lasting=message == types.GRID)
             for message, topic in self._out.items()
             if topic
@@ -196,7 +196,7 @@ class Ros2View(Device, draws=("ePicture",)):
         if self._goal:
             session.subscribe(self._goal, types.POSE_STAMPED, self._on_goal)
         with self._lock:
-            self._publishers = made
+            self._publishers = publishers
 
     def _on_goal(self, data: bytes) -> None:
         """Turn a goal into an order, or log why it is ignored."""

@@ -134,13 +134,13 @@ class Neighbours(Device, Generator, coupled=True):
         """Check that the type declares data of the kinds that are produced. Raises MisuseError."""
         means = self._summary or self._lattice is not None
         for field in declared.fields.all:
-            made = _KINDS.get(
+            produced = _KINDS.get(
                 field.name, "real" if means or field.name in _REAL else field.type.kind
             )
-            if field.type.kind not in (made, "real" if made == "int" else made):
+            if field.type.kind not in (produced, "real" if produced == "int" else produced):
                 raise MisuseError(
                     f"neighbours: {declared.name} declares {field.name} as {field.type};"
-                    f" neighbours produces {made}"
+                    f" neighbours produces {produced}"
                 )
 
 

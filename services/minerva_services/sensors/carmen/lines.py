@@ -192,8 +192,8 @@ def _robot_laser(words: _Words) -> LaserLine:
     laser, pose, robot = _laser(words), words.pose(), words.pose()
     for _ in range(5):
         words.number()
-    made = (laser.ranges, laser.first, laser.step, laser.range_max)
-    return LaserLine(*made, *words.times(), pose, robot)
+    beams = (laser.ranges, laser.first, laser.step, laser.range_max)
+    return LaserLine(*beams, *words.times(), pose, robot)
 
 
 def _parameter(words: _Words) -> Parameter:

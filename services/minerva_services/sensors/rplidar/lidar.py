@@ -60,12 +60,12 @@ class Lidar:
 
     def read(self, stop: threading.Event) -> Iterator[bytes]:
         """Incoming data, possibly empty. Raises SourceError if nothing arrives for long."""
-        heard = time.monotonic()
+        latest = time.monotonic()
         while not stop.is_set():
             data = self._line.read()
             if data:
-                heard = time.monotonic()
-            elif time.monotonic() - heard > FIRST_PACKET_SECONDS:
+                latest = time.monotonic()
+            elif time.monotonic() - latest > FIRST_PACKET_SECONDS:
                 raise SourceError(f"the lidar at {self._line.port} stopped sending")
             yield data
 

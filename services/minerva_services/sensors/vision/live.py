@@ -47,15 +47,15 @@ class LiveCamera:
 
     def read(self, stop: threading.Event) -> Iterator[tuple[str, Sightings] | None]:
         """Sightings of each image. Raises SourceError if the camera fails or sends nothing."""
-        heard = time.monotonic()
+        latest = time.monotonic()
         while not stop.is_set():
             taken = self._next()
             if taken is None:
-                if time.monotonic() - heard > IMAGE_SECONDS:
+                if time.monotonic() - latest > IMAGE_SECONDS:
                     raise self._lost(f"no image for {IMAGE_SECONDS:g} s")
                 yield None
                 continue
-            heard = time.monotonic()
+            latest = time.monotonic()
             seen = self._find(grey(taken[0]), taken[1])
             if seen is not None:
                 yield self._topic, seen

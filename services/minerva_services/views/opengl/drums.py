@@ -77,18 +77,18 @@ def instances(batches: Sequence[Discs]) -> NDArray[np.void]:
 
     Discs later in the string lie over earlier ones, so they are slightly taller.
     """
-    made = np.zeros(sum(map(len, batches)), _RECORD)
+    records = np.zeros(sum(map(len, batches)), _RECORD)
     start = 0
     for discs in batches:
-        rows = made[start : start + len(discs)]
+        rows = records[start : start + len(discs)]
         stand, size, paint = rows["stand"], rows["size"], rows["paint"]
         stand[:, 0], stand[:, 1], stand[:, 3] = discs.x, discs.y, discs.angle
         size[:, 0], size[:, 1] = discs.radius, discs.height
         paint[:, :3], paint[:, 3] = discs.color, 255 * discs.heading
         start += len(discs)
-    x, y, radius = made["stand"][:, 0], made["stand"][:, 1], made["size"][:, 0]
-    made["size"][:, 1] *= 1 + _OVERLAP_HEIGHT * _layers(x, y, radius)
-    return made
+    x, y, radius = records["stand"][:, 0], records["stand"][:, 1], records["size"][:, 0]
+    records["size"][:, 1] *= 1 + _OVERLAP_HEIGHT * _layers(x, y, radius)
+    return records
 
 
 def _layers(x: Single, y: Single, radius: Single) -> NDArray[np.float64]:

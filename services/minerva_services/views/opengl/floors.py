@@ -146,12 +146,12 @@ class FloorMeshes:
 
     def _texture(self, image: np.ndarray, *, smooth: bool) -> moderngl.Texture:
         height, width, channels = image.shape
-        made = self._gl.texture((width, height), channels, image.tobytes(), alignment=1)
-        made.repeat_x = made.repeat_y = False
-        made.build_mipmaps()
+        texture = self._gl.texture((width, height), channels, image.tobytes(), alignment=1)
+        texture.repeat_x = texture.repeat_y = False
+        texture.build_mipmaps()
         near = moderngl.LINEAR if smooth else moderngl.NEAREST
-        made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, near)
-        return made
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, near)
+        return texture
 
 
 def _lying(tiles: Tiles) -> NDArray[np.float64]:

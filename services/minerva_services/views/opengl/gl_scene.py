@@ -36,10 +36,10 @@ def sun_matrix(corners: Floats) -> Floats:
     seen = corners @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     size = np.maximum(high - low, 1e-6) * _SHADOW_MARGIN
-    made = np.eye(4)
-    made[:3, :3] = axes / size[:, None]
-    made[:3, 3] = 0.5 - (low + high) / 2 / size
-    return made
+    matrix = np.eye(4)
+    matrix[:3, :3] = axes / size[:, None]
+    matrix[:3, 3] = 0.5 - (low + high) / 2 / size
+    return matrix
 
 
 class Shade:

@@ -24,14 +24,14 @@ _UNITS = {"shade": SHADE, "colors": COLORS, "openness": OPENNESS, "letters": LET
 
 def program(gl: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
     """A program bound to the shared uniform block and texture units."""
-    made = gl.program(vertex_shader=complete(vertex), fragment_shader=complete(fragment))
-    for name in made:
-        uniform = made[name]
+    linked = gl.program(vertex_shader=complete(vertex), fragment_shader=complete(fragment))
+    for name in linked:
+        uniform = linked[name]
         if isinstance(uniform, moderngl.UniformBlock):
             uniform.binding = FRAME
         elif name in _UNITS:
-            made[name] = _UNITS[name]
-    return made
+            linked[name] = _UNITS[name]
+    return linked
 
 
 class Uploaded:

@@ -156,18 +156,19 @@ def _fan(beams: Beams) -> Single:
     wide = np.minimum(np.median(apart / reach) * reach, apart.max()) * 0.25
     out = (beams.ends - here) / reach[:, None]
     aside = np.stack([-out[:, 1], out[:, 0]], axis=1) * wide[:, None]
-    made = np.zeros((len(beams.ends), 3, 4), np.float32)
-    made[:, 0, :2], made[:, 1, :2], made[:, 2, :2] = here, beams.ends - aside, beams.ends + aside
-    made[:, :, 2], made[:, 1:, 3] = _BEAM_LEVEL, 1.0
-    return made.reshape(-1, 4)
+    triangles = np.zeros((len(beams.ends), 3, 4), np.float32)
+    triangles[:, 0, :2] = here
+    triangles[:, 1, :2], triangles[:, 2, :2] = beams.ends - aside, beams.ends + aside
+    triangles[:, :, 2], triangles[:, 1:, 3] = _BEAM_LEVEL, 1.0
+    return triangles.reshape(-1, 4)
 
 
 def _hits(beams: Beams) -> Single:
     """A small diamond at the end of each beam that hit something."""
     ends = beams.ends[beams.hits]
-    made = np.zeros((len(ends), 6, 4), np.float32)
+    triangles = np.zeros((len(ends), 6, 4), np.float32)
     around = np.array([(1, 0), (0, 1), (-1, 0), (1, 0), (-1, 0), (0, -1)]) * _DOT
-    made[:, :, :2] = ends[:, None, :] + around
+    triangles[:, :, :2] = ends[:, None, :] + around
     # Above the fan, which would otherwise hide it.
-    made[:, :, 2] = _BEAM_LEVEL + 0.01
-    return made.reshape(-1, 4)
+    triangles[:, :, 2] = _BEAM_LEVEL + 0.01
+    return triangles.reshape(-1, 4)

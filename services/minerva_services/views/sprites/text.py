@@ -48,12 +48,12 @@ def with_halo(text: str, size: int, color: str, halo: int) -> pygame.Surface:
     """Text with a white outline in pixels, legible on any background."""
     letters, white = written(text, size, color), written(text, size, "#ffffff")
     width, height = letters.get_size()
-    made = pygame.Surface((width + 2 * halo, height + 2 * halo), pygame.SRCALPHA, 32)
+    surface = pygame.Surface((width + 2 * halo, height + 2 * halo), pygame.SRCALPHA, 32)
     for turn in np.linspace(0, 2 * np.pi, 16, endpoint=False):
         place = halo + round(halo * np.cos(turn)), halo + round(halo * np.sin(turn))
-        made.blit(white, place)
-    made.blit(letters, (halo, halo))
-    return made
+        surface.blit(white, place)
+    surface.blit(letters, (halo, halo))
+    return surface
 
 
 @lru_cache(maxsize=64)

@@ -109,24 +109,24 @@ def frame_of(scene: Scene, vocabulary: Vocabulary, before: Bounds | None = None)
         return before or Bounds(-1.0, -1.0, 1.0, 1.0)
     drawn = _sized(extent.bounds)
     if extent.has_raster:
-        return _shapely(drawn)
+        return _within_aspect(drawn)
     if before is not None and before.around(drawn) == before:
         return before
     side = max(drawn.right - drawn.left, drawn.top - drawn.bottom)
     margin = max(_MARGIN * side, _DISC_MARGIN * extent.largest_disc)
     wider = _grown(drawn, margin, margin)
-    return _shapely(wider if before is None else before.around(wider))
+    return _within_aspect(wider if before is None else before.around(wider))
 
 
 def _sized(bounds: Bounds) -> Bounds:
     """The bounds, limited to numbers that a picture can contain, and larger than a point."""
     sides = (bounds.left, bounds.bottom, bounds.right, bounds.top)
     left, bottom, right, top = (min(max(side, -_MAX_COORDINATE), _MAX_COORDINATE) for side in sides)
-    made = Bounds(left, bottom, right, top)
-    return made if max(right - left, top - bottom) > 1e-6 else _grown(made, 1.0, 1.0)
+    frame = Bounds(left, bottom, right, top)
+    return frame if max(right - left, top - bottom) > 1e-6 else _grown(frame, 1.0, 1.0)
 
 
-def _shapely(frame: Bounds) -> Bounds:
+def _within_aspect(frame: Bounds) -> Bounds:
     """The frame, enlarged if it would be too flat or too tall for a page."""
     width, height = frame.right - frame.left, frame.top - frame.bottom
     wider, taller = max(width, height / _MAX_ASPECT), max(height, width * _MIN_ASPECT)
