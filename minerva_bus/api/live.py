@@ -27,8 +27,8 @@ from minerva_bus.grammar.vocabulary import Vocabulary
 from minerva_bus.launch.console import Console
 from minerva_bus.launch.in_process import InProcessRun
 from minerva_bus.launch.registry import find, running
+from minerva_bus.runtime.asking import AskingOperator
 from minerva_bus.runtime.client import Client
-from minerva_bus.runtime.operating import AskingOperator
 from minerva_bus.world.agent import Agent
 from minerva_bus.world.operator import WorldStatus
 from minerva_bus.world.views import visualize
