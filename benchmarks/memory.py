@@ -25,7 +25,7 @@ from minerva_bus.errors import BusError
 from minerva_bus.runtime.client import Client
 
 ROOT = Path(__file__).parents[1]
-MEADOW = ROOT / "examples/meadow/meadow.toml"
+MEADOW = ROOT / "worlds/minerva_worlds/meadow/meadow.toml"
 SETTLED = 0.2
 """After this part of the frames, caches and pools are full."""
 

@@ -55,10 +55,10 @@ def kinds(folder: Path) -> dict[str, Kind]:
     models = Path(__file__).parent / "models"
     (folder / "walkers.py").write_text((models / "walkers.py").read_text(encoding="utf-8"))
     (folder / "walkers.toml").write_text(WALKERS, encoding="utf-8")
-    robots = str(ROOT / "examples/robots/robots.toml")
+    robots = str(ROOT / "worlds/minerva_worlds/robots/robots.toml")
     return {
         "walkers": Kind(str(folder / "walkers.toml"), 2000),
-        "meadow": Kind(str(ROOT / "examples/meadow/meadow.toml"), 1000),
+        "meadow": Kind(str(ROOT / "worlds/minerva_worlds/meadow/meadow.toml"), 1000),
         "robot": Kind("robot", 300, ("--until", "")),
         "robots": Kind(robots, 60, ("--robots", "16", "--until", "")),
     }

@@ -33,14 +33,14 @@ from minerva_bus.wire.codec import encode
 ROOT = Path(__file__).resolve().parents[1]
 GOLDEN = ROOT / "tests" / "golden" / "worlds.toml"
 WORLDS: Mapping[str, tuple[str, dict[str, Any]]] = {
-    "crowd": ("examples/crowd/crowd.toml", {"frames": 12}),
-    "flock": ("examples/flock/flock.toml", {"frames": 12, "options": {"birds": "80"}}),
-    "meadow": ("examples/meadow/meadow.toml", {"frames": 60}),
-    "plants": ("examples/plants/plants.toml", {"frames": 40}),
+    "crowd": ("worlds/minerva_worlds/crowd/crowd.toml", {"frames": 12}),
+    "flock": ("worlds/minerva_worlds/flock/flock.toml", {"frames": 12, "options": {"birds": "80"}}),
+    "meadow": ("worlds/minerva_worlds/meadow/meadow.toml", {"frames": 60}),
+    "plants": ("worlds/minerva_worlds/plants/plants.toml", {"frames": 40}),
     "robot": ("robot", {"frames": 25}),
-    "robots": ("examples/robots/robots.toml", {"frames": 12}),
-    "traffic": ("examples/traffic/traffic.toml", {"frames": 40}),
-    "warehouse": ("examples/warehouse/warehouse.toml", {"frames": 40}),
+    "robots": ("worlds/minerva_worlds/robots/robots.toml", {"frames": 12}),
+    "traffic": ("worlds/minerva_worlds/traffic/traffic.toml", {"frames": 40}),
+    "warehouse": ("worlds/minerva_worlds/warehouse/warehouse.toml", {"frames": 40}),
 }
 HEAD = """\
 # Golden values of the shipped worlds in one process, written by `python -m tools.golden --record`:

@@ -34,7 +34,17 @@ ROOT = Path(__file__).resolve().parents[1]
 MODULES = ROOT / "tools" / "mutation.toml"
 SURVIVORS = ROOT / "tools" / "survivors.toml"
 WORKSPACES = ROOT / "build" / "mutation"
-LINKED = ("agents", "benchmarks", "deploy", "docs", "examples", "minerva_bus", "services", "tests")
+LINKED = (
+    "agents",
+    "benchmarks",
+    "deploy",
+    "docs",
+    "examples",
+    "minerva_bus",
+    "services",
+    "tests",
+    "worlds",
+)
 ALIVE = ("survived", "no tests")
 HEAD = """\
 # Mutants of the core that no test kills, and why that is accepted; written by

@@ -11,13 +11,15 @@ import re
 import shutil
 import sys
 import tempfile
+import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Final
 
 from minerva_bus.errors import MisuseError, nearest
-from minerva_bus.launch.specs import AGENTS, SERVICES, WORLDS, entries
+from minerva_bus.launch.specs import AGENTS, SERVICES, WORLDS, entries, find_world
 
 TEMPLATES: Final = Path(__file__).with_name("templates")
 MAX_NAME_LENGTH: Final = 40
@@ -54,13 +56,37 @@ def scaffold(kind: str, name: str, folder: Path) -> Path:
             f" expected {', '.join(KINDS)}"
         )
     _check_name(name)
-    goal = folder / name
+    return _create(folder / name, lambda root: _fill(TEMPLATES / kind, root, name))
+
+
+def copy_world(world: str, name: str, folder: Path) -> Path:
+    """Copy an installed world to a new folder, and return the copy of its file.
+
+    Its modules are copied if they are beside its file. Raises WorldFileError if there is no such
+    world, and MisuseError if the name is invalid or taken.
+    """
+    file = find_world(world)
+    _check_name(name)
+    module = tomllib.loads(file.read_text(encoding="utf-8"))["world"]["vocabulary"].split(":")[0]
+    alone = not file.with_name(f"{module}.py").is_file()
+
+    def copy(root: Path) -> None:
+        root.mkdir()
+        for source in [file] if alone else file.parent.iterdir():
+            if source.is_file() and not source.name.startswith("__"):
+                shutil.copy(source, root)
+
+    return _create(folder / name, copy) / file.name
+
+
+def _create(goal: Path, write: Callable[[Path], None]) -> Path:
+    """Create a folder, complete or not at all. Raises MisuseError."""
     if goal.exists() or goal.is_symlink():
         raise MisuseError(f"{goal} already exists; nothing was written. Choose another name")
     try:
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}-") as temporary:
-            root = Path(temporary) / name
-            _fill(TEMPLATES / kind, root, name)
+        with tempfile.TemporaryDirectory(dir=goal.parent, prefix=f".{goal.name}-") as temporary:
+            root = Path(temporary) / goal.name
+            write(root)
             root.rename(goal)
     except OSError as error:
         raise MisuseError(f"{goal} cannot be written: {error.strerror}") from None

@@ -143,6 +143,18 @@ def find_world(spec: str) -> Path:
     )
 
 
+def installed_worlds() -> dict[str, str]:
+    """The installed worlds with their descriptions: the first line of each file, a comment."""
+    lines = {
+        name: find_world(name).read_text(encoding="utf-8").partition("\n")[0]
+        for name in sorted(entries(WORLDS))
+    }
+    return {
+        name: line.removeprefix("#").strip() if line.startswith("#") else ""
+        for name, line in lines.items()
+    }
+
+
 def described(spec: str) -> list[tuple[str, str]]:
     """The options of a service, each with its documentation and default, for help texts.
 

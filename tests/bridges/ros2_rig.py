@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-ROBOT = Path(__file__).parents[2] / "examples" / "ros2" / "ros_robot.py"
+ROBOT = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "ros2" / "ros_robot.py"
 
 
 def router(listen="tcp/127.0.0.1:0"):

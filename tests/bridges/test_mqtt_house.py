@@ -17,7 +17,7 @@ pytest.importorskip("paho.mqtt")
 pytestmark = needs_mosquitto
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "examples" / "house"
+FOLDER = ROOT / "worlds" / "minerva_worlds" / "house"
 sys.path.insert(0, str(FOLDER))
 
 from house import Thermostat, eSwitch, eTarget, eTemperature, vocabulary  # noqa: E402

@@ -39,7 +39,7 @@ MODULES = [*range(1, 9), *range(10, 50, 5), *range(50, 210, 20), *range(210, 690
 
 @pytest.mark.parametrize("begin", range(4))
 def test_no_moment_of_the_start_shows_a_traceback(begin, tmp_path):
-    world = ROOT / "examples/meadow/meadow.toml"
+    world = ROOT / "worlds/minerva_worlds/meadow/meadow.toml"
     words = ["run", str(world), "--in-process", "--rate", "0", "--frames", "1"]
     interrupted = 0
     for at in MODULES[begin::4]:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from minerva_bus.cli.main import app
-from minerva_bus.errors import MisuseError
-from minerva_bus.launch.skeleton import KINDS, TEMPLATES, scaffold
+from minerva_bus.errors import MisuseError, WorldFileError
+from minerva_bus.launch.skeleton import KINDS, TEMPLATES, copy_world, scaffold
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,8 +21,12 @@ def packages(tmp_path_factory):
     return {kind: scaffold(kind, f"my_{kind}", folder) for kind in KINDS}
 
 
+def minerva(*words):
+    app([*words], standalone_mode=False)
+
+
 def run(folder, *words):
-    paths = os.pathsep.join(str(ROOT / part) for part in (".", "services", "agents"))
+    paths = os.pathsep.join(str(ROOT / part) for part in (".", "services", "agents", "worlds"))
     environment = {**os.environ, "PYTHONPATH": paths}
     return subprocess.run(
         [sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True
@@ -120,9 +124,45 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
 
 
 def test_the_command_prints_the_next_steps(tmp_path, capsys):
-    app(["new", "world", "meter", "--in", str(tmp_path)], standalone_mode=False)
+    minerva("new", "world", "meter", "--in", str(tmp_path))
     printed = capsys.readouterr().out
     assert f"cd {tmp_path / 'meter'}" in printed
     assert "minerva run meter.toml" in printed
     with pytest.raises(MisuseError, match="kind 'wordl'; did you mean 'world'"):
-        app(["new", "wordl", "meter", "--in", str(tmp_path)], standalone_mode=False)
+        minerva("new", "wordl", "meter", "--in", str(tmp_path))
+
+
+def test_an_installed_world_is_copied(tmp_path, capsys):
+    minerva("new", "world", "fields", "--in", str(tmp_path), "--from", "meadow")
+    assert "minerva run meadow.toml" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "fields").iterdir()} >= {"meadow.py", "meadow.toml"}
+    words = ("run", "meadow.toml", "--in-process", "--frames", "5", "--json")
+    done = run(tmp_path / "fields", "minerva_bus", *words)
+    assert json.loads(done.stdout)["frames"] == 5, done.stderr
+
+
+def test_the_copy_of_a_world_of_a_package_is_one_file(tmp_path):
+    assert names_in(copy_world("robot", "office", tmp_path).parent) == ["robot.toml"]
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_what_cannot_be_copied(tmp_path):
+    with pytest.raises(WorldFileError, match="no world 'medow'; did you mean 'meadow'"):
+        copy_world("medow", "fields", tmp_path)
+    with pytest.raises(MisuseError, match="invalid name"):
+        copy_world("meadow", "../x", tmp_path)
+    with pytest.raises(MisuseError, match="--from copies a world"):
+        minerva("new", "agent", "fields", "--in", str(tmp_path), "--from", "meadow")
+    assert not list(tmp_path.iterdir())
+
+
+def test_installed_worlds_are_listed(capsys):
+    minerva("worlds")
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) >= 11
+    assert all(len(line.split()) > 3 for line in lines), lines
+    minerva("worlds", "--json")
+    assert json.loads(capsys.readouterr().out)["meadow"].startswith("Grass, rabbits and foxes")

@@ -13,7 +13,7 @@ PAGES = {
         ROOT / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),
         ROOT / "deploy" / "README.md",
-        *sorted((ROOT / "examples").glob("*/README.md")),
+        *sorted((ROOT / "worlds" / "minerva_worlds").glob("*/README.md")),
     )
 }
 

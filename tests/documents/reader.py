@@ -11,7 +11,7 @@ from pages import PAGES, ROOT, blocks, shell
 from terminal import Terminal
 
 TABLES = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
-GROUPS = {"studies": "docs/studies.md", "docs": "docs/", "examples": "examples/", "others": ""}
+GROUPS = {"studies": "docs/studies.md", "docs": "docs/", "worlds": "worlds/", "others": ""}
 """How the pages of each group begin; one test file types one group, because some pages are slow."""
 ASKS = re.compile(
     r"minerva (attach|bridge|echo|list|logs|metrics|pause|pub|rate|resume|step|stop|top)\b"

@@ -12,10 +12,10 @@ ELSEWHERE = {
     "docs/messages.md": "tests/acl/test_messages_document.py",
     "docs/populations.md": "tests/examples/test_populations_doc.py",
     "docs/records.md": "tests/log/test_document.py",
-    "examples/crowd/README.md": "tests/examples/test_crowd.py",
-    "examples/meadow/README.md": "tests/examples/test_meadow.py",
-    "examples/plants/README.md": "tests/examples/test_plants.py",
-    "examples/warehouse/README.md": "tests/examples/test_warehouse.py",
+    "worlds/minerva_worlds/crowd/README.md": "tests/examples/test_crowd.py",
+    "worlds/minerva_worlds/meadow/README.md": "tests/examples/test_meadow.py",
+    "worlds/minerva_worlds/plants/README.md": "tests/examples/test_plants.py",
+    "worlds/minerva_worlds/warehouse/README.md": "tests/examples/test_warehouse.py",
 }
 """Pages whose Python is run, or compared with the files that it comes from, by tests of their own."""
 
@@ -42,7 +42,7 @@ def test_python_can_be_read(page, block):
 @pytest.mark.parametrize(("page", "block"), of("toml"), ids=place)
 def test_toml_can_be_read(page, block):
     if block.text.startswith("·"):  # a piece of a string within a world file
-        assert page.startswith("examples/")
+        assert page.startswith("worlds/")
         return
     tomllib.loads(block.text)
 

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""examples/evolution: creatures hatch, eat, and what evolves is what the README says."""
+"""The world of evolution: creatures hatch, eat, and what evolves is what the README says."""
 
 import json
 import re
@@ -15,7 +15,7 @@ from minerva_bus.settings.overrides import Overrides
 from minerva_bus.study.trial import prepared, run_trial
 from minerva_bus.world.rng import stream
 
-FOLDER = Path(__file__).resolve().parents[2] / "examples" / "evolution"
+FOLDER = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds" / "evolution"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
 FILE = prepared(read_world_file(FOLDER / "forager.toml", Overrides()))
 

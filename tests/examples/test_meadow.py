@@ -28,7 +28,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "examples" / "meadow"
+FOLDER = ROOT / "worlds" / "minerva_worlds" / "meadow"
 WORLD = FOLDER / "meadow.toml"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
 MINERVA = [sys.executable, "-m", "minerva_bus.cli.main"]

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parents[2] / "examples" / "robots"
+FOLDER = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds" / "robots"
 
 
 def run(tmp_path, *options):

@@ -19,7 +19,7 @@ from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 from tests.runtime.running import here, minerva, summary
 
-FOLDER = Path(__file__).parents[2] / "examples" / "traffic"
+FOLDER = Path(__file__).parents[2] / "worlds" / "minerva_worlds" / "traffic"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
 WORLD = (FOLDER / "traffic.toml").read_text(encoding="utf-8")
 

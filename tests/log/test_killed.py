@@ -23,7 +23,7 @@ from tests.runtime.running import environment
 
 pytest.importorskip("mcap", reason="pip install 'minerva-bus[record]'")
 
-MEADOW = ROOT / "examples/meadow/meadow.toml"
+MEADOW = ROOT / "worlds/minerva_worlds/meadow/meadow.toml"
 CONFIRMING = """
 import sys
 from pathlib import Path

@@ -34,7 +34,7 @@ def typist():
     with TemporaryDirectory() as name, Network(Path(name)) as network:
         typist = Typist(Path(name), network, (HERE, THERE))
         for host in typist.hosts.values():
-            for file in (ROOT / "examples" / "meadow").glob("meadow.*"):
+            for file in (ROOT / "worlds" / "minerva_worlds" / "meadow").glob("meadow.*"):
                 shutil.copy(file, host.folder)
         yield typist
 

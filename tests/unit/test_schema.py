@@ -12,7 +12,7 @@ from minerva_bus.settings.schema import world_schema
 from minerva_bus.settings.tables import TABLES
 
 ROOT = Path(__file__).parents[2]
-WORLDS = sorted({*ROOT.glob("examples/*/*.toml"), *ROOT.glob("agents/*/*/*.toml")})
+WORLDS = sorted({*ROOT.glob("worlds/*/*/*.toml"), *ROOT.glob("agents/*/*/*.toml")})
 SCHEMA = Draft202012Validator(world_schema())
 # No 0.0: an integer in JSON Schema, but not in TOML.
 VALUES = (

@@ -171,7 +171,7 @@ def bridge(
 
 @examples(
     "minerva new world my_yard",
-    "minerva new bridge wind_meter --in ~/projects",
+    "minerva new world my_meadow --from meadow",
 )
 def new(
     kind: Annotated[str, typer.Argument(help="world, agent, service, geometry or bridge.")],
@@ -179,6 +179,9 @@ def new(
     folder: Annotated[
         Path, typer.Option("--in", help="Parent folder; default: the current one.")
     ] = Path(),
+    model: Annotated[
+        str, typer.Option("--from", help="Copy this installed world; see `minerva worlds`.")
+    ] = "",
 ) -> None:
     """Create a world, agent, service, geometry or bridge.
 
@@ -187,8 +190,16 @@ def new(
     from string import Template
 
     from minerva_bus.cli.output import print_result
-    from minerva_bus.launch.skeleton import KINDS, scaffold
+    from minerva_bus.launch.skeleton import KINDS, copy_world, scaffold
 
+    if model:
+        if kind != "world":
+            raise MisuseError(f"--from copies a world: minerva new world {name} --from {model}")
+        file = copy_world(model, name, folder)
+        print_result(f"created {file.parent}; next steps:")
+        print_result(f"  cd {file.parent}")
+        print_result(f"  minerva run {file.name}")
+        return
     created = scaffold(kind, name, folder)
     run, edit = [
         Template(text).substitute(name=name) for text in (KINDS[kind].run, KINDS[kind].edit)
@@ -198,6 +209,29 @@ def new(
     print_result("  pytest                                   # run its tests")
     print_result(f"  {run:40} # run a small world")
     print_result(f"then edit {edit}")
+
+
+@examples(
+    "minerva worlds",
+    "minerva worlds --json",
+)
+def worlds(json: Json = False) -> None:
+    """List the installed worlds.
+
+    `minerva run NAME` runs one; `minerva new world MINE --from NAME` copies it.
+    """
+    from minerva_bus.cli.output import print_result
+    from minerva_bus.launch.specs import installed_worlds
+
+    descriptions = installed_worlds()
+    if json:
+        import json as json_
+
+        print_result(json_.dumps(descriptions))
+        return
+    width = max(map(len, descriptions), default=0)
+    for name, text in descriptions.items():
+        print_result(f"{name:{width}}  {text}")
 
 
 @examples(

@@ -1,10 +1,10 @@
-"""Every shell command of the examples does what a reader expects of it."""
+"""Every shell command of the ready-made worlds does what a reader expects of it."""
 
 import pytest
 from reader import of, type_page
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("page", of("examples"))
+@pytest.mark.parametrize("page", of("worlds"))
 def test_every_command_of_a_page_works(page, tmp_path, island):
     type_page(page, tmp_path, island)
