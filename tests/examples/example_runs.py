@@ -13,7 +13,7 @@ from minerva_bus.launch.reading import read_world_file
 from minerva_bus.runtime.direct import InProcessRunner
 from minerva_bus.settings.overrides import Overrides
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "worlds" / "minerva_worlds"
 
 
 class Run:

@@ -20,7 +20,10 @@ from minerva_bus.settings.overrides import Overrides
 ROOT = Path(__file__).parents[2]
 WORLDS = {
     "meadow": (ROOT / "worlds/minerva_worlds/meadow/meadow.toml", {"frames": 60}),
-    "flock": (ROOT / "worlds/minerva_worlds/flock/flock.toml", {"frames": 40, "options": {"birds": "80"}}),
+    "flock": (
+        ROOT / "worlds/minerva_worlds/flock/flock.toml",
+        {"frames": 40, "options": {"birds": "80"}},
+    ),
     "robot": ("robot", {"frames": 12}),
 }
 

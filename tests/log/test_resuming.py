@@ -38,7 +38,10 @@ mcap = pytest.importorskip("mcap")
 NOISE = {"drive_noise": "0.05", "turn_noise": "1.0", "laser_noise": "0.02"}
 RUNS = {
     "meadow": (ROOT / "worlds/minerva_worlds/meadow/meadow.toml", {"frames": 24}),
-    "flock": (ROOT / "worlds/minerva_worlds/flock/flock.toml", {"frames": 16, "options": {"birds": "80"}}),
+    "flock": (
+        ROOT / "worlds/minerva_worlds/flock/flock.toml",
+        {"frames": 16, "options": {"birds": "80"}},
+    ),
     "robot": ("robot", {"frames": 16, "until": "", "options": NOISE}),
     "robots": ("robot", {"frames": 16, "until": "", "options": {**NOISE, "robots": "2"}}),
 }

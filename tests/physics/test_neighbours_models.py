@@ -116,7 +116,9 @@ def test_the_flock_of_the_examples_is_the_same_in_any_number_of_processes() -> N
     for processes in (1, 3):
         settings = (f"birds.processes={processes}",)
         overrides = Overrides(frames=30, options={"birds": "90"}, settings=settings)
-        file = read_world_file(ROOT / "worlds" / "minerva_worlds" / "flock" / "flock.toml", overrides)
+        file = read_world_file(
+            ROOT / "worlds" / "minerva_worlds" / "flock" / "flock.toml", overrides
+        )
         members = [process.participant() for process in file.processes]
         assert len(members) == processes + 2
         algorithm = FrameAlgorithm(file.world)
